@@ -1,0 +1,126 @@
+"""gmsh through its API: a session that cleans up after itself, and the filling of polygons with cells."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+
+import numpy as np
+
+_FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
+
+
+@contextmanager
+def gmsh_session(name: str) -> Iterator[object]:
+    """A gmsh model of our own, removed afterwards; gmsh itself is ended only if it was started here.
+
+    Raises
+    ------
+    RuntimeError
+        gmsh cannot be loaded.
+    """
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # OSError: the wheel's library lacks a system library
+        raise RuntimeError(
+            f"gmsh could not be loaded ({error}); install it with 'pip install gmsh' and the libraries libGLU, libXcursor, libXft, libXinerama."
+        ) from error
+    started = not gmsh.isInitialized()
+    if started:
+        # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would depend on the user's home.
+        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    previous = None if started else gmsh.model.getCurrent()
+    terminal = gmsh.option.getNumber("General.Terminal")
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add(name)
+    try:
+        yield gmsh
+    finally:
+        if started:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            gmsh.option.setNumber("General.Terminal", terminal)
+            if previous:
+                gmsh.model.setCurrent(previous)
+
+
+def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float) -> tuple[np.ndarray, list[list[int]]]:
+    """Quadrilaterals and triangles inside a polygon; its sides are kept whole.
+
+    Parameters
+    ----------
+    loops : sequence of (n, 2) array
+        The outer loop, then the loops of holes, any direction, m.
+    embedded : (n, 2) array
+        Points inside that become vertices, m.
+    size : float
+        Largest edge length, m.
+
+    Returns
+    -------
+    inner : (n, 2) array
+        New vertices, m.
+    cells : list of list of int
+        Counter-clockwise; numbers count the loops' points, then the embedded ones, then the new ones.
+
+    Raises
+    ------
+    RuntimeError
+        gmsh fails.
+    """
+    lengths = [np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) for loop in loops]
+    scale = max(np.ptp(loops[0], axis=0).max(), 1e-300)
+    with gmsh_session("polygon") as gmsh:
+        try:
+            geometry = gmsh.model.geo
+            point_tags, curve_loops = [], []
+            for loop, length in zip(loops, lengths):
+                # Unit scale: gmsh's tolerances are absolute.
+                near = 0.5 * (length + np.roll(length, 1)) / scale
+                tags = [geometry.addPoint(x / scale, y / scale, 0.0, h) for (x, y), h in zip(loop, near)]
+                lines = [geometry.addLine(a, b) for a, b in zip(tags, tags[1:] + tags[:1])]
+                for line in lines:
+                    geometry.mesh.setTransfiniteCurve(line, 2)
+                point_tags += tags
+                curve_loops.append(geometry.addCurveLoop(lines))
+            surface = geometry.addPlaneSurface(curve_loops)
+            inside = [geometry.addPoint(x / scale, y / scale, 0.0, size / scale) for x, y in embedded]
+            geometry.synchronize()
+            if inside:
+                gmsh.model.mesh.embed(0, inside, 2, surface)
+            gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
+            gmsh.option.setNumber("Mesh.Algorithm", 6)
+            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 1)
+            gmsh.model.mesh.setRecombine(2, surface)
+            gmsh.model.mesh.generate(2)
+            number = {}
+            for position, tag in enumerate(point_tags + inside):
+                number[int(gmsh.model.mesh.getNodes(0, tag)[0][0])] = position
+            coordinates = dict(zip(number.values(), np.vstack([*loops, embedded.reshape(-1, 2)])))
+            tags, positions, _ = gmsh.model.mesh.getNodes(2, surface)
+            inner = positions.reshape(-1, 3)[:, :2] * scale
+            for i, tag in enumerate(tags):
+                number[int(tag)] = len(point_tags) + len(inside) + i
+            coordinates.update(zip(range(len(coordinates), len(coordinates) + len(inner)), inner))
+            cells = []
+            for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, surface)):
+                for corners in np.asarray(nodes).reshape(-1, 3 if kind == 2 else 4):
+                    cells.append([number[int(tag)] for tag in corners])
+        except Exception as error:
+            raise RuntimeError(f"gmsh could not fill the polygon around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m: {error}") from error
+    return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
+
+
+def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[list[int]]:
+    """The cell counter-clockwise; a quadrilateral that is not safely convex in two triangles."""
+    points = np.array([coordinates[v] for v in cell])
+    ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
+    turns = (ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]) / np.hypot(*ahead.T) / np.hypot(*behind.T)
+    if turns.sum() < 0:
+        return _sound_pieces(cell[::-1], coordinates)
+    if len(cell) == 3 or turns.min() > _FLATTEST:
+        return [cell]
+    worst = int(turns.argmin())
+    a, b, c, d = (cell[(worst + i) % 4] for i in range(4))
+    return [[a, b, c], [a, c, d]]

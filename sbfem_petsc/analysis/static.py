@@ -1,0 +1,109 @@
+"""Static displacement with unilateral contact between crack faces (prefix ``static_``)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.complementarity import one_pass_tie, solve_complementarity
+from ..contact.delassus import ContactRows, delassus
+from ..petsc import check_ksp, make_ksp
+from ..system.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Static:
+    """Static solution.
+
+    Attributes
+    ----------
+    point_displacements : dict of str to (2,) array
+        m, on all ranks.
+    contact_force : (pairs,) array
+        N, compression positive, all cracks in order.
+    gap : (pairs,) array
+        m.
+    active : (pairs,) bool array
+    field : (m, 2) array
+        Displacements of this rank's nodes, m.
+    iterations : int
+        Of the active set.
+    solver : str
+    residual : float
+        ||K u - f - G' force|| / ||f||.
+    model : Model
+    """
+
+    point_displacements: dict[str, np.ndarray]
+    contact_force: np.ndarray
+    gap: np.ndarray
+    active: np.ndarray
+    field: np.ndarray
+    iterations: int
+    solver: str
+    residual: float
+    model: Model
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(2,): displacement of a named point, m."""
+        return self.point_displacements[point]
+
+    @property
+    def contact_resultant(self) -> float:
+        """Sum of the contact forces, N."""
+        return float(self.contact_force.sum())
+
+    def __repr__(self) -> str:
+        points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
+        return f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant {self.contact_resultant:.6g} N; {self.solver})"
+
+
+def static(model: Model, load, contact: bool = True, method: str = "active_set") -> Static:
+    """Static displacement under constant loads.
+
+    Parameters
+    ----------
+    model : Model
+    load : PointForce, EdgeLoad, a sum or a sequence of them
+    contact : bool
+        Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
+    method : {"active_set", "one_pass_tie"}
+        Unilateral contact, or the paper's single correction that ties every penetrating pair and admits tension.
+
+    Raises
+    ------
+    ValueError, KeyError, TypeError
+        For unknown points and sets, values that are not finite, a structure that is not held.
+    SolveError
+        If the linear solve or the active set fails.
+    """
+    solvers = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
+    if method not in solvers:
+        raise ValueError(f"static: method = {method!r} is unknown; use one of {', '.join(map(repr, solvers))}")
+    model.require_support("static")
+    forces = model.load_vector(load)
+    ksp = make_ksp(model.stiffness, "static_")
+    rows = ContactRows(model)
+    solution = forces.duplicate()
+    ksp.solve(forces, solution)
+    check_ksp(ksp, "static")
+    gap = rows.gaps(solution) + model.pairs.gap
+    contact_force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
+    right = forces.copy()
+    if contact and (gap < 0.0).any():
+        result = solvers[method](delassus(rows, ksp, "static contact"), gap)
+        contact_force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
+        rows.add_forces(right, contact_force)
+        ksp.solve(right, solution)
+        check_ksp(ksp, "static")
+    residual = forces.duplicate()
+    model.stiffness.mult(solution, residual)
+    residual.axpy(-1.0, right)
+    scale = forces.norm()
+    name = f"{ksp.getType()} + {ksp.getPC().getType()}" + (f" by {ksp.getPC().getFactorSolverType()}" if ksp.getPC().getType() in ("cholesky", "lu") else "")
+    answer = Static(model.at_points(solution), contact_force, gap, active, model.nodal(solution), iterations, name,
+                    residual.norm() / scale if scale > 0 else 0.0, model)
+    for item in (forces, solution, right, residual, ksp):
+        item.destroy()
+    return answer

@@ -1,0 +1,18 @@
+"""Error types with plain sentences."""
+
+
+class UnknownName(KeyError):
+    """A named point, edge set or material does not exist; the text is a sentence that lists those that do."""
+
+    def __str__(self) -> str:
+        return str(self.args[0]) if self.args else ""
+
+
+class SolveError(RuntimeError):
+    """A linear, nonlinear or eigenvalue solve failed; the message names the solve, the reason and the remedy."""
+
+
+def on_all_ranks(error: Exception) -> Exception:
+    """Mark an error that every rank raises alike, so that it is printed once."""
+    error.on_all_ranks = True
+    return error

@@ -1,0 +1,78 @@
+"""Loads in the plane, per unit thickness of 1 m."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PointForce:
+    """Concentrated force on a named point.
+
+    Parameters
+    ----------
+    point : str
+        Name of a point of the mesh.
+    fx, fy : float
+        Components, N (of the whole thickness).
+    """
+
+    point: str
+    fx: float = 0.0
+    fy: float = 0.0
+
+    def __add__(self, other: "Load | Loads") -> "Loads":
+        return Loads((self,)) + other
+
+
+@dataclass(frozen=True)
+class EdgeLoad:
+    """Uniform traction on a named set of edges.
+
+    Parameters
+    ----------
+    edge_set : str
+        Name of an edge set of the mesh.
+    tx, ty : float
+        Components along x and y, Pa.
+    pressure : float
+        Normal traction towards the material, Pa.
+    """
+
+    edge_set: str
+    tx: float = 0.0
+    ty: float = 0.0
+    pressure: float = 0.0
+
+    def __add__(self, other: "Load | Loads") -> "Loads":
+        return Loads((self,)) + other
+
+
+Load = PointForce | EdgeLoad
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Several loads acting together; made by adding loads."""
+
+    parts: tuple[Load, ...] = ()
+
+    def __add__(self, other: "Load | Loads") -> "Loads":
+        return Loads(self.parts + as_loads(other).parts)
+
+
+def as_loads(load) -> Loads:
+    """A load, a sum of loads or a sequence of loads as `Loads`.
+
+    Raises
+    ------
+    TypeError
+        If an item is no load.
+    """
+    if isinstance(load, Loads):
+        return load
+    items = tuple(load) if isinstance(load, (list, tuple)) else (load,)
+    for item in items:
+        if not isinstance(item, (PointForce, EdgeLoad)):
+            raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad")
+    return Loads(items)

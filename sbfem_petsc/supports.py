@@ -1,0 +1,52 @@
+"""Supports on named sets of edges or named points."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Support:
+    """Support of an edge set or a point, direction by direction.
+
+    Parameters
+    ----------
+    where : str
+        Name of an edge set or of a point.
+    x, y : bool or float
+        True: held fixed; False: free; a positive number: an elastic support, in N/m^3 (stiffness per unit area)
+        on an edge set and in N/m on a point.
+    """
+
+    where: str
+    x: bool | float = True
+    y: bool | float = True
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.where, str):
+            raise TypeError(f"Support: where = {self.where!r} must be the name of an edge set or a point")
+        for name in ("x", "y"):
+            value = getattr(self, name)
+            if not isinstance(value, bool) and not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
+                raise ValueError(f"Support({self.where!r}): {name} = {value!r} must be True (fixed), False (free) or a stiffness >= 0 (N/m^3 on edges, N/m on a point)")
+
+    @property
+    def fixed(self) -> tuple[bool, bool]:
+        """Directions held fixed."""
+        return (self.x is True, self.y is True)
+
+    @property
+    def springs(self) -> tuple[float, float]:
+        """Stiffness in x and y, 0 where free or fixed."""
+        return tuple(0.0 if isinstance(v, bool) else float(v) for v in (self.x, self.y))
+
+
+def as_supports(clamped, supports) -> tuple[Support, ...]:
+    """The supports of a model from its `clamped` names (a name, several, or None) and its further supports."""
+    names = () if clamped is None else (clamped,) if isinstance(clamped, str) else tuple(clamped)
+    further = (supports,) if isinstance(supports, Support) else tuple(supports)
+    for item in further:
+        if not isinstance(item, Support):
+            raise TypeError(f"supports: {item!r} is not a Support")
+    return tuple(Support(name) for name in names) + further

@@ -1,0 +1,356 @@
+"""The discrete structure: S-elements on their ranks, numbered unknowns, assembled matrices, supports and loads."""
+
+from __future__ import annotations
+
+import functools
+import math
+import numbers
+
+import numpy as np
+
+from ..errors import UnknownName, on_all_ranks
+from ..loads import EdgeLoad, Loads, as_loads
+from ..material import Material, OrthotropicMaterial
+from ..parallel import collective
+from ..petsc import MPI, PETSc
+from ..selement.basis import shape_functions, tabulated
+from ..supports import Support, as_supports
+from . import partition
+from .assembly import assemble, block_triples
+from .shapes import Group, solve_groups
+
+
+class Model:
+    """A structure of S-elements with its material, supports and damping.
+
+    Parameters
+    ----------
+    mesh : BoundaryMesh
+        On every rank, or on rank 0 alone (None elsewhere): each rank then receives its part.
+    material : Material, OrthotropicMaterial or dict of str to these
+        One for all, or one for each of the mesh's material names.
+    clamped : str, sequence of str or None
+        Edge sets or points held fixed in both directions; None for a free structure.
+    continued_fraction : int
+        Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix alone.
+    damping : float
+        Modal damping ratio of every dynamic analysis.
+    thickness : float
+        m.
+    supports : sequence of Support
+        Further supports: single directions, elastic supports.
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Attributes
+    ----------
+    boundary_unknowns : int
+        Displacement unknowns on the boundaries of the S-elements, after the supports.
+    unknowns : int
+        The same with the auxiliary unknowns of the continued fraction.
+    elements, shapes : int
+        Number of S-elements and of different shapes among them.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        One sentence that names the item, on all ranks.
+    """
+
+    def __init__(self, mesh, material, clamped="left", continued_fraction: int = 1, damping: float = 0.0, thickness: float = 1.0,
+                 supports=(), comm: MPI.Comm | None = None):
+        self.comm = MPI.COMM_WORLD if comm is None else comm
+        with collective(self.comm):
+            self.continued_fraction = _integer("continued_fraction", continued_fraction, 0, 20)
+            self.damping = _real("damping", damping, lower=0.0, below=1.0)
+            self.thickness = _real("thickness", thickness, above=0.0)
+            self.supports = as_supports(clamped, supports)
+        mesh, numbering, self.part = self._distribute(mesh)
+        self.order, self.points, self.cracks, self.pairs = mesh["order"], mesh["points"], mesh["cracks"], mesh["pairs"]
+        self.edge_set_names, self.material_names = mesh["edge_sets"], mesh["material_names"]
+        self.elements = mesh["elements"]
+        self.ranges = numbering
+        self.boundary_unknowns = int(self.ranges[-1])
+        with collective(self.comm):
+            self.materials = _materials(material, self.material_names)
+            if self.boundary_unknowns == 0:
+                raise ValueError(f"clamped = {clamped!r} with supports = {supports!r} leaves no free displacement")
+        self.groups, self.shapes = solve_groups(self.comm, self.part, self.order, self.materials, self.continued_fraction)
+        local_auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
+        self._auxiliary = np.concatenate([[0], np.cumsum(self.comm.allgather(local_auxiliary))])
+        self.unknowns = self.boundary_unknowns + int(self._auxiliary[-1])
+
+    # ------------------------------------------------------------------ distribution
+    def _distribute(self, mesh):
+        """Common facts, row ranges and this rank's part; from the mesh of every rank, or scattered by rank 0."""
+        comm = self.comm
+        everywhere = all(comm.allgather(mesh is not None))
+        parts = None
+        with collective(comm):
+            if comm.rank == 0 and mesh is None:
+                raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")
+            if mesh is not None and (everywhere or comm.rank == 0):
+                numbering = partition.number_unknowns(mesh, self._fixed(mesh), comm.size)
+                facts = {
+                    "order": mesh.order, "elements": mesh.elements, "cracks": mesh.cracks, "material_names": tuple(mesh.material_names),
+                    "edge_sets": tuple(mesh.edge_sets), "pairs": mesh.pairs,
+                    "points": {name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n])) for name, n in mesh.points.items()},
+                    "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
+                    "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
+                }
+                wanted = [comm.rank] if everywhere else range(comm.size)
+                parts = [(facts, numbering.ranges, partition.extract(mesh, numbering, r)) for r in wanted]
+        facts, ranges, part = parts[0] if everywhere else comm.scatter(parts)
+        self._pair_unknowns, self.extent = facts["pair_unknowns"], facts["extent"]
+        return facts, ranges, part
+
+    def _fixed(self, mesh) -> np.ndarray:
+        """(nodes, 2): displacements held fixed by the supports."""
+        fixed = np.zeros((len(mesh.nodes), 2), dtype=bool)
+        for support in self.supports:
+            if support.where in mesh.edge_sets:
+                nodes = np.unique(mesh.edges[np.asarray(mesh.edge_sets[support.where], dtype=int)])
+            elif support.where in mesh.points:
+                nodes = np.array([mesh.points[support.where]])
+            else:
+                raise UnknownName(f"support {support.where!r} is neither an edge set ({_listed(mesh.edge_sets)}) nor a point ({_listed(mesh.points)}) of the mesh")
+            fixed[nodes] |= np.array(support.fixed)
+        return fixed
+
+    # ------------------------------------------------------------------ matrices
+    def _unknowns_of(self, group: Group) -> np.ndarray:
+        return self.part.unknowns[group.nodes].reshape(len(group.sizes), -1)
+
+    def _scales(self, group: Group) -> tuple[float, np.ndarray]:
+        """Stiffness scale E t (N/m) and inertia scale rho h^2 t (kg), (k,)."""
+        material = self.materials[group.material]
+        return material.modulus * self.thickness, material.density * group.sizes**2 * self.thickness
+
+    @functools.cached_property
+    def stiffness(self) -> PETSc.Mat:
+        """K over the displacement unknowns, N/m."""
+        return assemble(self.comm, self.ranges, self._stiffness_triples())
+
+    def _stiffness_triples(self) -> list:
+        triples = []
+        for group in self.groups:
+            unknowns = self._unknowns_of(group)
+            triples.append(block_triples(unknowns, unknowns, self._scales(group)[0] * group.turned_both(group.solution.stiffness)))
+        return triples + self._spring_triples()
+
+    @functools.cached_property
+    def pencil(self) -> tuple[PETSc.Mat, PETSc.Mat]:
+        """(16), (17) over displacement and auxiliary unknowns, numbered by `full_numbers`: stiffness and mass."""
+        ranges = self.ranges + self._auxiliary
+        first = int(self.ranges[self.comm.rank + 1] + self._auxiliary[self.comm.rank])
+        stiffness = [self._full(t) for t in self._stiffness_triples()]
+        mass = []
+        for group in self.groups:
+            solution, count = group.solution, len(group.sizes)
+            modulus, inertia = self._scales(group)
+            unknowns = self.full_numbers(self._unknowns_of(group))
+            auxiliary = first + np.arange(count * solution.inertia.size).reshape(count, -1)
+            first += auxiliary.size
+            mass.append(block_triples(unknowns, unknowns, inertia[:, None, None] * group.turned_both(solution.mass)))
+            coupling = inertia[:, None, None] * group.turned(solution.coupling)
+            mass.append(block_triples(unknowns, auxiliary, coupling))
+            mass.append(block_triples(auxiliary, unknowns, coupling.transpose(0, 2, 1)))
+            mass.append((auxiliary.ravel(), auxiliary.ravel(), np.outer(inertia, solution.inertia).ravel()))
+            stiffness.append((auxiliary.ravel(), auxiliary.ravel(), np.full(auxiliary.size, modulus)))
+        return assemble(self.comm, ranges, stiffness), assemble(self.comm, ranges, mass)
+
+    def full_numbers(self, unknowns: np.ndarray) -> np.ndarray:
+        """Numbers in the pencil of displacement unknowns; -1 stays -1."""
+        owner = np.clip(np.searchsorted(self.ranges, unknowns, side="right") - 1, 0, self.comm.size - 1)
+        return np.where(unknowns >= 0, unknowns + self._auxiliary[owner], -1)
+
+    def _full(self, triples):
+        rows, columns, values = triples
+        return self.full_numbers(rows), self.full_numbers(columns), values
+
+    def _spring_triples(self) -> list:
+        triples = []
+        values, _, weights = tabulated(self.order, self.order + 2)
+        for support in self.supports:
+            springs = np.array(support.springs)
+            if not springs.any():
+                continue
+            if support.where in self.edge_set_names:
+                edges = self.part.edge_sets[support.where]
+                if len(edges) == 0:
+                    continue
+                lengths, _ = self._edge_metric(edges)
+                blocks = np.einsum("eq,q,qa,qb,i,ij->eaibj", lengths, weights, values, values, springs * self.thickness, np.eye(2))
+                unknowns = self.part.unknowns[edges].reshape(len(edges), -1)
+                triples.append(block_triples(unknowns, unknowns, blocks.reshape(len(edges), unknowns.shape[1], -1)))
+            elif self.comm.rank == 0:
+                unknowns = np.array(self.points[support.where][1])[None, :]
+                triples.append(block_triples(unknowns, unknowns, np.diag(springs)[None]))
+        return triples
+
+    def _edge_metric(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """|dx/d eta| (edges, points) and outward unit normals (edges, points, 2) at the Gauss points of boundary edges."""
+        _, derivatives, _ = tabulated(self.order, self.order + 2)
+        tangent = derivatives @ self.part.coordinates[edges]
+        length = np.sqrt((tangent**2).sum(axis=2))
+        # the material lies on the left of an edge, so the outward normal is the tangent turned clockwise
+        return length, np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / length[..., None]
+
+    # ------------------------------------------------------------------ loads, contact rows, supports
+    def load_vector(self, load) -> PETSc.Vec:
+        """Nodal forces (N) over the displacement unknowns of constant loads.
+
+        Raises
+        ------
+        KeyError, ValueError, TypeError
+            If a point or edge set does not exist or a component is not finite.
+        """
+        with collective(self.comm):
+            loads = self.checked_loads(load)
+        vector = self.stiffness.createVecRight()
+        vector.set(0.0)
+        for item in loads.parts:
+            if isinstance(item, EdgeLoad):
+                self._add_edge_load(vector, item)
+            elif self.comm.rank == 0:
+                for number, value in zip(self.points[item.point][1], (item.fx, item.fy)):
+                    if number >= 0:
+                        vector.setValue(int(number), value, addv=True)
+        vector.assemble()
+        return vector
+
+    def checked_loads(self, load) -> Loads:
+        """The loads, each with an existing place and finite components."""
+        loads = as_loads(load)
+        for item in loads.parts:
+            if isinstance(item, EdgeLoad):
+                if item.edge_set not in self.edge_set_names:
+                    raise UnknownName(f"EdgeLoad: edge set {item.edge_set!r} does not exist; the mesh has {_listed(self.edge_set_names)}")
+                components = {"tx": item.tx, "ty": item.ty, "pressure": item.pressure}
+            else:
+                if item.point not in self.points:
+                    raise UnknownName(f"PointForce: point {item.point!r} does not exist; the mesh has {_listed(self.points)}")
+                components = {"fx": item.fx, "fy": item.fy}
+            for name, value in components.items():
+                if not isinstance(value, numbers.Real) or isinstance(value, bool) or not math.isfinite(value):
+                    raise ValueError(f"{type(item).__name__}: {name} = {value!r} must be a finite number")
+        return loads
+
+    def _add_edge_load(self, vector: PETSc.Vec, load: EdgeLoad) -> None:
+        edges = self.part.edge_sets[load.edge_set]
+        if len(edges) == 0:
+            return
+        values, _, weights = tabulated(self.order, self.order + 2)
+        length, normal = self._edge_metric(edges)
+        traction = np.array([load.tx, load.ty]) - load.pressure * normal
+        forces = self.thickness * np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction)
+        unknowns = self.part.unknowns[edges].ravel()
+        keep = unknowns >= 0
+        vector.setValues(unknowns[keep].astype(PETSc.IntType), forces.ravel()[keep], addv=True)
+
+    def contact_rows(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """Row of G for each contact pair: (unknowns, coefficients), replicated on all ranks."""
+        rows = []
+        for unknowns, normal in zip(self._pair_unknowns, self.pairs.normal):
+            numbers_, values = unknowns.ravel(), np.concatenate([normal, -normal])
+            keep = (numbers_ >= 0) & (values != 0.0)
+            rows.append((numbers_[keep].astype(PETSc.IntType), values[keep]))
+        return rows
+
+    @functools.cached_property
+    def supported(self) -> bool:
+        """Whether the supports admit no rigid-body motion. Collective."""
+        lower, upper = self.extent
+        centre, size = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
+        gram = np.zeros((3, 3))
+        for support in self.supports:
+            acts = np.array(support.fixed) | (np.array(support.springs) > 0)
+            if support.where in self.edge_set_names:
+                places = self.part.coordinates[np.unique(self.part.edge_sets[support.where])]
+            else:
+                places = np.array([self.points[support.where][0]])
+            for x, y in (places - centre) / size:
+                rows = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])[acts]
+                gram += rows.T @ rows
+        gram = self.comm.allreduce(gram)
+        return bool(np.linalg.eigvalsh(gram)[0] > 1e-9 * max(np.trace(gram), 1.0))
+
+    def require_support(self, analysis: str) -> None:
+        """Raise ValueError, on all ranks, if the supports admit a rigid-body motion."""
+        if not self.supported:
+            held = _listed([s.where for s in self.supports]) if self.supports else "nothing"
+            raise on_all_ranks(ValueError(f"{analysis} needs a structure held against every rigid-body motion, but the supports ({held}) leave one free; clamp an edge set or add supports"))
+
+    # ------------------------------------------------------------------ fields
+    @functools.cached_property
+    def _ghosts(self) -> tuple[PETSc.Scatter, PETSc.Vec, np.ndarray]:
+        """Scatter from the distributed displacement unknowns to those of this rank's nodes."""
+        needed = self.part.unknowns[self.part.unknowns >= 0].astype(PETSc.IntType)
+        source = PETSc.IS().createGeneral(needed, comm=PETSc.COMM_SELF)
+        target = PETSc.Vec().createSeq(len(needed))
+        vector = self.stiffness.createVecRight()
+        scatter = PETSc.Scatter().create(vector, source, target, None)
+        vector.destroy()
+        return scatter, target, self.part.unknowns >= 0
+
+    def nodal(self, vector: PETSc.Vec) -> np.ndarray:
+        """Displacements (m, 2) of this rank's nodes from a vector over the displacement unknowns; 0 where held fixed. Collective."""
+        scatter, target, free = self._ghosts
+        scatter.scatter(vector, target)
+        result = np.zeros(self.part.unknowns.shape)
+        result[free] = target.array_r
+        return result
+
+    def at_points(self, vector: PETSc.Vec) -> dict[str, np.ndarray]:
+        """Displacement (2,) of every named point, on all ranks, from a vector over the displacement unknowns. Collective."""
+        first, last = self.ranges[self.comm.rank], self.ranges[self.comm.rank + 1]
+        table = np.zeros((len(self.points), 2))
+        array = vector.array_r
+        for row, (_, unknowns) in zip(table, self.points.values()):
+            for k, number in enumerate(unknowns):
+                if first <= number < last:
+                    row[k] = array[number - first]
+        self.comm.Allreduce(MPI.IN_PLACE, table)
+        return dict(zip(self.points, table))
+
+    def __repr__(self) -> str:
+        return (f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, {self.boundary_unknowns} boundary unknowns, "
+                f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} contact pairs, damping ratio {self.damping:g}, "
+                f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})")
+
+
+def _materials(material, names: tuple[str, ...]) -> list:
+    """One material per name of the mesh."""
+    kinds = (Material, OrthotropicMaterial)
+    if isinstance(material, kinds):
+        return [material] * len(names)
+    if not isinstance(material, dict):
+        raise TypeError(f"Model: material = {material!r} must be a Material or a dict of material names to Materials")
+    missing = [n for n in names if n not in material]
+    if missing:
+        raise UnknownName(f"Model: no material is given for {_listed(missing)}; the mesh has {_listed(names)}")
+    for name in names:
+        if not isinstance(material[name], kinds):
+            raise TypeError(f"Model: material[{name!r}] = {material[name]!r} is not a Material")
+    return [material[n] for n in names]
+
+
+def _listed(names) -> str:
+    return ", ".join(repr(n) for n in names) or "none"
+
+
+def _integer(name: str, value, lower: int, upper: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"Model: {name} = {value!r} must be an integer")
+    if not lower <= value <= upper:
+        raise ValueError(f"Model: {name} = {value!r} must be between {lower} and {upper}")
+    return int(value)
+
+
+def _real(name: str, value, above: float | None = None, lower: float | None = None, below: float = math.inf) -> float:
+    if isinstance(value, bool) or not isinstance(value, numbers.Real):
+        raise TypeError(f"Model: {name} = {value!r} must be a number")
+    if not (math.isfinite(value) and (above is None or value > above) and (lower is None or value >= lower) and value < below):
+        bound = f"above {above:g}" if above is not None else f"at least {lower:g}"
+        raise ValueError(f"Model: {name} = {value!r} must be finite, {bound}" + (f" and below {below:g}" if math.isfinite(below) else ""))
+    return float(value)

@@ -1,0 +1,138 @@
+"""S-elements over ranks: recursive bisection, ownership of nodes, numbering, and the part each rank holds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True, eq=False)
+class Numbering:
+    """Global numbers of the displacement unknowns.
+
+    Attributes
+    ----------
+    assignment : (elements,) int array
+        Rank of each S-element.
+    unknowns : (nodes, 2) int array
+        Number of the x and y unknown of each node, -1 where held fixed; contiguous per rank.
+    ranges : (ranks + 1,) int array
+        Rank r owns the unknowns ``ranges[r]`` to ``ranges[r + 1] - 1``.
+    """
+
+    assignment: np.ndarray
+    unknowns: np.ndarray
+    ranges: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What one rank holds of a boundary mesh.
+
+    Attributes
+    ----------
+    nodes : (m,) int array
+        Global numbers of the nodes that the rank's S-elements touch.
+    coordinates : (m, 2) array
+        m.
+    unknowns : (m, 2) int array
+        Global numbers of their displacement unknowns, -1 where held fixed.
+    elements : (e,) int array
+        Global numbers of the rank's S-elements.
+    chains : list of int arrays
+        Nodes of each S-element, counter-clockwise, as rows of `nodes`.
+    centres : (e, 2) array
+    closed : (e,) bool array
+    materials : (e,) int array
+    edge_sets : dict of str to (k, p + 1) int arrays
+        Edges of the named sets that belong to the rank's S-elements (material on the left), as rows of `nodes`.
+    """
+
+    nodes: np.ndarray
+    coordinates: np.ndarray
+    unknowns: np.ndarray
+    elements: np.ndarray
+    chains: list[np.ndarray]
+    centres: np.ndarray
+    closed: np.ndarray
+    materials: np.ndarray
+    edge_sets: dict[str, np.ndarray]
+
+
+def bisect(centroids: np.ndarray, weights: np.ndarray, ranks: int) -> np.ndarray:
+    """Rank of each element by recursive coordinate bisection with balanced weights, shape (elements,)."""
+    assignment = np.zeros(len(weights), dtype=int)
+
+    def split(members: np.ndarray, first: int, count: int) -> None:
+        if count == 1 or len(members) == 0:
+            assignment[members] = first
+            return
+        lower = count // 2
+        extent = np.ptp(centroids[members], axis=0)
+        order = members[np.lexsort((members, np.round(centroids[members, int(np.argmax(extent))], 12)))]
+        cumulative = np.cumsum(weights[order])
+        cut = int(np.searchsorted(cumulative, cumulative[-1] * lower / count, side="right"))
+        if len(order) >= count:
+            cut = min(max(cut, lower), len(order) - (count - lower))
+        split(order[:cut], first, lower)
+        split(order[cut:], first + lower, count - lower)
+
+    split(np.arange(len(weights)), 0, ranks)
+    return assignment
+
+
+def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
+    """Distribute the S-elements of a boundary mesh and number the free displacement unknowns.
+
+    Parameters
+    ----------
+    mesh : BoundaryMesh
+    fixed : (nodes, 2) bool array
+    ranks : int
+    """
+    edges_of = np.diff(mesh.element_start)
+    element_of = np.repeat(np.arange(mesh.elements), edges_of)
+    ends = mesh.nodes[mesh.edges[mesh.element_edges][:, [0, -1]]].mean(axis=1)
+    centroids = np.stack([np.bincount(element_of, ends[:, k], mesh.elements) / edges_of for k in (0, 1)], axis=1)
+    # Assembled entries grow with the square of an element's nodes; the kernel's cube is shared by congruent shapes.
+    assignment = bisect(centroids, (edges_of * mesh.order) ** 2.0, ranks)
+    owner = np.full(len(mesh.nodes), ranks)
+    touching = mesh.edges[mesh.element_edges]
+    np.minimum.at(owner, touching, assignment[element_of][:, None])
+    order = np.lexsort((np.arange(len(owner)), owner))
+    free = ~fixed & (owner < ranks)[:, None]
+    unknowns = np.full((len(owner), 2), -1)
+    flags = free[order].ravel()
+    numbers = np.full(flags.shape, -1)
+    numbers[flags] = np.arange(flags.sum())
+    unknowns[order] = numbers.reshape(-1, 2)
+    counts = np.bincount(np.repeat(owner, free.sum(axis=1)), minlength=ranks)[:ranks]
+    return Numbering(assignment, unknowns, np.concatenate([[0], np.cumsum(counts)]))
+
+
+def extract(mesh, numbering: Numbering, rank: int) -> Part:
+    """The part of a boundary mesh that `rank` holds."""
+    elements = np.flatnonzero(numbering.assignment == rank)
+    chains = [mesh.element_nodes(e) for e in elements]
+    nodes = np.unique(np.concatenate(chains)) if chains else np.empty(0, dtype=int)
+    local = np.full(len(mesh.nodes), -1)
+    local[nodes] = np.arange(len(nodes))
+    owner = np.full(len(mesh.edges), -1)
+    backwards = np.zeros(len(mesh.edges), dtype=bool)
+    # An edge inside a set on an interface belongs to the lowest of its elements.
+    for e in elements[::-1]:
+        part = slice(mesh.element_start[e], mesh.element_start[e + 1])
+        owner[mesh.element_edges[part]] = e
+        backwards[mesh.element_edges[part]] = mesh.element_reversed[part]
+    lowest = np.full(len(mesh.edges), mesh.elements)
+    np.minimum.at(lowest, mesh.element_edges, np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start)))
+    sets = {}
+    for name, members in mesh.edge_sets.items():
+        mine = np.asarray(members, dtype=int)
+        mine = mine[(owner[mine] >= 0) & (owner[mine] == lowest[mine])]
+        nodes_of = mesh.edges[mine]
+        nodes_of = np.where(backwards[mine][:, None], nodes_of[:, ::-1], nodes_of)
+        sets[name] = local[nodes_of]
+    return Part(nodes, mesh.nodes[nodes], numbering.unknowns[nodes], elements, [local[c] for c in chains], mesh.scaling_centres[elements],
+                mesh.closed[elements], mesh.materials[elements], sets)
