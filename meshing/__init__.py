@@ -1,6 +1,7 @@
 """Geometry to boundary meshes for the scaled boundary finite element method: beams with notches and holes, and gmsh models."""
 
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack
+from meshing.gmsh_reader import read_gmsh
 from meshing.shapes import Beam, Hole, VNotch
 
-__all__ = ["Beam", "BoundaryMesh", "ContactPairs", "Crack", "Hole", "VNotch"]
+__all__ = ["Beam", "BoundaryMesh", "ContactPairs", "Crack", "Hole", "VNotch", "read_gmsh"]

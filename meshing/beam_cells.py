@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,9 +12,10 @@ from meshing.beam_layout import Block, Feature, MeshInputs, plan_blocks
 from meshing.cells import CellComplex, CrackFaces, edge_key
 from meshing.shapes import Beam
 from meshing.skeleton import Skeleton, Star
-from meshing.stars import add_levels, add_rings, outline, ring_scales
+from meshing.stars import Box, add_levels, add_rings, outline, ring_scales
 
 _WIDEST_SIDE = math.radians(55.0)
+_DEFAULT_TIP = 0.02  # of a notch's depth
 _HOLE_RING = 1.6  # smallest extent, in radii, of the outline next to a hole
 
 
@@ -39,22 +41,22 @@ def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
     _register_rows(skeleton, columns)
     _register_corners(skeleton, widths)
     _register_points(skeleton, blocks)
-    stars = {id(block): [_make_star(skeleton, feature, box) for feature, box in zip(block.features, block.boxes)] for block in blocks}
-    for block in blocks:
+    stars = [[_make_star(skeleton, *pair, whole_block=not block.filled) for pair in zip(block.features, block.boxes)] for block in blocks]
+    for block, group in zip(blocks, stars):
         if block.filled:
-            skeleton.divide_perimeter(block, stars[id(block)])
+            skeleton.divide_perimeter(block, group)
     for side, width in widths.items():
         if width:
             _fill_corners(skeleton, side, width)
     for left, right in columns:
         _fill_column(skeleton, left, right)
-    for block in blocks:
-        for star in stars[id(block)]:
+    for block, group in zip(blocks, stars):
+        for star in group:
             _fill_star(skeleton, star)
         if block.filled:
-            fill_block(skeleton, block, stars[id(block)])
+            fill_block(skeleton, block, group)
     cells = skeleton.cells
-    every = sorted((star for group in stars.values() for star in group if star.feature.is_notch), key=lambda star: star.feature.index)
+    every = sorted((star for group in stars for star in group if star.feature.is_notch), key=lambda star: star.feature.index)
     for star in every:
         _record_crack(skeleton, star)
     _record_edge_sets(skeleton)
@@ -67,9 +69,12 @@ def _corner_widths(beam: Beam, inputs: MeshInputs) -> dict[str, float]:
     lows = [n.x + min(0.0, n.left_offset) for n in beam.notches] + [h.x - h.radius for h in beam.holes]
     highs = [n.x + max(0.0, n.right_offset) for n in beam.notches] + [h.x + h.radius for h in beam.holes]
     free = {"left": min(lows, default=beam.length), "right": beam.length - max(highs, default=0.0)}
+    points = [x for x, _ in inputs.points.values()]
+    nearest = {"left": min((x for x in points if x > 0), default=math.inf)}
+    nearest["right"] = beam.length - max((x for x in points if x < beam.length), default=-math.inf)
     widths = {}
     for side in ("left", "right"):
-        width = min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length) if side in inputs.corners else 0.0
+        width = min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length, nearest[side]) if side in inputs.corners else 0.0
         if width and inputs.corner_size >= width:
             raise ValueError(f"mesh: corner_size {inputs.corner_size:g} m does not fit at the {side} end, where {width:g} m are free; make it smaller.")
         widths[side] = width
@@ -133,43 +138,49 @@ def _fill_corners(skeleton: Skeleton, side: str, width: float) -> None:
         if inward * up < 0:
             points.reverse()
         outer = [skeleton.vertex(*point) for point in points]
-        levels = add_levels(skeleton.cells, (edge, y), np.array(points), scales, outer)
-        for level in levels[:-1]:
-            for vertex in (level[0], level[-1]):
-                skeleton.register(vertex)
-        add_rings(skeleton.cells, levels, False, skeleton.between)
-        skeleton.cells.add_cell([skeleton.vertex(edge, y), *levels[0]])
+        levels = add_levels(skeleton.vertex_or_new, (edge, y), np.array(points), scales, outer)
+        add_rings(skeleton.cells, levels, False, skeleton.chain)
+        corner = skeleton.vertex(edge, y)
+        skeleton.cells.add_cell(skeleton.chain([corner, *levels[0], corner])[:-1])
     if beam.height - 2 * width > 1e-9 * beam.height:
         left, right = sorted((edge, line))
         skeleton.add_polygon([(left, width), (right, width), (right, beam.height - width), (left, beam.height - width)])
 
 
-def _make_star(skeleton: Skeleton, feature: Feature, box) -> Star:
+def _make_star(skeleton: Skeleton, feature: Feature, box: Box | None, whole_block: bool) -> Star:
     """Outline of a feature's box; its vertices on lines and edges are registered."""
     beam, shape = skeleton.beam, feature.shape
     if box is None:
-        return Star(feature, None, np.zeros((0, 2)), [], None)
+        return Star(feature, None, np.zeros((0, 2)), [])
     if not feature.is_notch:
         wall = box.smallest / shape.radius - 1.0
-        # The arc must stay clear of the chord between the tangents at its ends, so that the cell keeps a kernel.
+        # An arc must stay inside the tangents at its ends by less than the wall, so that the cell keeps a kernel.
         thin = 2 * math.acos(1.0 / (1.0 + 0.3 * wall))
         points = outline(box, None, min(_WIDEST_SIDE, thin), skeleton.preferred, True)
-        return Star(feature, box, points, [skeleton.vertex_or_new(*p) for p in points], None)
-    notch, size = shape, skeleton.inputs.tip_sizes[feature.index]
-    if size >= box.largest:
-        raise ValueError(f"mesh: tip_size {size:g} m does not fit around the tip of notch {feature.index + 1}, where {box.largest:g} m are free; make it smaller.")
-    ends, at_mouth = [], []
-    for sign, offset in ((1, notch.left_offset), (-1, notch.right_offset)):
-        end = box.hit(math.radians(90.0 - notch.tilt + sign * notch.opening / 2))
-        reaches = box.top == beam.height and abs(end[1] - beam.height) < 1e-9 * beam.height
-        ends.append((feature.centre[0] + offset, beam.height) if reaches else end)
-        at_mouth.append(reaches)
-    points = outline(box, tuple(ends), _WIDEST_SIDE, skeleton.preferred, keep_corners=all(at_mouth) and box.bottom == 0.0)
+        return Star(feature, box, points, [skeleton.vertex_or_new(*p) for p in points])
+    tip = np.array(feature.centre)
+    mouths = [np.array([shape.x + offset, beam.height]) for offset in (shape.left_offset, shape.right_offset)]
+    fraction = min(math.dist(tip, box.hit(math.atan2(mouth[1] - tip[1], mouth[0] - tip[0]))) / math.dist(tip, mouth) for mouth in mouths)
+    if fraction > 1.0 - 1e-9:
+        fraction, ends = 1.0, mouths
+    else:  # equal fractions of both faces, although the box may hold more of one of them; nothing of the box stands far above its faces
+        ends = [tip + fraction * (mouth - tip) for mouth in mouths]
+        box = replace(box, top=min(box.top, tip[1] + max(fraction * shape.depth, 0.4 * box.largest)))
+    points = outline(box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=whole_block)
     # Face vertices are never looked up by their coordinates: those of a closed crack coincide.
-    vertices = [
-        skeleton.cells.add_vertex(*p) if i in (0, len(points) - 1) else skeleton.vertex_or_new(*p) for i, p in enumerate(points)
-    ]
-    return Star(feature, box, points, vertices, tuple(at_mouth))
+    inner = [skeleton.vertex_or_new(*p) for p in points[1:-1]]
+    vertices = [skeleton.cells.add_vertex(*points[0]), *inner, skeleton.cells.add_vertex(*points[-1])]
+    return Star(feature, box, points, vertices, face_fraction=fraction)
+
+
+def _tip_size(inputs: MeshInputs, feature: Feature, box: Box) -> float:
+    """Half-size of the element on a tip, m."""
+    if inputs.tip_size is None:
+        return min(_DEFAULT_TIP * feature.shape.depth, box.largest / inputs.grading)
+    if inputs.tip_size >= box.largest:
+        where = f"around the tip of notch {feature.index + 1}, where {box.largest:g} m are free"
+        raise ValueError(f"mesh: tip_size {inputs.tip_size:g} m does not fit {where}; make it smaller.")
+    return inputs.tip_size
 
 
 def _fill_star(skeleton: Skeleton, star: Star) -> None:
@@ -180,18 +191,20 @@ def _fill_star(skeleton: Skeleton, star: Star) -> None:
         scales = ring_scales(min(1.0 - 1e-12, _HOLE_RING * feature.shape.radius / box.smallest), skeleton.inputs.grading)
         if box.smallest < _HOLE_RING * skeleton.inputs.grading**0.5 * feature.shape.radius:
             scales = np.ones(1)
-        levels = add_levels(cells, feature.centre, star.points, scales, star.vertices)
+        levels = add_levels(cells.add_vertex, feature.centre, star.points, scales, star.vertices)
         circle = skeleton.add_circle(feature, star.points)
         star.circle = circle
-        add_rings(cells, [circle, *levels], True, skeleton.between)
+        add_rings(cells, [circle, *levels], True, skeleton.chain)
         return
     inputs = skeleton.inputs
-    levels = add_levels(cells, feature.centre, star.points, ring_scales(inputs.tip_sizes[feature.index] / box.largest, inputs.grading), star.vertices)
+    scales = ring_scales(_tip_size(inputs, feature, box) / box.largest, inputs.grading)
+    star.ring_ratio = scales[-1] / scales[-2]
+    levels = add_levels(cells.add_vertex, feature.centre, star.points, scales, star.vertices)
     star.left = [level[0] for level in levels]
     star.right = [level[-1] for level in levels]
     if inputs.layout == "tip":
         star.tip_cell = cells.add_cell(levels[0], centre=feature.centre, closed=False)
-        add_rings(cells, levels, False, skeleton.between)
+        add_rings(cells, levels, False, skeleton.chain)
         return
     tip = cells.add_vertex(*feature.centre)
     star.left.insert(0, tip)

@@ -34,7 +34,7 @@ def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
         numbers = [v for loop in loops for v in loop]
         for name in inside:
             cells.points[name] = cells.add_vertex(*wanted[name])
-            numbers.append(cells.points[name])
+        numbers += [cells.points[name] for name in inside]
         numbers += [cells.add_vertex(*point) for point in inner]
         for piece in pieces:
             cells.add_cell([numbers[i] for i in piece])
@@ -86,7 +86,7 @@ def _opened_coordinates(skeleton: Skeleton, stars: list[Star]) -> list[tuple[flo
     seen = list(skeleton.cells.vertices)
     for star in stars:
         if star.feature.is_notch:
-            (tip_x, tip_y), tilt = star.feature.centre, math.radians(star.feature.shape.tilt)
+            tip_y, tilt = star.feature.centre[1], math.radians(star.feature.shape.tilt)
             for right, left in zip(star.right, star.left):
                 (xr, yr), (xl, yl) = seen[right], seen[left]
                 wanted = math.tan(_MESHER_OPENING / 2) * (yr - tip_y) / math.cos(tilt) ** 2

@@ -8,7 +8,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.shapes import HIGHEST_ORDER, Beam, Hole, VNotch, number, positive
+from meshing.input_checks import checked_order, number, positive
+from meshing.shapes import Beam, Hole, VNotch
 from meshing.stars import Box
 
 # All relative to the beam's height.
@@ -28,7 +29,7 @@ class MeshInputs:
 
     order: int
     size: float
-    tip_sizes: tuple[float, ...]
+    tip_size: float | None
     grading: float
     layout: str
     points: dict[str, Point]
@@ -56,13 +57,10 @@ class MeshInputs:
             raise ValueError(f"mesh: size {size:g} m is below 2 % of the beam's height {beam.height:g} m; high orders on larger cells cost less.")
         if tip_size is not None and positive("mesh", "tip_size", tip_size) < least:
             raise ValueError(f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, round-off would show; make it larger.")
-        tip_sizes = tuple(0.02 * notch.depth if tip_size is None else float(tip_size) for notch in beam.notches)
-        for i, (notch, value) in enumerate(zip(beam.notches, tip_sizes), 1):
-            if value >= min(notch.depth, beam.height - notch.depth):
-                raise ValueError(
-                    f"mesh: tip_size {value:g} m does not fit around the tip of notch {i}, "
-                    f"{min(notch.depth, beam.height - notch.depth):g} m from an edge; make it smaller."
-                )
+        for i, notch in enumerate(beam.notches, 1):
+            room = min(notch.depth, beam.height - notch.depth)
+            if tip_size is not None and tip_size >= room:
+                raise ValueError(f"mesh: tip_size {tip_size:g} m does not fit around the tip of notch {i}, {room:g} m from an edge; make it smaller.")
         grading = number("mesh", "grading", grading)
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
@@ -80,16 +78,7 @@ class MeshInputs:
             if name in reserved:
                 raise ValueError(f"point {name!r}: this name is the mesh's own; choose another.")
             named[name] = beam.check_point(name, point)
-        return cls(order, size, tip_sizes, grading, layout, named, corner_size, corners if corner_size is not None else ())
-
-
-def checked_order(order: object) -> int:
-    """`order` as an int in range, or the error that names it."""
-    if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
-        raise TypeError(f"mesh: order is {order!r}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
-    if not 1 <= order <= HIGHEST_ORDER:
-        raise ValueError(f"mesh: order is {order}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
-    return int(order)
+        return cls(order, size, None if tip_size is None else float(tip_size), grading, layout, named, corner_size, corners if corner_size is not None else ())
 
 
 @dataclass(frozen=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
 
 
-@lru_cache(maxsize=None)
+@cache
 def gll_nodes(order: int) -> np.ndarray:
     """GLL nodes of a line element.
 

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import numpy as np
 
+_OPTIONS = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.Algorithm", "Mesh.RecombinationAlgorithm", "Mesh.ElementOrder")
+_MOST_STATEMENTS = 10_000
 _FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
 
 
@@ -30,7 +35,7 @@ def gmsh_session(name: str) -> Iterator[object]:
         # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would depend on the user's home.
         gmsh.initialize([], readConfigFiles=False, interruptible=False)
     previous = None if started else gmsh.model.getCurrent()
-    terminal = gmsh.option.getNumber("General.Terminal")
+    options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add(name)
     try:
@@ -40,9 +45,25 @@ def gmsh_session(name: str) -> Iterator[object]:
             gmsh.finalize()
         else:
             gmsh.model.remove()
-            gmsh.option.setNumber("General.Terminal", terminal)
+            for option, value in options.items():  # options belong to gmsh, not to a model
+                gmsh.option.setNumber(option, value)
             if previous:
                 gmsh.model.setCurrent(previous)
+
+
+def drain_parser(gmsh) -> None:
+    """Make gmsh forget the rest of a .geo file in which it found an error.
+
+    It keeps the text after the error, also beyond its own end, and would put it before the next file of this process; every further
+    attempt takes one statement off.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        blank = Path(folder) / "blank.geo"
+        blank.write_text("// nothing\n")
+        for _ in range(_MOST_STATEMENTS):
+            with contextlib.suppress(Exception):
+                gmsh.merge(str(blank))
+                return
 
 
 def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float) -> tuple[np.ndarray, list[list[int]]]:
@@ -90,6 +111,7 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
             if inside:
                 gmsh.model.mesh.embed(0, inside, 2, surface)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
+            gmsh.option.setNumber("Mesh.ElementOrder", 1)
             gmsh.option.setNumber("Mesh.Algorithm", 6)
             gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 1)
             gmsh.model.mesh.setRecombine(2, surface)

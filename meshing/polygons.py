@@ -174,7 +174,7 @@ def find_centre(points: np.ndarray, tangents: np.ndarray, prescribed: tuple[floa
 
     if prescribed is not None:
         if sight(np.subtract(prescribed, middle)) < _ADMISSIBLE:
-            raise ValueError(f"{where} m does not see its whole outline from its scaling centre ({prescribed[0]:.6g}, {prescribed[1]:.6g}); refine the mesh there.")
+            raise ValueError(f"{where} m does not see its whole outline from the crack tip ({prescribed[0]:.6g}, {prescribed[1]:.6g}); refine the mesh there.")
         return np.array(prescribed, float)
     centroid = (outline + following).T @ cross / (6 * area)
     best, best_sight = centroid, sight(centroid)

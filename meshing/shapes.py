@@ -9,27 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
+from meshing.input_checks import number, positive
 
-HIGHEST_ORDER = 20
 _STEEPEST = 85.0  # degrees between a face and the vertical
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
-
-
-def number(item: str, name: str, value: object) -> float:
-    """`value` as a finite float, or the error that names it."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{item}: {name} is {value!r}, a number was expected.")
-    if not math.isfinite(value):
-        raise ValueError(f"{item}: {name} is {value}, a finite number was expected.")
-    return float(value)
-
-
-def positive(item: str, name: str, value: object, unit: str = "m") -> float:
-    """`value` as a finite float above zero, or the error that names it."""
-    result = number(item, name, value)
-    if result <= 0:
-        raise ValueError(f"{item}: {name} is {result:g} {unit}, it must be greater than zero.")
-    return result
 
 
 @dataclass(frozen=True)
@@ -218,14 +201,14 @@ class Beam:
             raise TypeError(f"point {name!r} is {point!r}, a pair (x, y) was expected.") from None
         x, y = number(f"point {name!r}", "x", x), number(f"point {name!r}", "y", y)
         if not (0 <= x <= self.length and 0 <= y <= self.height):
-            raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, {self.height:g}] m; move it into the material.")
+            raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, {self.height:g}] m; move it inside.")
         least = _CLEARANCE * self.height
         for i, hole in enumerate(self.holes, 1):
             if math.hypot(x - hole.x, y - hole.y) < hole.radius + least:
                 raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is in or on hole {i}; move it into the material.")
         for i, notch in enumerate(self.notches, 1):
             if _point_distance(np.array([x, y]), self.triangle(notch)) < least:
-                raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (its mouth corners are the points B and C).")
+                raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (B and C are its mouth corners).")
         return x, y
 
     def mesh(
@@ -276,6 +259,7 @@ class Beam:
         ValueError, TypeError
             One sentence that names the input, its value and what was expected.
         """
+        # Here, because the modules that mesh a beam know its shapes.
         from meshing.beam_cells import beam_cells
         from meshing.beam_layout import MeshInputs
         from meshing.polygons import build_mesh

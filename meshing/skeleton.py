@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left, insort
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -29,8 +29,10 @@ class Star:
         Outline, counter-clockwise, m; a notch's runs from the left face to the right one.
     vertices : list of int
         The outline's vertices.
-    at_mouth : (bool, bool) or None
-        Whether the outline's first and last vertex are the mouth corners.
+    face_fraction : float
+        Part of a notch's faces that lies in the box; 1: the box reaches the mouth.
+    ring_ratio : float
+        Size ratio of neighbouring rings around a tip.
     left, right : list of int
         Vertices of a notch's faces from the inside outwards.
     circle : list of int
@@ -43,10 +45,11 @@ class Star:
     box: Box | None
     points: np.ndarray
     vertices: list[int]
-    at_mouth: tuple[bool, bool] | None
-    left: list[int] | None = None
-    right: list[int] | None = None
-    circle: list[int] | None = None
+    face_fraction: float = 1.0
+    ring_ratio: float = 1.0
+    left: list[int] = field(default_factory=list)
+    right: list[int] = field(default_factory=list)
+    circle: list[int] = field(default_factory=list)
     tip_cell: int = -1
 
 
@@ -90,11 +93,6 @@ class Skeleton:
             insort(register, (position, vertex))
         return vertex
 
-    def register(self, vertex: int) -> None:
-        """Enter an existing vertex on the line or edge it lies on."""
-        for register, position in self._registers(*self.cells.vertices[vertex]):
-            insort(register, (position, vertex))
-
     def vertex_or_new(self, x: float, y: float) -> int:
         """As `vertex`; a place on no line gets a vertex of its own."""
         return self.vertex(x, y) if self._registers(x, y) else self.cells.add_vertex(x, y)
@@ -109,7 +107,8 @@ class Skeleton:
         else:
             return []
         low, high = sorted((start, stop))
-        found = [v for position, v in register if low + self._tolerance < position < high - self._tolerance]
+        first_inside, first_beyond = bisect_left(register, (low + self._tolerance, -1)), bisect_left(register, (high - self._tolerance, -1))
+        found = [vertex for _, vertex in register[first_inside:first_beyond]]
         return found if start < stop else found[::-1]
 
     def add_polygon(self, corners: list[tuple[float, float]]) -> None:
@@ -168,7 +167,8 @@ class Skeleton:
             places.append(np.array([self.inputs.points[name]]))
             sizes.append(np.array([self.edge_limit]))
         places, sizes = np.vstack(places), np.concatenate(sizes)
-        gaps = [(star.feature.low, star.feature.high, star) for star in stars if star.feature.is_notch]
+        notches = [star.feature.shape for star in stars if star.feature.is_notch]
+        boxes = [star.box for star in stars if star.box is not None]
 
         def divide(first: tuple[float, float], last: tuple[float, float]) -> None:
             length, middle = math.dist(first, last), (0.5 * (first[0] + last[0]), 0.5 * (first[1] + last[1]))
@@ -179,27 +179,21 @@ class Skeleton:
                 divide(middle, last)
 
         corners = [(block.low, 0.0), (block.high, 0.0), (block.high, beam.height), (block.low, beam.height)]
-        mouths = sorted({star.feature.shape.x + offset for _, _, star in gaps for offset in (star.feature.shape.right_offset, star.feature.shape.left_offset)})
-        boxes = [star for star in stars if star.box is not None]
+        mouths = {(notch.x + offset, beam.height) for notch in notches for offset in (notch.left_offset, notch.right_offset)}
         for first, last in zip(corners, corners[1:] + corners[:1]):
-            line = self.chain([self.vertex(*first), self.vertex(*last)])
-            positions = [self.cells.vertices[v] for v in line]
-            if first[1] == last[1] == beam.height:
-                positions = sorted({*positions, *((x, beam.height) for x in mouths)}, reverse=True)
+            positions = [self.cells.vertices[v] for v in self.chain([self.vertex(*first), self.vertex(*last)])]
+            on_top = first[1] == last[1] == beam.height
+            if on_top:
+                positions = sorted({*positions, *mouths}, reverse=True)
             for a, b in zip(positions, positions[1:]):
-                middle = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))
-                if not any(_touches(star.box, a, b) for star in boxes) and not self._in_mouth(middle, gaps):
+                in_mouth = on_top and any(n.x + n.left_offset < 0.5 * (a[0] + b[0]) < n.x + n.right_offset for n in notches)
+                if not in_mouth and not any(_touches(box, a, b) for box in boxes):
                     divide(a, b)
 
     @property
     def edge_limit(self) -> float:
         """Longest edge in a filled block, m."""
         return min(0.5 * self.beam.height, self.inputs.size)
-
-    def _in_mouth(self, point: tuple[float, float], gaps: list) -> bool:
-        if point[1] != self.beam.height:
-            return False
-        return any(s.feature.shape.x + s.feature.shape.left_offset < point[0] < s.feature.shape.x + s.feature.shape.right_offset for _, _, s in gaps)
 
 
 def _touches(box: Box, first: tuple[float, float], last: tuple[float, float]) -> bool:

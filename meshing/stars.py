@@ -135,11 +135,15 @@ def ring_scales(innermost: float, grading: float) -> np.ndarray:
     return scales
 
 
-def add_levels(cells: CellComplex, centre: tuple[float, float], points: np.ndarray, scales: Sequence[float], outer: Sequence[int]) -> list[list[int]]:
+def add_levels(
+    make_vertex: Callable[[float, float], int], centre: tuple[float, float], points: np.ndarray, scales: Sequence[float], outer: Sequence[int]
+) -> list[list[int]]:
     """Vertices of scaled copies of an outline.
 
     Parameters
     ----------
+    make_vertex : callable
+        Makes the vertex at (x, y) and returns its number.
     points : (n, 2) array
         The outline, m.
     scales : sequence of float
@@ -153,11 +157,11 @@ def add_levels(cells: CellComplex, centre: tuple[float, float], points: np.ndarr
         Vertices of each level, from the innermost to `outer`.
     """
     direction = points - np.array(centre)
-    levels = [[cells.add_vertex(*(np.array(centre) + scale * step)) for step in direction] for scale in scales[:-1]]
+    levels = [[make_vertex(*map(float, np.array(centre) + scale * step)) for step in direction] for scale in scales[:-1]]
     return levels + [list(outer)]
 
 
-def add_rings(cells: CellComplex, levels: list[list[int]], loop: bool, between: Callable[[int, int], list[int]]) -> None:
+def add_rings(cells: CellComplex, levels: list[list[int]], loop: bool, chain: Callable[[list[int]], list[int]]) -> None:
     """Cells between the levels of a star.
 
     Parameters
@@ -166,13 +170,11 @@ def add_rings(cells: CellComplex, levels: list[list[int]], loop: bool, between: 
         Vertices of each level, from the inside.
     loop : bool
         The outline closes on itself.
-    between : callable
-        Vertices strictly between two vertices of the outermost level, in order (hanging vertices of neighbours).
+    chain : callable
+        Inserts the hanging vertices of neighbours between vertices on a common line.
     """
-    for ring, (inner, outer) in enumerate(zip(levels, levels[1:])):
-        outermost = ring == len(levels) - 2
+    for inner, outer in zip(levels, levels[1:]):
         count = len(inner)
         for i in range(count if loop else count - 1):
             j = (i + 1) % count
-            hanging = between(outer[i], outer[j]) if outermost else []
-            cells.add_cell([inner[i], outer[i], *hanging, outer[j], inner[j]])
+            cells.add_cell(chain([inner[i], outer[i], outer[j], inner[j], inner[i]])[:-1])

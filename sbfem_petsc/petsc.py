@@ -17,7 +17,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
 from .errors import SolveError, on_all_ranks
 from .parallel import install_abort
 
-__all__ = ["MPI", "PETSc", "SLEPc", "direct_solver", "configure_direct", "make_ksp", "check_ksp", "version_line"]
+__all__ = ["MPI", "PETSc", "SLEPc", "direct_solver", "make_ksp", "check_ksp", "solver_name", "version_line"]
 
 if PETSc.Sys.getVersion() < (3, 18, 0):  # pragma: no cover - depends on the machine
     raise ImportError(f"petsc4py {petsc4py.__version__} is too old: 3.18 or newer is needed")
@@ -31,7 +31,7 @@ def version_line() -> str:
     return f"PETSc {petsc}, SLEPc {slepc}, {MPI.Get_library_version().splitlines()[0].split(',')[0].strip()}"
 
 
-def direct_solver(comm: MPI.Comm, symmetric: bool = True) -> tuple[str, str]:
+def direct_solver(comm: MPI.Comm, positive_definite: bool = True) -> tuple[str, str]:
     """Factorisation and package for a direct solve: MUMPS, else SuperLU_DIST, else PETSc's own on one rank.
 
     Returns
@@ -40,38 +40,38 @@ def direct_solver(comm: MPI.Comm, symmetric: bool = True) -> tuple[str, str]:
         ("cholesky", "mumps"), ("lu", "superlu_dist") or ("cholesky" | "lu", "petsc").
     """
     if PETSc.Sys.hasExternalPackage("mumps"):
-        return ("cholesky" if symmetric else "lu"), "mumps"
+        return "cholesky", "mumps"
     if PETSc.Sys.hasExternalPackage("superlu_dist"):
         return "lu", "superlu_dist"
     if comm.size > 1:
         raise SolveError("this PETSc has neither MUMPS nor SuperLU_DIST, so a direct solve runs on one rank only: use one rank, or an iterative solver (for statics: -static_ksp_type cg -static_pc_type gamg)")
-    # PETSc's Cholesky does not pivot, its LU reorders rows: the latter for indefinite matrices.
-    return ("cholesky" if symmetric else "lu"), "petsc"
+    return ("cholesky" if positive_definite else "lu"), "petsc"
 
 
-def configure_direct(ksp: PETSc.KSP, positive_definite: bool = True) -> str:
-    """Make a direct solve the default of `ksp` (before its setFromOptions); returns the package's name."""
-    factorisation, package = direct_solver(ksp.comm.tompi4py(), positive_definite or PETSc.Sys.hasExternalPackage("mumps"))
-    ksp.setType(PETSc.KSP.Type.PREONLY)
-    pc = ksp.getPC()
-    pc.setType(factorisation)
-    pc.setFactorSolverType(package)
-    return package
-
-
-def make_ksp(matrix: PETSc.Mat, prefix: str) -> PETSc.KSP:
-    """Linear solver for a symmetric positive definite matrix: direct by default, all of it an option under `prefix`.
+def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> PETSc.KSP:
+    """Linear solver for a symmetric matrix: direct by default, all of it an option under `prefix`.
 
     An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told otherwise.
     """
+    factorisation, package = direct_solver(matrix.comm.tompi4py(), positive_definite)
     ksp = PETSc.KSP().create(matrix.comm)
     ksp.setOptionsPrefix(prefix)
     ksp.setOperators(matrix)
     ksp.setTolerances(rtol=1e-12, max_it=10000)
-    configure_direct(ksp)
+    ksp.setType(PETSc.KSP.Type.PREONLY)
+    pc = ksp.getPC()
+    pc.setType(factorisation)
+    pc.setFactorSolverType(package)
     ksp.setFromOptions()
     ksp.setUp()
     return ksp
+
+
+def solver_name(ksp: PETSc.KSP) -> str:
+    """What a linear solver does, for the output: "preonly + cholesky by mumps"."""
+    pc = ksp.getPC()
+    package = f" by {pc.getFactorSolverType()}" if pc.getType() in ("cholesky", "lu") else ""
+    return f"{ksp.getType()} + {pc.getType()}{package}"
 
 
 def check_ksp(ksp: PETSc.KSP, what: str) -> None:

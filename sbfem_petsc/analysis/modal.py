@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import numbers
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, SLEPc, configure_direct
+from ..petsc import PETSc, SLEPc, check_ksp, make_ksp, solver_name
 from ..system.model import Model
+from ..system.pencil import Pencil, top_of_band
 
 # Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
 # 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
@@ -35,6 +36,8 @@ class Modal:
     solver : str
         Eigensolver and direct solver used.
     iterations : int
+    unknowns : int
+        Displacement unknowns and those auxiliary ones that the band needed.
     model : Model
     """
 
@@ -44,6 +47,7 @@ class Modal:
     point_shapes: dict[str, np.ndarray]
     solver: str
     iterations: int
+    unknowns: int
     model: Model
 
     def displacement(self, point: str) -> np.ndarray:
@@ -87,7 +91,22 @@ def modal(model: Model, count: int | None = None, band: tuple[float, float] | No
     """
     with collective(model.comm):
         _check_request(model, count, band)
-    return _solve(model, count, 0.0) if band is None else _solve_band(model, *band)
+    if band is not None:
+        return _solve_band(model, *band)
+    highest = top_of_band(model, count)
+    while True:
+        pencil = Pencil(model, highest)
+        if pencil.unknowns < 2 * count:
+            pencil, highest = Pencil(model), math.inf
+        try:
+            found = _solve(pencil, count, 0.0)
+        finally:
+            pencil.destroy()
+        reached = 2.0 * math.pi * float(found.frequencies[-1])
+        if reached <= highest:
+            return found
+        # The band was estimated too low: what was left out is bounded only up to its top.
+        highest = 1.1 * reached
 
 
 def _check_request(model: Model, count, band) -> None:
@@ -106,55 +125,109 @@ def _solve_band(model: Model, low: float, high: float) -> Modal:
     """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends."""
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
+    pencil = Pencil(model, float(np.sqrt(ends[1])))
     count = 8
-    while True:
-        found = _solve(model, min(count, model.unknowns // 2), middle)
-        values = (2.0 * math.pi * found.frequencies) ** 2
-        reached = np.abs(values - middle).max() > ends[1] - middle
-        if reached or count >= model.unknowns // 2:
-            keep = (found.frequencies >= low) & (found.frequencies <= high)
-            points = {name: shape[keep] for name, shape in found.point_shapes.items()}
-            return Modal(found.frequencies[keep], found.residuals[keep], found.shapes[:, keep], points, found.solver, found.iterations, model)
-        count *= 2
+    try:
+        while True:
+            most = pencil.unknowns // 2
+            found = _solve(pencil, min(count, most), middle)
+            values = (2.0 * math.pi * found.frequencies) ** 2
+            if np.abs(values - middle).max() > ends[1] - middle or count >= most:
+                break
+            count *= 2
+    finally:
+        pencil.destroy()
+    keep = (found.frequencies >= low) & (found.frequencies <= high)
+    points = {name: shape[keep] for name, shape in found.point_shapes.items()}
+    return replace(found, frequencies=found.frequencies[keep], residuals=found.residuals[keep], shapes=found.shapes[:, keep], point_shapes=points)
 
 
-def _solve(model: Model, count: int, target: float) -> Modal:
+class CondensedSolve:
+    """Python preconditioner of PETSc that applies (K - shift M)^-1 exactly.
+
+    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one linear solve
+    over the displacement unknowns, configured under ``modal_st_``.
+    """
+
+    def __init__(self, pencil: Pencil, shift: float):
+        self.pencil, self.shift = pencil, shift
+        self.matrix = pencil.condensed(shift)
+        self.ksp = make_ksp(self.matrix, "modal_st_", positive_definite=shift <= 0.0)
+        self.diagonal = pencil.auxiliary_diagonal(shift)
+        self.right, self.left = self.matrix.createVecs()
+        if shift != 0.0:
+            self.auxiliary = pencil.coupling.createVecRight()
+
+    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
+        """left = (K - shift M)^-1 right."""
+        owned = self.pencil.owned
+        source = right.array_r
+        self.right.array = source[:owned]
+        scaled = source[owned:] / self.diagonal
+        if self.shift != 0.0:
+            self.auxiliary.array = self.shift * scaled
+            self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
+        self.ksp.solve(self.right, self.left)
+        check_ksp(self.ksp, "modal")
+        if self.shift != 0.0:
+            self.pencil.coupling.multTranspose(self.left, self.auxiliary)
+            scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
+        target = left.array
+        target[:owned] = self.left.array_r
+        target[owned:] = scaled
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        for item in (self.ksp, self.right, self.left):
+            item.destroy()
+        if self.shift != 0.0:
+            self.auxiliary.destroy()
+            self.matrix.destroy()
+
+
+def _solve(pencil: Pencil, count: int, target: float) -> Modal:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below zero."""
-    stiffness, mass = model.pencil
+    model = pencil.model
+    shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
     eps = SLEPc.EPS().create(model.comm)
+    solve = CondensedSolve(pencil, shift)
     try:
         eps.setOptionsPrefix("modal_")
-        eps.setOperators(stiffness, mass)
+        eps.setOperators(pencil.stiffness, pencil.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
         eps.setDimensions(count)
         eps.setTolerances(1e-10, 200)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        free = target == 0.0 and not model.supported
-        shift = -_lowest_scale(model) if free else target
         eps.setTarget(shift)
+        eps.setPurify(False)  # the mass is positive definite: no infinite eigenvalues to purify from
         st = eps.getST()
         st.setType(SLEPc.ST.Type.SINVERT)
-        package = configure_direct(st.getKSP(), positive_definite=shift <= 0.0)
+        st.setMatMode(SLEPc.ST.MatMode.SHELL)
+        outer = st.getKSP()
+        outer.setOptionsPrefix("modal_condensed_")
+        outer.setType(PETSc.KSP.Type.PREONLY)
+        outer.getPC().setType(PETSc.PC.Type.PYTHON)
+        outer.getPC().setPythonContext(solve)
         eps.setFromOptions()
         eps.solve()
         converged = eps.getConverged()
         if converged < count:
             raise on_all_ranks(SolveError(f"modal: SLEPc found {converged} of {count} eigenpairs (reason {eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
                                           "raise -modal_eps_max_it or -modal_eps_ncv, or choose another -modal_st_pc_factor_mat_solver_type"))
-        return _collect(model, eps, count, package)
+        return _collect(pencil, eps, count, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}")
     finally:
         eps.destroy()
+        solve.release()
 
 
-def _collect(model: Model, eps: SLEPc.EPS, count: int, package: str) -> Modal:
+def _collect(pencil: Pencil, eps: SLEPc.EPS, count: int, solver: str) -> Modal:
     """Eigenpairs in ascending order with their residuals."""
-    stiffness, mass = model.pencil
+    model, stiffness, mass = pencil.model, pencil.stiffness, pencil.mass
     values = np.array([eps.getEigenvalue(i).real for i in range(count)])
     order = np.argsort(values)
     values = values[order]
-    owned = int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank])
-    shapes, residuals = np.empty((owned, count)), np.empty(count)
+    shapes, residuals = np.empty((pencil.owned, count)), np.empty(count)
     at_points = {name: np.empty((count, 2)) for name in model.points}
     floor = values[min(3, count - 1)] if not model.supported else 0.0
     x, kx, mx = (stiffness.createVecRight() for _ in range(3))
@@ -167,7 +240,7 @@ def _collect(model: Model, eps: SLEPc.EPS, count: int, package: str) -> Modal:
         scale = max(abs(values[k]), floor) * mx.norm()
         kx.axpy(-values[k], mx)
         residuals[k] = kx.norm() / scale if scale > 0 else kx.norm()
-        shapes[:, k] = x.array_r[:owned] / norm
+        shapes[:, k] = x.array_r[:pencil.owned] / norm
         boundary.array = shapes[:, k]
         for name, shape in model.at_points(boundary).items():
             at_points[name][k] = shape
@@ -177,7 +250,7 @@ def _collect(model: Model, eps: SLEPc.EPS, count: int, package: str) -> Modal:
     if not (residuals <= RESIDUAL_LIMIT).all():
         worst = int(np.argmax(residuals))
         raise on_all_ranks(SolveError(f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than {RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another -modal_st_pc_factor_mat_solver_type"))
-    return Modal(np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi), residuals, shapes, at_points, f"SLEPc {eps.getType()}, shift-invert by {package}", iterations, model)
+    return Modal(np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi), residuals, shapes, at_points, solver, iterations, pencil.unknowns, model)
 
 
 def _lowest_scale(model: Model) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.delassus import ContactRows, delassus
-from ..petsc import check_ksp, make_ksp
+from ..petsc import check_ksp, make_ksp, solver_name
 from ..system.model import Model
 
 
@@ -101,8 +101,7 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     model.stiffness.mult(solution, residual)
     residual.axpy(-1.0, right)
     scale = forces.norm()
-    name = f"{ksp.getType()} + {ksp.getPC().getType()}" + (f" by {ksp.getPC().getFactorSolverType()}" if ksp.getPC().getType() in ("cholesky", "lu") else "")
-    answer = Static(model.at_points(solution), contact_force, gap, active, model.nodal(solution), iterations, name,
+    answer = Static(model.at_points(solution), contact_force, gap, active, model.nodal(solution), iterations, solver_name(ksp),
                     residual.norm() / scale if scale > 0 else 0.0, model)
     for item in (forces, solution, right, residual, ksp):
         item.destroy()

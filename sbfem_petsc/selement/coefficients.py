@@ -38,6 +38,42 @@ def quadrature_points(coordinates: np.ndarray, order: int, connectivity: np.ndar
     return order + 1 if deviation < 1e-12 * np.abs(coordinates).max() else 2 * order + 4
 
 
+def strain_operators(edges: np.ndarray, values: np.ndarray, derivatives: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """B1 and B2 of (10), (11) and |J| of (9) at points of several edges.
+
+    Parameters
+    ----------
+    edges : (e, p + 1, 2) array
+        Nodes of the edges relative to the scaling centre.
+    values, derivatives : (q, p + 1) arrays
+        Shape functions at the points.
+
+    Returns
+    -------
+    first, second : (e, q, 3, p + 1, 2) arrays
+        Strain (xx, yy, 2 xy) is ``first u,xi + second u / xi``.
+    jacobian : (e, q) array
+
+    Raises
+    ------
+    SElementError
+        If the scaling centre does not see the whole boundary (|J| <= 0 at a point).
+    """
+    x, y = np.moveaxis(values @ edges, 2, 0)
+    dx, dy = np.moveaxis(derivatives @ edges, 2, 0)
+    jacobian = x * dy - y * dx
+    if not (jacobian > 0.0).all():
+        worst = int(np.argmin(jacobian.min(axis=1)))
+        raise SElementError(f"the scaling centre does not see edge {worst} (|J| = {jacobian.min():.3g} in units of the squared size)")
+    first = np.zeros((*jacobian.shape, 3, values.shape[1], 2))
+    second = np.zeros_like(first)
+    first[:, :, 0, :, 0] = first[:, :, 2, :, 1] = (dy / jacobian)[:, :, None] * values
+    first[:, :, 1, :, 1] = first[:, :, 2, :, 0] = -(dx / jacobian)[:, :, None] * values
+    second[:, :, 0, :, 0] = second[:, :, 2, :, 1] = -(y / jacobian)[:, :, None] * derivatives
+    second[:, :, 1, :, 1] = second[:, :, 2, :, 0] = (x / jacobian)[:, :, None] * derivatives
+    return first, second, jacobian
+
+
 def coefficient_matrices(coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray) -> Coefficients:
     """E0, E1, E2 and M0 by Gauss quadrature.
 
@@ -55,26 +91,15 @@ def coefficient_matrices(coordinates: np.ndarray, order: int, closed: bool, elas
     Raises
     ------
     SElementError
-        If the scaling centre does not see the whole boundary (|J| <= 0 at a quadrature point).
+        If the scaling centre does not see the whole boundary.
     """
     connectivity = edge_nodes(len(coordinates), order, closed)
     values, derivatives, weights = tabulated(order, quadrature_points(coordinates, order, connectivity))
-    edge = coordinates[connectivity]
-    x, y = np.moveaxis(values @ edge, 2, 0)
-    dx, dy = np.moveaxis(derivatives @ edge, 2, 0)
-    jacobian = x * dy - y * dx                                                       # (9), shape (edges, points)
-    if not (jacobian > 0.0).all():
-        worst = int(np.argmin(jacobian.min(axis=1)))
-        raise SElementError(f"the scaling centre does not see edge {worst} (|J| = {jacobian.min():.3g} in units of the squared size)")
+    first, second, jacobian = strain_operators(coordinates[connectivity], values, derivatives)
     edges, points, width = *jacobian.shape, order + 1
-    # Rows of B1, B2 (10), (11), multiplied by sqrt(weight / |J|) so that one product gives each matrix.
-    root = np.sqrt(weights / jacobian)[:, :, None]
-    first = np.zeros((edges, points, 3, width, 2))
-    second = np.zeros((edges, points, 3, width, 2))
-    first[:, :, 0, :, 0] = first[:, :, 2, :, 1] = (root * dy[:, :, None]) * values
-    first[:, :, 1, :, 1] = first[:, :, 2, :, 0] = -(root * dx[:, :, None]) * values
-    second[:, :, 0, :, 0] = second[:, :, 2, :, 1] = -(root * y[:, :, None]) * derivatives
-    second[:, :, 1, :, 1] = second[:, :, 2, :, 0] = (root * x[:, :, None]) * derivatives
+    # one factor sqrt(weight |J|) in each operator, so that one product gives each matrix
+    root = np.sqrt(weights * jacobian)[:, :, None, None, None]
+    first, second = root * first, root * second
     stack = (edges, points * 3, 2 * width)
     stress_first = (elasticity @ first.reshape(edges, points, 3, 2 * width)).reshape(stack)
     stress_second = (elasticity @ second.reshape(edges, points, 3, 2 * width)).reshape(stack)

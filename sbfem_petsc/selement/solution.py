@@ -13,6 +13,7 @@ from scipy import linalg
 from scipy.linalg.lapack import dtrsyl
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
+from .symmetry import invariant_subspaces
 
 # Round-off of the ordered Schur form and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an element
 # 1e-13 to 1e-11 is met, while a wrong split of the spectrum shows as 1e-6 or more.
@@ -51,7 +52,7 @@ class SElement:
     rigid_body_residual: float
 
 
-def solve_selement(coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray, terms: int) -> SElement:
+def solve_selement(coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray, terms: int, isotropic: bool = False) -> SElement:
     """Solve one non-dimensional S-element.
 
     Parameters
@@ -64,6 +65,8 @@ def solve_selement(coordinates: np.ndarray, order: int, closed: bool, elasticity
         D / E.
     terms : int
         Order of the continued fraction (Mcf of the paper), 0 for stiffness and mass alone.
+    isotropic : bool
+        Whether mirror symmetries of the outline are symmetries of the S-element; its equations then separate.
 
     Raises
     ------
@@ -71,55 +74,65 @@ def solve_selement(coordinates: np.ndarray, order: int, closed: bool, elasticity
         If the boundary is not visible from the scaling centre or a check fails.
     """
     coefficients = coefficient_matrices(coordinates, order, closed, elasticity)
-    factor = linalg.cho_factor(coefficients.e0)
-    stiffness, asymmetry = _static_stiffness(coefficients, factor)
-    radial = linalg.cho_solve(factor, stiffness - coefficients.e1.T)
-    residual = (stiffness - coefficients.e1) @ radial - coefficients.e2
-    riccati = _norm(residual) / max(_norm(coefficients.e2), _norm(stiffness))
-    rigid = _norm(stiffness @ _rigid_motions(coordinates)) / _norm(stiffness)
+    motions = _rigid_motions(coordinates)
+    parts = [_solve_subspace(coefficients, motions[:, :2], basis, terms) for basis in invariant_subspaces(coordinates, order, closed, isotropic)]
+    stiffness, mass, radial = (sum(basis @ part[k] @ basis.T for basis, part in parts) for k in range(3))
+    coupling = np.concatenate([basis @ part[3] for basis, part in parts], axis=1)
+    inertia = np.concatenate([part[4] for _, part in parts])
+    riccati = _norm((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(_norm(coefficients.e2), _norm(stiffness))
+    asymmetry = max(part[5] for _, part in parts)
+    rigid = _norm(stiffness @ motions) / _norm(stiffness)
     for name, value in (("residual of the Riccati equation", riccati), ("asymmetry of the stiffness", asymmetry), ("rigid-body residual", rigid)):
         if not value < TOLERANCE:
             raise SElementError(f"{name} {value:.2g} exceeds {TOLERANCE:.0g}: the radial modes could not be separated; use a lower order or split the cell")
-    if linalg.eigvalsh(stiffness, subset_by_index=(0, 0))[0] < -TOLERANCE * _norm(stiffness):
+    ascending = np.argsort(inertia, kind="stable")
+    return SElement(_symmetric(stiffness), _symmetric(mass), coupling[:, ascending], inertia[ascending], radial, riccati, asymmetry, rigid)
+
+
+def _solve_subspace(coefficients: Coefficients, translations: np.ndarray, basis: np.ndarray, terms: int):
+    """The basis, and K, M, A, C, J and the asymmetry of K in a subspace that E0, E1, E2 and M0 leave invariant."""
+    local = Coefficients(*(basis.T @ matrix @ basis for matrix in (coefficients.e0, coefficients.e1, coefficients.e2, coefficients.m0)))
+    factor = linalg.cho_factor(local.e0, check_finite=False)
+    stiffness, asymmetry = _static_stiffness(local, factor, basis.T @ translations)
+    if linalg.eigvalsh(stiffness, subset_by_index=(0, 0), check_finite=False)[0] < -TOLERANCE * _norm(stiffness):
         raise SElementError("the stiffness has a negative eigenvalue; use a lower order or split the cell")
-    mass, coupling, inertia = _continued_fraction(coefficients, factor, radial, terms)
-    return SElement(stiffness, mass, coupling, inertia, radial, riccati, asymmetry, rigid)
+    radial = linalg.cho_solve(factor, stiffness - local.e1.T, check_finite=False)
+    mass, coupling, inertia = _continued_fraction(local, factor, radial, terms)
+    return basis, (stiffness, mass, radial, coupling, inertia, asymmetry)
 
 
-def _static_stiffness(coefficients: Coefficients, factor) -> tuple[np.ndarray, float]:
+def _static_stiffness(coefficients: Coefficients, factor, translations: np.ndarray) -> tuple[np.ndarray, float]:
     """K from the invariant subspace of the growing radial modes, and its relative asymmetry.
 
-    The translations are deflated exactly: E1^T R = 0, E2 R = 0 and K R = 0, hence on their complement P the
+    The translations R are deflated exactly: E1^T R = 0, E2 R = 0 and K R = 0, hence on their complement P the
     Hamiltonian [[-P'F E1'P, P'F P], [P'(E2 - E1 F E1')P, P'E1 F P]], F = E0^-1, has no zero eigenvalue.
     """
-    n = len(coefficients.e0)
-    complement = _translation_complement(n)
-    project = complement.T
-    inverse = linalg.cho_solve(factor, complement)                                   # F P
-    inverse_e1 = linalg.cho_solve(factor, coefficients.e1.T @ complement)            # F E1' P
+    complement = orthogonal_complement(translations)
+    project, m = complement.T, complement.shape[1]
+    inverse = linalg.cho_solve(factor, complement, check_finite=False)                                   # F P
+    inverse_e1 = linalg.cho_solve(factor, coefficients.e1.T @ complement, check_finite=False)            # F E1' P
     hamiltonian = np.block([
         [-project @ inverse_e1, project @ inverse],
         [project @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1), inverse_e1.T @ complement],
     ])
-    _, vectors, growing = linalg.schur(hamiltonian, output="real", sort="rhp")
-    if growing != n - 2:
-        raise SElementError(f"{growing} growing radial modes instead of {n - 2}; use a lower order or split the cell")
-    upper, lower = vectors[: n - 2, : n - 2], vectors[n - 2 :, : n - 2]
-    reduced = linalg.solve(upper.T, lower.T).T
+    _, vectors, growing = linalg.schur(hamiltonian, output="real", sort="rhp", check_finite=False)
+    if growing != m:
+        raise SElementError(f"{growing} growing radial modes instead of {m}; use a lower order or split the cell")
+    reduced = linalg.solve(vectors[:m, :m].T, vectors[m:, :m].T, check_finite=False).T
     asymmetry = _norm(reduced - reduced.T) / _norm(reduced)
-    return complement @ (0.5 * (reduced + reduced.T)) @ project, asymmetry
+    return complement @ _symmetric(reduced) @ project, asymmetry
 
 
 def _continued_fraction(coefficients: Coefficients, factor, radial: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mass, coupling and inertia of the auxiliary unknowns, (12)-(19) with S0 = I by the scaling X X^T = Z."""
     n = len(radial)
     u = radial.T
-    schur = linalg.schur(u, output="real")
+    schur = linalg.schur(u, output="real", check_finite=False)
     mass = _lyapunov(schur, 1.0, coefficients.m0)
     _cholesky(mass, "mass")
     if terms == 0:
         return mass, np.zeros((n, 0)), np.zeros(0)
-    inverse = linalg.cho_solve(factor, np.eye(n))
+    inverse = linalg.cho_solve(factor, np.eye(n), check_finite=False)
     v = mass @ inverse
     a = _symmetric(v @ mass)
     c = inverse
@@ -129,11 +142,11 @@ def _continued_fraction(coefficients: Coefficients, factor, radial: np.ndarray, 
         x = _cholesky(_lyapunov(schur, 2.0, a), f"term {i} of the continued fraction")
         b0 = _similar(x, u + 2.0 * identity)
         b1 = _similar(x, v)
-        half = linalg.solve_triangular(x, a, lower=True)
-        next_c = _symmetric(linalg.solve_triangular(x, half.T, lower=True))          # X^-1 a X^-T
+        half = linalg.solve_triangular(x, a, lower=True, check_finite=False)
+        next_c = _symmetric(linalg.solve_triangular(x, half.T, lower=True, check_finite=False))          # X^-1 a X^-T
         next_a = x.T @ c @ x
         u = b0.T
-        schur = linalg.schur(u, output="real")
+        schur = linalg.schur(u, output="real", check_finite=False)
         s1 = _lyapunov(schur, 1.0, b1 + b1.T)
         scalings.append(x)
         inertias.append(s1)
@@ -145,7 +158,7 @@ def _continued_fraction(coefficients: Coefficients, factor, radial: np.ndarray, 
     for i, x in enumerate(scalings[1:], start=1):
         upper, lower = slice((i - 1) * n, i * n), slice(i * n, (i + 1) * n)
         pencil[upper, lower], pencil[lower, upper] = -x, -x.T
-    inertia, modes = linalg.eigh(pencil)
+    inertia, modes = linalg.eigh(pencil, check_finite=False)
     if not inertia[0] > 0.0:
         raise SElementError(f"the auxiliary mass of the continued fraction is not positive definite (smallest eigenvalue {inertia[0]:.2g}); use fewer terms or smaller cells")
     return mass, -scalings[0] @ modes[:n], inertia
@@ -153,7 +166,7 @@ def _continued_fraction(coefficients: Coefficients, factor, radial: np.ndarray, 
 
 def _similar(x: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     """X^T matrix^T X^-T for lower triangular X."""
-    return linalg.solve_triangular(x, matrix @ x, lower=True).T
+    return linalg.solve_triangular(x, matrix @ x, lower=True, check_finite=False).T
 
 
 def _lyapunov(schur: tuple[np.ndarray, np.ndarray], shift: float, right: np.ndarray) -> np.ndarray:
@@ -169,7 +182,7 @@ def _lyapunov(schur: tuple[np.ndarray, np.ndarray], shift: float, right: np.ndar
 def _cholesky(matrix: np.ndarray, what: str) -> np.ndarray:
     """Lower Cholesky factor, or an error that names what is not positive definite (round-off: a wrong model)."""
     try:
-        return linalg.cholesky(matrix, lower=True)
+        return linalg.cholesky(matrix, lower=True, check_finite=False)
     except linalg.LinAlgError:
         raise SElementError(f"the {what} is not positive definite; use a lower order, fewer terms or split the cell") from None
 
@@ -182,13 +195,11 @@ def _rigid_motions(coordinates: np.ndarray) -> np.ndarray:
     return motions.reshape(-1, 3)
 
 
-def _translation_complement(n: int) -> np.ndarray:
-    """(n, n - 2) orthonormal basis orthogonal to the two translations: columns of a Householder reflector per direction."""
-    nodes = n // 2
-    vector = np.full(nodes, 1.0 / np.sqrt(nodes))
-    vector[0] += 1.0
-    reflector = np.eye(nodes) - np.outer(vector, vector) / vector[0]
-    return np.kron(reflector[:, 1:], np.eye(2))
+def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (n, n - rank) of the complement of the columns of `vectors` (n, 2)."""
+    basis, triangle, _ = linalg.qr(vectors, pivoting=True, check_finite=False)
+    diagonal = np.abs(np.diag(triangle))
+    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()):]
 
 
 def _symmetric(matrix: np.ndarray) -> np.ndarray:

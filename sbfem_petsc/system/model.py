@@ -50,6 +50,8 @@ class Model:
         The same with the auxiliary unknowns of the continued fraction.
     elements, shapes : int
         Number of S-elements and of different shapes among them.
+    area, perimeter : float
+        m^2, m.
 
     Raises
     ------
@@ -76,9 +78,8 @@ class Model:
             if self.boundary_unknowns == 0:
                 raise ValueError(f"clamped = {clamped!r} with supports = {supports!r} leaves no free displacement")
         self.groups, self.shapes = solve_groups(self.comm, self.part, self.order, self.materials, self.continued_fraction)
-        local_auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
-        self._auxiliary = np.concatenate([[0], np.cumsum(self.comm.allgather(local_auxiliary))])
-        self.unknowns = self.boundary_unknowns + int(self._auxiliary[-1])
+        auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
+        self.unknowns = self.boundary_unknowns + self.comm.allreduce(auxiliary)
 
     # ------------------------------------------------------------------ distribution
     def _distribute(self, mesh):
@@ -96,12 +97,12 @@ class Model:
                     "edge_sets": tuple(mesh.edge_sets), "pairs": mesh.pairs,
                     "points": {name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n])) for name, n in mesh.points.items()},
                     "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
-                    "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
+                    "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)), "measures": _measures(mesh),
                 }
                 wanted = [comm.rank] if everywhere else range(comm.size)
                 parts = [(facts, numbering.ranges, partition.extract(mesh, numbering, r)) for r in wanted]
         facts, ranges, part = parts[0] if everywhere else comm.scatter(parts)
-        self._pair_unknowns, self.extent = facts["pair_unknowns"], facts["extent"]
+        self._pair_unknowns, self.extent, (self.area, self.perimeter) = facts["pair_unknowns"], facts["extent"], facts["measures"]
         return facts, ranges, part
 
     def _fixed(self, mesh) -> np.ndarray:
@@ -118,10 +119,10 @@ class Model:
         return fixed
 
     # ------------------------------------------------------------------ matrices
-    def _unknowns_of(self, group: Group) -> np.ndarray:
+    def unknowns_of(self, group: Group) -> np.ndarray:
         return self.part.unknowns[group.nodes].reshape(len(group.sizes), -1)
 
-    def _scales(self, group: Group) -> tuple[float, np.ndarray]:
+    def scales(self, group: Group) -> tuple[float, np.ndarray]:
         """Stiffness scale E t (N/m) and inertia scale rho h^2 t (kg), (k,)."""
         material = self.materials[group.material]
         return material.modulus * self.thickness, material.density * group.sizes**2 * self.thickness
@@ -129,46 +130,16 @@ class Model:
     @functools.cached_property
     def stiffness(self) -> PETSc.Mat:
         """K over the displacement unknowns, N/m."""
-        return assemble(self.comm, self.ranges, self._stiffness_triples())
+        return assemble(self.comm, self.ranges, self.stiffness_triples())
 
-    def _stiffness_triples(self) -> list:
+    def stiffness_triples(self) -> list:
         triples = []
         for group in self.groups:
-            unknowns = self._unknowns_of(group)
-            triples.append(block_triples(unknowns, unknowns, self._scales(group)[0] * group.turned_both(group.solution.stiffness)))
-        return triples + self._spring_triples()
+            unknowns = self.unknowns_of(group)
+            triples.append(block_triples(unknowns, unknowns, self.scales(group)[0] * group.turned_both(group.solution.stiffness)))
+        return triples + self.spring_triples()
 
-    @functools.cached_property
-    def pencil(self) -> tuple[PETSc.Mat, PETSc.Mat]:
-        """(16), (17) over displacement and auxiliary unknowns, numbered by `full_numbers`: stiffness and mass."""
-        ranges = self.ranges + self._auxiliary
-        first = int(self.ranges[self.comm.rank + 1] + self._auxiliary[self.comm.rank])
-        stiffness = [self._full(t) for t in self._stiffness_triples()]
-        mass = []
-        for group in self.groups:
-            solution, count = group.solution, len(group.sizes)
-            modulus, inertia = self._scales(group)
-            unknowns = self.full_numbers(self._unknowns_of(group))
-            auxiliary = first + np.arange(count * solution.inertia.size).reshape(count, -1)
-            first += auxiliary.size
-            mass.append(block_triples(unknowns, unknowns, inertia[:, None, None] * group.turned_both(solution.mass)))
-            coupling = inertia[:, None, None] * group.turned(solution.coupling)
-            mass.append(block_triples(unknowns, auxiliary, coupling))
-            mass.append(block_triples(auxiliary, unknowns, coupling.transpose(0, 2, 1)))
-            mass.append((auxiliary.ravel(), auxiliary.ravel(), np.outer(inertia, solution.inertia).ravel()))
-            stiffness.append((auxiliary.ravel(), auxiliary.ravel(), np.full(auxiliary.size, modulus)))
-        return assemble(self.comm, ranges, stiffness), assemble(self.comm, ranges, mass)
-
-    def full_numbers(self, unknowns: np.ndarray) -> np.ndarray:
-        """Numbers in the pencil of displacement unknowns; -1 stays -1."""
-        owner = np.clip(np.searchsorted(self.ranges, unknowns, side="right") - 1, 0, self.comm.size - 1)
-        return np.where(unknowns >= 0, unknowns + self._auxiliary[owner], -1)
-
-    def _full(self, triples):
-        rows, columns, values = triples
-        return self.full_numbers(rows), self.full_numbers(columns), values
-
-    def _spring_triples(self) -> list:
+    def spring_triples(self) -> list:
         triples = []
         values, _, weights = tabulated(self.order, self.order + 2)
         for support in self.supports:
@@ -317,6 +288,17 @@ class Model:
         return (f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, {self.boundary_unknowns} boundary unknowns, "
                 f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} contact pairs, damping ratio {self.damping:g}, "
                 f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})")
+
+
+def _measures(mesh) -> tuple[float, float]:
+    """Area (m^2) and length of the outline (m), edges taken as polylines through their nodes."""
+    chain = mesh.nodes[mesh.edges]
+    lengths = np.linalg.norm(np.diff(chain, axis=1), axis=2).sum(axis=1)
+    outline = np.bincount(mesh.element_edges, minlength=len(mesh.edges)) == 1
+    centre = np.repeat(mesh.scaling_centres, np.diff(mesh.element_start), axis=0)[:, None]
+    arm = chain[mesh.element_edges] - centre
+    swept = (arm[:, :-1, 0] * arm[:, 1:, 1] - arm[:, :-1, 1] * arm[:, 1:, 0]).sum(axis=1)
+    return float(0.5 * np.where(mesh.element_reversed, -swept, swept).sum()), float(lengths[outline].sum())
 
 
 def _materials(material, names: tuple[str, ...]) -> list:

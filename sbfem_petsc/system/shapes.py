@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,6 +47,10 @@ class Group:
     nodes: np.ndarray
     sizes: np.ndarray
     rotations: np.ndarray
+
+    def select(self, rows: np.ndarray) -> "Group":
+        """The group reduced to some of its S-elements."""
+        return replace(self, elements=self.elements[rows], nodes=self.nodes[rows], sizes=self.sizes[rows], rotations=self.rotations[rows])
 
     def turned(self, matrix: np.ndarray) -> np.ndarray:
         """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame: R^T matrix."""
@@ -131,8 +135,9 @@ def _solve_once(comm: MPI.Comm, requests: list[tuple[bytes, _Request]], order: i
                 known = solved.setdefault(key, [])
                 solution = next((s for r, s in known if same_shape(r.shape, request.shape, max(r.tolerance, request.tolerance))), None)
                 if solution is None:
+                    material = materials[request.material]
                     try:
-                        solution = solve_selement(request.shape, order, request.closed, materials[request.material].elasticity, terms)
+                        solution = solve_selement(request.shape, order, request.closed, material.elasticity, terms, material.isotropic)
                     except SElementError as error:
                         raise SElementError(f"{request.label}: {error}") from None
                     known.append((request, solution))

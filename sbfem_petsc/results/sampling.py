@@ -1,0 +1,134 @@
+"""Interior fields of this rank's S-elements at graded points, for files and pictures."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..material import Material
+from ..selement.interior import InteriorSampler
+from ..system.model import Model
+
+# xi of the innermost ring of points, where the stress of the scaling centre's point is taken.
+INNERMOST_CLOSED, INNERMOST_OPEN = 0.25, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Patches:
+    """Points of k S-elements of one shape: l levels from the boundary inwards, the last one the scaling centre.
+
+    Attributes
+    ----------
+    elements : (k,) int array
+        Rows of the rank's part.
+    material : int
+    positions : (k, l, edges, q, 2) array
+        m.
+    displacements : dict of str to (k, l, edges, q, 2) array
+        m.
+    stresses : dict of str to (k, l, edges, q, 4) array
+        xx, yy, xy and von Mises, Pa; at the scaling centre those of the innermost ring.
+    """
+
+    elements: np.ndarray
+    material: int
+    positions: np.ndarray
+    displacements: dict[str, np.ndarray]
+    stresses: dict[str, np.ndarray]
+
+
+def default_levels(closed: bool) -> np.ndarray:
+    """xi from 1 to the innermost ring: even steps in closed S-elements, geometric ones towards a crack tip."""
+    return np.linspace(1.0, INNERMOST_CLOSED, 4) if closed else np.geomspace(1.0, INNERMOST_OPEN, 9)
+
+
+def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None = None, stress: bool = True,
+           keep: np.ndarray | None = None) -> list[Patches]:
+    """Sample nodal displacement fields inside the S-elements of this rank.
+
+    Parameters
+    ----------
+    model : Model
+    fields : dict of str to (m, 2) array
+        Displacements of this rank's nodes, m (rows as in ``model.part.nodes``).
+    subdivisions : int, optional
+        Straight pieces an edge is drawn with; default: the order of the edges.
+    stress : bool
+        Whether stresses are evaluated.
+    keep : (e,) bool array, optional
+        S-elements of the rank's part to sample; default: all.
+    """
+    for name, values in fields.items():
+        if np.shape(values) != model.part.coordinates.shape:
+            raise ValueError(f"field {name!r} has shape {np.shape(values)}; displacements of this rank's nodes have shape {model.part.coordinates.shape}")
+    at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
+    patches = []
+    for group in model.groups:
+        if keep is not None:
+            group = group.select(np.flatnonzero(keep[group.elements]))
+        if len(group.elements) == 0:
+            continue
+        material = model.materials[group.material]
+        sampler = InteriorSampler(group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at)
+        levels = default_levels(group.closed)
+        with_centre = np.append(levels, 0.0)
+        sizes, rotations = group.sizes, group.rotations
+        positions = sampler.positions(with_centre, model.part.centres[group.elements], sizes, rotations)
+        displacements, stresses = {}, {}
+        for name, values in fields.items():
+            radial = sampler.radial_fields(np.asarray(values, dtype=float)[group.nodes], rotations, with_centre)
+            displacements[name] = sampler.displacement(radial, rotations)
+            if stress:
+                plane = sampler.stress(radial[:, :-1], levels, rotations, sizes, material.modulus)
+                plane = np.concatenate([plane, plane[:, -1:]], axis=1)
+                stresses[name] = np.concatenate([plane, von_mises(plane, material)[..., None]], axis=-1)
+        patches.append(Patches(group.elements, group.material, positions, displacements, stresses))
+    return patches
+
+
+def von_mises(stress: np.ndarray, material) -> np.ndarray:
+    """Von Mises stress (...,) from (xx, yy, xy) (..., 3), with the stress normal to the plane in plane strain."""
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    zz = stress @ normal_stress_row(material)
+    return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
+
+
+def normal_stress_row(material) -> np.ndarray:
+    """(3,): sigma_zz as a linear form of (xx, yy, xy); zero in plane stress."""
+    if material.plane == "stress":
+        return np.zeros(3)
+    if isinstance(material, Material):
+        return np.array([material.poisson, material.poisson, 0.0])
+    young_3 = material.young_2 if material.young_3 is None else material.young_3
+    nu_13 = material.poisson_12 if material.poisson_13 is None else material.poisson_13
+    nu_23 = material.poisson_12 if material.poisson_23 is None else material.poisson_23
+    first, second = young_3 * nu_13 / material.young_1, young_3 * nu_23 / material.young_2  # of sigma_11, sigma_22
+    c, s = np.cos(np.radians(material.angle)), np.sin(np.radians(material.angle))
+    return np.array([first * c * c + second * s * s, first * s * s + second * c * c, 2.0 * c * s * (first - second)])
+
+
+def point_grid_cells(patches: Patches) -> tuple[np.ndarray, np.ndarray]:
+    """Cells between the points of a patch, numbered as its positions are flattened.
+
+    Returns
+    -------
+    quadrilaterals : (k, rings * edges * pieces, 4) int array
+    triangles : (k, edges * pieces, 3) int array
+        Those at the scaling centre.
+    """
+    count, depth, edges, points, _ = patches.positions.shape
+    numbers = np.arange(count * depth * edges * points).reshape(count, depth, edges, points)
+    outer, inner = numbers[:, :-2], numbers[:, 1:-1]
+    quadrilaterals = np.stack([outer[..., :-1], outer[..., 1:], inner[..., 1:], inner[..., :-1]], axis=-1)
+    ring, centre = numbers[:, -2], numbers[:, -1]
+    triangles = np.stack([ring[..., :-1], ring[..., 1:], centre[..., :-1]], axis=-1)
+    return quadrilaterals.reshape(count, -1, 4), triangles.reshape(count, -1, 3)
+
+
+def outline_edges(model: Model, chain: int) -> np.ndarray:
+    """(edges, order + 1): nodes of each edge of S-element `chain` of this rank, as rows of the part's nodes."""
+    nodes = model.part.chains[chain]
+    closed = model.part.closed[chain]
+    count = (len(nodes) if closed else len(nodes) - 1) // model.order
+    return nodes[(np.arange(count)[:, None] * model.order + np.arange(model.order + 1)) % len(nodes)]

@@ -1,0 +1,135 @@
+"""VTU files for ParaView: interior sampled, high order edges subdivided, one piece a rank."""
+
+from __future__ import annotations
+
+import os
+import xml.etree.ElementTree as xml
+
+import numpy as np
+
+from ..parallel import collective
+from ..system.model import Model
+from .sampling import Patches, point_grid_cells, sample
+
+STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
+
+
+def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bool = True, subdivisions: int | None = None) -> str:
+    """Write displacement fields and their stresses to a VTU file, or a PVTU file with one piece a rank. Collective.
+
+    Parameters
+    ----------
+    path : str
+        Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces: _0.vtu, _1.vtu ...).
+    model : Model
+    fields : dict of str to (m, 2) array
+        Displacements of this rank's nodes, m: `Static.field`, `Modal.nodal(mode)`.
+    stress : bool
+        Write stresses too, Pa; named "<field> stress_xx" and so on.
+    subdivisions : int, optional
+        Straight pieces an edge; default: the order of the edges.
+
+    Returns
+    -------
+    str
+        The file to open.
+
+    Raises
+    ------
+    ValueError
+        If a field has a wrong shape or the file cannot be written; on all ranks.
+
+    Notes
+    -----
+    Points are not shared between the edges of an S-element: its stress is discontinuous there, as the method gives
+    it. Cell data: "element" and "material" (numbers), "rank". The stress at a crack tip is that of the innermost ring.
+    """
+    comm = model.comm
+    stem = os.path.splitext(os.fspath(path))[0]
+    piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
+    with collective(comm):
+        patches = sample(model, fields, subdivisions, stress)
+        try:
+            if patches:
+                _write_piece(piece, _mesh(model, patches))
+            elif os.path.exists(piece):
+                os.remove(piece)
+        except OSError as error:
+            raise ValueError(f"VTU file {piece!r} cannot be written: {error.strerror or error}") from None
+    if comm.size == 1:
+        return piece
+    pieces = comm.gather(os.path.basename(piece) if patches else None)
+    with collective(comm):
+        if comm.rank == 0:
+            try:
+                _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress)
+            except OSError as error:
+                raise ValueError(f"PVTU file {stem + '.pvtu'!r} cannot be written: {error.strerror or error}") from None
+    return f"{stem}.pvtu"
+
+
+def _mesh(model: Model, patches: list[Patches]) -> dict:
+    """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at the scaling centres."""
+    points, data, offset = [], {}, 0
+    blocks: dict[str, list] = {"quad": [], "triangle": []}
+    facts: dict[str, list] = {"quad": [], "triangle": []}
+    for patch in patches:
+        flat = patch.positions.reshape(-1, 2)
+        points.append(flat)
+        for kind, cells in zip(blocks, point_grid_cells(patch)):
+            blocks[kind].append(cells.reshape(-1, cells.shape[-1]) + offset)
+            elements = np.repeat(model.part.elements[patch.elements], cells.shape[1])
+            facts[kind].append(np.stack([elements, np.full(len(elements), patch.material), np.full(len(elements), model.comm.rank)]))
+        for name, values in patch.displacements.items():
+            data.setdefault(name, []).append(values.reshape(-1, 2))
+        for name, values in patch.stresses.items():
+            for component, column in zip(STRESSES, np.moveaxis(values, -1, 0)):
+                data.setdefault(f"{name} {component}", []).append(column.ravel())
+        offset += len(flat)
+    point_data = {name: np.concatenate(parts) for name, parts in data.items()}
+    cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
+    joined = [np.concatenate(facts[kind], axis=1).astype(np.int32) for kind in blocks]
+    cell_data = {name: [part[row] for part in joined] for row, name in enumerate(("element", "material", "rank"))}
+    point_data = {name: _three(values) if values.ndim == 2 else values for name, values in point_data.items()}
+    return {"points": _three(np.concatenate(points)), "cells": cells, "point_data": point_data, "cell_data": cell_data}
+
+
+def _three(values: np.ndarray) -> np.ndarray:
+    """VTK knows vectors of three components alone; meshio would pad with a warning."""
+    return np.column_stack([values, np.zeros(len(values))])
+
+
+def _write_piece(path: str, mesh: dict) -> None:
+    """The one door to meshio for VTU: compressed binary, complete or not there at all."""
+    import meshio  # 0.2 s that only those who write VTU should wait for
+
+    temporary = f"{path}.part"
+    try:
+        meshio.write(temporary, meshio.Mesh(**mesh), file_format="vtu")
+        os.replace(temporary, path)
+    finally:
+        if os.path.exists(temporary):
+            os.remove(temporary)
+
+
+def _write_index(path: str, pieces: list[str], fields, stress: bool) -> None:
+    """The PVTU file: names and types of the arrays, and the pieces."""
+    root = xml.Element("VTKFile", type="PUnstructuredGrid", version="0.1", byte_order="LittleEndian", header_type="UInt32")
+    grid = xml.SubElement(root, "PUnstructuredGrid", GhostLevel="0")
+    point_data = xml.SubElement(grid, "PPointData")
+    for name in fields:
+        xml.SubElement(point_data, "PDataArray", type="Float64", Name=name, NumberOfComponents="3")
+    for name in fields if stress else ():
+        for component in STRESSES:
+            xml.SubElement(point_data, "PDataArray", type="Float64", Name=f"{name} {component}")
+    cell_data = xml.SubElement(grid, "PCellData")
+    for name in ("element", "material", "rank"):
+        xml.SubElement(cell_data, "PDataArray", type="Int32", Name=name)
+    points = xml.SubElement(grid, "PPoints")
+    xml.SubElement(points, "PDataArray", type="Float64", Name="Points", NumberOfComponents="3")
+    for piece in pieces:
+        xml.SubElement(grid, "Piece", Source=piece)
+    xml.indent(root)
+    temporary = f"{path}.part"
+    xml.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
+    os.replace(temporary, path)

@@ -1,0 +1,169 @@
+"""Stress intensity factors from the singular radial modes of an open S-element with its scaling centre on a tip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from .basis import shape_functions
+from .coefficients import SElementError, edge_nodes, strain_operators
+
+
+@dataclass(frozen=True, eq=False)
+class IntensityRows:
+    """Stress intensity factors of a non-dimensional tip element as linear forms of its boundary displacements.
+
+    Attributes
+    ----------
+    rows : (2, n) array
+        K_I and K_II (opening and sliding of the faces) for boundary displacements in units of the size and stresses in units of
+        the modulus; lengths in units of the size.
+    exponents : (2,) array
+        Exponents lambda of the displacement modes r^lambda that give K_I and K_II: 1/2 at a crack; nan where a wide notch has no such singularity.
+    """
+
+    rows: np.ndarray
+    exponents: np.ndarray
+
+
+def intensity_rows(radial: np.ndarray, shape: np.ndarray, order: int, elasticity: np.ndarray, axis: np.ndarray, isotropic: bool) -> IntensityRows:
+    """Linear forms for K_I and K_II.
+
+    Parameters
+    ----------
+    radial : (n, n) array
+        A of the S-element.
+    shape : (nodes, 2) array
+        Boundary nodes about the tip, in units of the size.
+    order : int
+    elasticity : (3, 3) array
+        D in units of the modulus.
+    axis : (2,) array
+        Unit vector from the tip to the mouth.
+    isotropic : bool
+
+    Notes
+    -----
+    ``K_i = sqrt(2 pi) lim r^(1 - lambda_i) sigma_i`` straight ahead of the tip, sigma_I normal to the axis, sigma_II shear. The space of the
+    singular modes (0 < lambda < 1) is separated from the rest by an ordered Schur form and a Sylvester equation, since
+    the pair of a crack's modes shares the exponent 1/2. In isotropic materials its displacements are compared with
+    Williams' modes of the notch in closed form, which loses no order; in others the stress is taken from them ahead of the tip.
+
+    Raises
+    ------
+    SElementError
+        If the exponents are complex (an interface between materials).
+    """
+    n = len(radial)
+    triangle, basis, count = linalg.schur(radial, output="real", sort=lambda re, im=0.0: 0.05 < re < 0.95)
+    if count == 0:
+        return IntensityRows(np.zeros((2, n)), np.full(2, np.nan))
+    singular, rest = triangle[:count, :count], triangle[count:, count:]
+    mixing = linalg.solve_sylvester(singular, -rest, -triangle[:count, count:])
+    amplitudes = basis[:, :count].T - mixing @ basis[:, count:].T                    # (count, n): c from u(1)
+    values, modes = linalg.eig(singular)
+    if np.abs(values.imag).max() > 1e-8:
+        raise SElementError("the stresses at the tip oscillate (complex exponents): K_I and K_II are not defined")
+    values, modes = values.real, modes.real
+    if np.ptp(values) < 1e-6:
+        values, modes = np.full(count, values.mean()), np.eye(count)
+    fields = basis[:, :count] @ modes
+    amplitudes = linalg.solve(modes, amplitudes)
+    if isotropic:
+        strength = _williams_strength(shape, elasticity, axis, values, fields)
+    else:
+        strength = _stress_strength(shape, order, elasticity, axis, values, fields)
+    exponents = np.full(2, np.nan)
+    for i in range(2):
+        k = int(np.argmax(np.abs(strength[i])))
+        if np.abs(strength[i, k]) > 1e-3 * np.abs(strength).max():
+            exponents[i] = values[k]
+    return IntensityRows(strength @ amplitudes, exponents)
+
+
+def _williams_strength(shape: np.ndarray, elasticity: np.ndarray, axis: np.ndarray, exponents: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """(2, count): K_I and K_II of each singular mode by least squares with the modes of Williams (1952) at the nodes.
+
+    In Muskhelishvili's form 2 mu (u + i v) = kappa phi - z conj(phi') - conj(psi) with phi = a z^lambda, psi = b z^lambda, the axes
+    along and across the ligament; a = 1 (opening) or i (sliding), b from the free faces at theta = +-gamma.
+    """
+    ahead, normal = -axis, np.array([axis[1], -axis[0]])
+    shear = elasticity[2, 2]
+    kappa = 1.0 + 2.0 * shear / (elasticity[0, 1] + shear)                           # plane stress and plane strain alike
+    z = shape @ ahead + 1j * (shape @ normal)
+    # the chain runs once around the tip, from face to face: theta follows it across the cut of the complex power
+    theta = np.unwrap(np.angle(z))
+    theta -= 2.0 * np.pi * np.round(0.5 * (theta[0] + theta[-1]) / (2.0 * np.pi))
+    gamma = 0.5 * float(theta[-1] - theta[0])
+    strength = np.zeros((2, len(exponents)))
+    for k, exponent in enumerate(exponents):
+        field = fields[:, k].reshape(-1, 2)
+        measured = field @ ahead + 1j * (field @ normal)
+        phase, other = (exponent - 1.0) * gamma, (exponent + 1.0) * gamma
+        sine = abs(np.sin(other)) > abs(np.cos(other))
+        columns = []
+        for a in (1.0, 1j):
+            if a == 1.0:
+                b = -(exponent - 1.0) * np.sin(phase) / np.sin(other) if sine else -(exponent + 1.0) * np.cos(phase) / np.cos(other)
+                stress = exponent * (exponent + 1.0 + b)
+            else:
+                b = -(exponent + 1.0) * np.sin(phase) / np.sin(other) if sine else -(exponent - 1.0) * np.cos(phase) / np.cos(other)
+                stress = exponent * (exponent - 1.0 + b)
+            power = np.abs(z) ** exponent * np.exp(1j * exponent * theta)
+            mode = (kappa * a * power - z * np.conj(a * exponent * power / z) - np.conj(a * b * power)) / (2.0 * shear)
+            columns.append(mode / (np.sqrt(2.0 * np.pi) * stress))                    # unit K
+        matrix = np.array([[c.real, c.imag] for c in columns]).reshape(2, -1).T
+        strength[:, k] = linalg.lstsq(matrix, np.concatenate([measured.real, measured.imag]))[0]
+    return strength
+
+
+def _stress_strength(shape: np.ndarray, order: int, elasticity: np.ndarray, axis: np.ndarray, exponents: np.ndarray, fields: np.ndarray) -> np.ndarray:
+    """(2, count): K_I and K_II of each singular mode from its stress straight ahead of the tip."""
+    ahead = _stress_operator(shape, order, elasticity, -axis)
+    normal = np.array([axis[1], -axis[0]])                                            # across the axis
+    across = np.array([normal[0] ** 2, normal[1] ** 2, 2.0 * normal[0] * normal[1]])
+    along = np.array([-axis[0] * normal[0], -axis[1] * normal[1], -(axis[0] * normal[1] + axis[1] * normal[0])])
+    strength = np.zeros((2, len(exponents)))
+    for k, exponent in enumerate(exponents):
+        stress, distance = ahead(exponent * fields[:, k], fields[:, k])
+        strength[:, k] = np.sqrt(2.0 * np.pi) * distance ** (1.0 - exponent) * np.array([across @ stress, along @ stress])
+    return strength
+
+
+def _stress_operator(shape: np.ndarray, order: int, elasticity: np.ndarray, direction: np.ndarray):
+    """Function (u,xi, u) at xi = 1 -> (stress (3,), distance) where the ray `direction` meets the boundary (mean of both edges at a vertex)."""
+    connectivity = edge_nodes(len(shape), order, closed=False)
+    side = shape @ np.array([-direction[1], direction[0]])
+    reach = shape @ direction
+    tolerance = 1e-9
+    hits = []
+    for edge in connectivity:
+        a, b = side[edge[0]], side[edge[-1]]
+        if min(reach[edge[0]], reach[edge[-1]]) <= 0.0 or a > tolerance or b < -tolerance:
+            continue
+        low, high = -1.0, 1.0
+        if abs(a) <= tolerance:
+            high = low
+        elif abs(b) <= tolerance:
+            low = high
+        for _ in range(60):
+            middle = 0.5 * (low + high)
+            value = float(shape_functions(order, [middle])[0][0] @ side[edge])
+            low, high = (middle, high) if value < 0.0 else (low, middle)
+        hits.append((edge, 0.5 * (low + high)))
+    if not hits:
+        raise SElementError("the ray ahead of the tip misses the boundary of the tip element")
+
+    def evaluate(slope: np.ndarray, field: np.ndarray) -> tuple[np.ndarray, float]:
+        stresses, distances = [], []
+        for edge, eta in hits:
+            values, derivatives = shape_functions(order, [eta])
+            first, second, _ = strain_operators(shape[edge][None], values, derivatives)
+            unknowns = (2 * edge[:, None] + np.arange(2)).ravel()
+            stresses.append(elasticity @ (first[0, 0].reshape(3, -1) @ slope[unknowns] + second[0, 0].reshape(3, -1) @ field[unknowns]))
+            distances.append(np.linalg.norm(values[0] @ shape[edge]))
+        return np.mean(stresses, axis=0), float(np.mean(distances))
+
+    return evaluate

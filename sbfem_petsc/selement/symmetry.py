@@ -1,0 +1,61 @@
+"""Mirror symmetries of an S-element's outline, and the subspaces into which they separate its equations.
+
+Rectangles have two mirrors, the trapezoids of a ring and the square around a crack tip one. The cost of a Schur form grows
+with the cube of its size, so two mirrors save a factor of sixteen.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg
+
+TOLERANCE = 1e-12
+
+
+def invariant_subspaces(coordinates: np.ndarray, order: int, closed: bool, isotropic: bool) -> list[np.ndarray]:
+    """Orthonormal bases (n, n_i) of subspaces that the S-element's matrices leave invariant; together they span all.
+
+    Parameters
+    ----------
+    coordinates : (nodes, 2) array
+        Boundary nodes about the scaling centre, counter-clockwise, in units of the size.
+    order : int
+    closed : bool
+    isotropic : bool
+        Without isotropy no symmetry is sought.
+    """
+    n = 2 * len(coordinates)
+    mirrors = _mirrors(coordinates, order, closed) if isotropic else []
+    if not mirrors:
+        return [np.eye(n)]
+    # commuting involutions: the eigenvalues of S1 + 2 S2 tell the parities apart
+    values, vectors = linalg.eigh(sum((k + 1) * s for k, s in enumerate(mirrors)), check_finite=False)
+    breaks = np.flatnonzero(np.diff(values) > 0.5) + 1
+    return np.split(vectors, breaks, axis=1)
+
+
+def _mirrors(coordinates: np.ndarray, order: int, closed: bool) -> list[np.ndarray]:
+    """One mirror of the outline, and the one perpendicular to it if there is one, as (n, n) symmetric orthogonal matrices."""
+    nodes = len(coordinates)
+    z = coordinates[:, 0] + 1j * coordinates[:, 1]
+    # A mirror sends node i to node s - i: s is even around vertices and edge centres alike, given in half edges.
+    sums = order * np.arange(nodes // order) if closed else np.array([nodes - 1])
+    index = (sums[:, None] - np.arange(nodes)) % nodes
+    image = z[index]
+    turn = (image * z).mean(axis=1)                                                  # image = turn * conj(z) under a mirror
+    turn = turn / np.maximum(np.abs(turn), 1e-300)
+    holds = np.abs(image - turn[:, None] * z.conj()).max(axis=1) < TOLERANCE
+    found = np.flatnonzero(holds)
+    if len(found) == 0:
+        return []
+    chosen = [found[0]] + [k for k in found[1:] if abs(turn[k] + turn[found[0]]) < 1e-9][:1]
+    return [_operator(index[k], turn[k]) for k in chosen]
+
+
+def _operator(index: np.ndarray, turn: complex) -> np.ndarray:
+    """Displacement of node i of the mirrored field is the mirrored displacement of node index[i]."""
+    mirror = np.array([[turn.real, turn.imag], [turn.imag, -turn.real]])
+    nodes = len(index)
+    operator = np.zeros((nodes, 2, nodes, 2))
+    operator[np.arange(nodes), :, index, :] = mirror
+    return operator.reshape(2 * nodes, 2 * nodes)

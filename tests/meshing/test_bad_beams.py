@@ -1,0 +1,138 @@
+"""Bad input for beams and mesh files: one sentence each, before any work."""
+
+import math
+
+import pytest
+
+from meshing import Beam, BoundaryMesh, Hole, VNotch
+
+LENGTH, HEIGHT = 0.4, 0.005
+NOTCH = VNotch(0.08, 0.0025, 0.05)
+
+
+@pytest.mark.parametrize(
+    ("make", "says"),
+    [
+        (lambda: Beam(0, HEIGHT), "length is 0 m, it must be greater than zero"),
+        (lambda: Beam(LENGTH, -1.0), "height is -1 m"),
+        (lambda: Beam(math.nan, HEIGHT), "length is nan, a finite number"),
+        (lambda: Beam(LENGTH, math.inf), "height is inf"),
+        (lambda: VNotch(0.08, 0, 1), "depth is 0 m"),
+        (lambda: VNotch(0.08, -0.001, 1), "depth is -0.001 m"),
+        (lambda: VNotch(math.nan, 0.001, 1), "x is nan"),
+        (lambda: VNotch(0.08, 0.001, -1), "opening is -1 degrees"),
+        (lambda: VNotch(0.08, 0.001, 60, 60), "leans 90 degrees"),
+        (lambda: VNotch(0.08, 0.001, 0, math.nan), "tilt is nan"),
+        (lambda: Hole(0.1, 0.0025, 0), "diameter is 0 m"),
+        (lambda: Hole(0.1, math.nan, 0.001), "y is nan"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.006, 0)]), "notch 1: depth 0.006 m is not less than the beam's height 0.005 m"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.005, 0)]), "not less than the beam's height"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.00499, 0)]), "within 1 %"),
+        (lambda: Beam(LENGTH, HEIGHT, [NOTCH, VNotch(0.5, 0.001, 0)]), "notch 2: its tip at x = 0.5 m is outside the beam"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(-0.1, 0.001, 0)]), "outside the beam"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.001, 0.0025, 60)]), "its mouth reaches x = "),
+        (lambda: Beam(LENGTH, HEIGHT, [NOTCH, VNotch(0.08, 0.001, 0)]), "notches 1 and 2 overlap"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 0, 30), VNotch(0.081, 0.0025, 0, -30)]), "notches 1 and 2 overlap"),
+        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 60), VNotch(0.0815, 0.002, 60)]), "notches 1 and 2 overlap"),
+        (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.005)]), "hole 1: centre y = 0.0025 m with diameter 0.005 m leaves or touches the domain"),
+        (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.4, 0.0025, 0.001)]), "leaves or touches the domain"),
+        (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.002), Hole(0.101, 0.0025, 0.001)]), "holes 1 and 2 overlap"),
+        (lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.0805, 0.0025, 0.002)]), "hole 1 touches or cuts notch 1"),
+        (lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.08, 0.0015, 0.002)]), "hole 1 touches or cuts notch 1"),
+    ],
+)
+def test_shapes(make, says):
+    with pytest.raises(ValueError) as caught:
+        make()
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Beam("0.4", HEIGHT),
+        lambda: Beam(True, HEIGHT),
+        lambda: Beam(LENGTH, HEIGHT, NOTCH),
+        lambda: Beam(LENGTH, HEIGHT, [Hole(0.1, 0.0025, 0.001)]),
+        lambda: Beam(LENGTH, HEIGHT, holes=3),
+        lambda: VNotch(None, 0.001, 0),
+        lambda: Beam(LENGTH, HEIGHT).mesh(order=2.5),
+        lambda: Beam(LENGTH, HEIGHT).mesh(points={"P": 3}),
+    ],
+)
+def test_wrong_types(make):
+    with pytest.raises(TypeError):
+        make()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        ({"order": 0}, "order is 0, a whole number from 1 to 20"),
+        ({"order": 21}, "order is 21"),
+        ({"size": 0}, "size is 0 m"),
+        ({"size": math.nan}, "size is nan"),
+        ({"size": 1e-6}, "size 1e-06 m is below"),
+        ({"tip_size": 0}, "tip_size is 0 m"),
+        ({"tip_size": -1e-4}, "tip_size is -0.0001 m"),
+        ({"tip_size": 1e-12}, "below 1e-6"),
+        ({"tip_size": 0.0025}, "does not fit around the tip of notch 1"),
+        ({"grading": 1.0}, "grading is 1"),
+        ({"grading": math.inf}, "grading is inf"),
+        ({"layout": "star"}, "layout is 'star'"),
+        ({"corner_size": 0.0025}, "corner_size 0.0025 m"),
+        ({"corner_size": 0.0}, "corner_size is 0 m"),
+        ({"corner_size": 1e-4, "corners": ["top"]}, "corners contains 'top'"),
+        ({"points": {"P": (0.5, 0.001)}}, "point 'P' at (0.5, 0.001) m is outside the beam"),
+        ({"points": {"P": (0.08, 0.004)}}, "in or on notch 1"),
+        ({"points": {"P": (0.065, 0.0025)}}, "in or on hole 1"),
+        ({"points": {"P": (math.nan, 0.0)}}, "x is nan"),
+        ({"points": {"A": (0.1, 0.0)}}, "point 'A': this name is the mesh's own"),
+        ({"points": {"P": (0.0801, 0.0024), "Q": (0.0801, 0.0024)}, "tip_size": 1e-3}, "does not fit around the tip of notch 1"),
+    ],
+)
+def test_mesh_options(options, says):
+    with pytest.raises(ValueError) as caught:
+        Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.065, 0.0025, 0.002)]).mesh(**options)
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_missing_truncated_and_foreign_files(tmp_path):
+    with pytest.raises(ValueError, match="there is no such file"):
+        BoundaryMesh.load(tmp_path / "none.h5")
+    mesh, path = Beam(LENGTH, HEIGHT).mesh(), tmp_path / "mesh.h5"
+    mesh.save(path)
+    content = path.read_bytes()
+    for size in (0, 100, len(content) // 2, len(content) - 10):
+        path.write_bytes(content[:size])
+        with pytest.raises(ValueError, match="truncated, corrupt or not an HDF5 file"):
+            BoundaryMesh.load(path)
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(path, "w") as file:
+        file["x"] = 1
+    with pytest.raises(ValueError, match="not a boundary mesh"):
+        BoundaryMesh.load(path)
+
+
+def test_places_that_cannot_be_written(tmp_path):
+    mesh = Beam(LENGTH, HEIGHT).mesh()
+    with pytest.raises(ValueError, match="cannot be written"):
+        mesh.save(tmp_path / "none" / "mesh.h5")
+    with pytest.raises(ValueError, match="cannot be exported"):
+        mesh.export(tmp_path / "none" / "mesh.vtu")
+    with pytest.raises(ValueError, match="cannot be exported"):
+        mesh.export(tmp_path / "mesh.unknown")
+
+
+def test_inconsistent_arrays():
+    import dataclasses
+
+    mesh = Beam(LENGTH, HEIGHT).mesh(order=2)
+    with pytest.raises(ValueError, match="marked closed"):
+        dataclasses.replace(mesh, closed=~mesh.closed)
+    with pytest.raises(ValueError, match="not a chain"):
+        dataclasses.replace(mesh, element_reversed=~mesh.element_reversed)
+    with pytest.raises(ValueError, match="refers to number 100000"):
+        dataclasses.replace(mesh, points={"A": 100000})
+    with pytest.raises(ValueError, match="for order 3"):
+        dataclasses.replace(mesh, order=3)
