@@ -12,7 +12,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells import CellComplex, Curve, edge_key
 from meshing.crack_splitting import add_cracks
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.gmsh_model import gmsh_session
+from meshing.gmsh_model import drain_parser, gmsh_session
 from meshing.input_checks import checked_order, positive
 from meshing.polygons import build_mesh
 

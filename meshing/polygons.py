@@ -75,7 +75,10 @@ def build_mesh(cells: CellComplex, order: int, material_names: tuple[str, ...] =
         Crack(c.name, tuple(c.tip), tuple(c.axis), c.opening, c.length, int(element_of_cell[c.tip_cell]) if c.tip_cell >= 0 else -1) for c in cells.cracks
     )
     pairs = join_pairs(
-        [find_pairs(edge_nodes[numbers(c.right)], edge_nodes[numbers(c.left)], nodes, c.tip, c.axis, i, c.name) for i, c in enumerate(cells.cracks)]
+        [
+            find_pairs(edge_nodes[numbers(c.right)], edge_nodes[numbers(c.left)], nodes, c.tip, c.axis, i, f"{origin}: crack {c.name!r}")
+            for i, c in enumerate(cells.cracks)
+        ]
     )
     return BoundaryMesh(
         order=order,

@@ -1,0 +1,36 @@
+"""sbfem-petsc: scaled boundary finite elements with unilateral crack contact on PETSc and SLEPc.
+
+Names are loaded when first used, so that a program can read its command line and hand PETSc's options over
+(`sbfem_petsc.command_line`) before PETSc starts.
+"""
+
+from __future__ import annotations
+
+import importlib
+
+__version__ = "0.1.0"
+
+_HOME = {
+    "Material": "material", "OrthotropicMaterial": "material",
+    "PointForce": "loads", "EdgeLoad": "loads", "Loads": "loads",
+    "Support": "supports",
+    "SolveError": "errors", "UnknownName": "errors",
+    "Model": "system.model",
+    "modal": "analysis.modal", "Modal": "analysis.modal",
+    "static": "analysis.static", "Static": "analysis.static",
+    "on_root": "parallel",
+}
+
+__all__ = ["__version__", *_HOME]
+
+
+def __getattr__(name: str):
+    if name not in _HOME:
+        raise AttributeError(f"module 'sbfem_petsc' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

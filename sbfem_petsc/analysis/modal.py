@@ -177,55 +177,59 @@ class CondensedSolve:
         target[owned:] = scaled
 
     def release(self) -> None:
-        """Free the PETSc objects."""
-        for item in (self.ksp, self.right, self.left):
-            item.destroy()
+        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of use."""
         if self.shift != 0.0:
             self.auxiliary.destroy()
             self.matrix.destroy()
+        for item in (self.ksp, self.right, self.left):
+            item.destroy()
+        self.__dict__.clear()
 
 
 def _solve(pencil: Pencil, count: int, target: float) -> Modal:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below zero."""
     model = pencil.model
     shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
-    eps = SLEPc.EPS().create(model.comm)
     solve = CondensedSolve(pencil, shift)
+    eps = SLEPc.EPS().create(model.comm)
+    st = eps.getST()
+    outer = st.getKSP()
+    inner = outer.getPC()
     try:
         eps.setOptionsPrefix("modal_")
-        eps.setOperators(pencil.stiffness, pencil.mass)
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
         eps.setDimensions(count)
         eps.setTolerances(1e-10, 200)
+        eps.setPurify(False)  # the mass is definite: no infinite eigenvalues to purify from
+        eps.setOperators(pencil.stiffness, pencil.mass)
         eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
         eps.setTarget(shift)
-        eps.setPurify(False)  # the mass is positive definite: no infinite eigenvalues to purify from
-        st = eps.getST()
         st.setType(SLEPc.ST.Type.SINVERT)
         st.setMatMode(SLEPc.ST.MatMode.SHELL)
-        outer = st.getKSP()
         outer.setOptionsPrefix("modal_condensed_")
         outer.setType(PETSc.KSP.Type.PREONLY)
-        outer.getPC().setType(PETSc.PC.Type.PYTHON)
-        outer.getPC().setPythonContext(solve)
+        inner.setType(PETSc.PC.Type.PYTHON)
+        inner.setPythonContext(solve)
         eps.setFromOptions()
         eps.solve()
         converged = eps.getConverged()
         if converged < count:
             raise on_all_ranks(SolveError(f"modal: SLEPc found {converged} of {count} eigenpairs (reason {eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
                                           "raise -modal_eps_max_it or -modal_eps_ncv, or choose another -modal_st_pc_factor_mat_solver_type"))
-        return _collect(pencil, eps, count, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}")
+        values = np.array([eps.getEigenvalue(i).real for i in range(count)])
+        return _collect(pencil, eps, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}")
     finally:
-        eps.destroy()
+        # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
+        for item in (inner, outer, st, eps):
+            item.destroy()
         solve.release()
 
 
-def _collect(pencil: Pencil, eps: SLEPc.EPS, count: int, solver: str) -> Modal:
+def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) -> Modal:
     """Eigenpairs in ascending order with their residuals."""
     model, stiffness, mass = pencil.model, pencil.stiffness, pencil.mass
-    values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-    order = np.argsort(values)
+    count, order = len(values), np.argsort(values)
     values = values[order]
     shapes, residuals = np.empty((pencil.owned, count)), np.empty(count)
     at_points = {name: np.empty((count, 2)) for name in model.points}

@@ -52,6 +52,8 @@ def style(axes) -> None:
     axes.tick_params(labelsize=7, width=0.6, length=2.5)
     for side in axes.spines.values():
         side.set_linewidth(0.6)
+    axes.xaxis.get_offset_text().set_size(7)
+    axes.yaxis.get_offset_text().set_size(7)
     axes.xaxis.label.set_size(8)
     axes.yaxis.label.set_size(8)
 

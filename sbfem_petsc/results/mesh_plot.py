@@ -6,13 +6,15 @@ import numpy as np
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Rectangle
+from matplotlib.patches import Patch, Rectangle
 from matplotlib.transforms import ScaledTranslation
 
 from ..parallel import on_root
 from ..petsc import MPI
 from ..selement.basis import shape_functions
-from .drawing import BLACK, BLUE, GREEN, MATERIAL, MILLI, ORANGE, PURPLE, VERMILION, WIDTH, figure, save, style
+from .drawing import BLACK, BLUE, GREEN, MATERIAL, MILLI, PURPLE, VERMILION, WIDTH, figure, save, style
+
+OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
 def plot_discretisation(mesh, path: str, comm: MPI.Comm | None = None) -> str | None:
@@ -88,9 +90,9 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
         if not mesh.closed[element]:
             faces += [np.array([ring[0][0], centre]), np.array([ring[-1][-1], centre])]
             ring.append(centre[None])
-        fills.append((np.concatenate(ring) * MILLI, "#FBE3C0" if not mesh.closed[element] else MATERIAL))
+        fills.append((np.concatenate(ring) * MILLI, OPEN if not mesh.closed[element] else MATERIAL))
     axes.add_collection(PolyCollection([f for f, _ in fills], facecolors=[c for _, c in fills], edgecolors="none"))
-    axes.add_collection(LineCollection(lines[seen & ~outer] * MILLI, colors="#7F8C9A", linewidths=0.5))
+    axes.add_collection(LineCollection(lines[seen & ~outer] * MILLI, colors=EDGE, linewidths=0.5))
     axes.add_collection(LineCollection(lines[seen & outer] * MILLI, colors=BLACK, linewidths=0.9))
     axes.add_collection(LineCollection(np.array(faces).reshape(-1, 2, 2) * MILLI, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
@@ -140,16 +142,16 @@ def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
                       horizontalalignment="center" if centred else "right", annotation_clip=False)
 
 
-def _legend(mesh) -> list[Line2D]:
+def _legend(mesh) -> list:
     handles = [
-        Line2D([], [], color=BLACK, linewidth=0.9, label="outline"), Line2D([], [], color="#7F8C9A", linewidth=0.7, label="edges of S-elements"),
+        Line2D([], [], color=BLACK, linewidth=0.9, label="outline"), Line2D([], [], color=EDGE, linewidth=0.7, label="edges of S-elements"),
         Line2D([], [], color=BLUE, marker=".", markersize=5, linestyle="none", label="nodes"),
         Line2D([], [], color=VERMILION, marker="+", markersize=5, linestyle="none", label="scaling centres"),
     ]
     if len(mesh.pairs):
         handles.append(Line2D([], [], color=GREEN, marker=">", markersize=4, linestyle="none", label="contact pairs"))
     if not mesh.closed.all():
-        handles.append(Line2D([], [], color="#FBE3C0", linewidth=6, label="open S-elements"))
+        handles.append(Patch(facecolor=OPEN, edgecolor="none", label="open S-elements"))
     if mesh.points:
         handles.append(Line2D([], [], marker="o", markersize=4, markerfacecolor="white", markeredgecolor=BLACK, linestyle="none", label="named points"))
     return handles

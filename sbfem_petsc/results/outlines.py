@@ -83,11 +83,9 @@ def _open_faces(model: Model, fields: list[np.ndarray]) -> list[Piece]:
         for row, element in enumerate(patch.elements):
             chain = model.part.nodes[model.part.chains[element]]
             arrays = [patch.positions[row]] + [patch.displacements[name][row] for name in names]
-            # a mirrored reference shape runs through the chain backwards
-            first, last = arrays[0][0, 0, 0], model.part.coordinates[model.part.chains[element][0]]
-            forward = np.abs(first - last).max() <= np.abs(arrays[0][0, -1, -1] - last).max()
             lines = [np.concatenate([a[:, -1, -1], a[-2::-1, 0, 0]]) for a in arrays]
-            lines = lines if forward else [line[::-1] for line in lines]
+            if patch.mirrored[row]:
+                lines = [line[::-1] for line in lines]
             key = (-1 - int(model.part.elements[element]),)
             pieces.append(Piece(key, int(chain[-1]), int(chain[0]), lines[0], np.array(lines[1:]).reshape(len(fields), -1, 2)))
     return pieces

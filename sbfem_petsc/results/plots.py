@@ -55,24 +55,28 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
     size, slender = extent.max(), extent.max() > 8.0 * extent.min()
     amplitude = (0.08 if slender else 0.1) * size
     rows = -(-len(modes) // columns)
-    width, tall = 1.08 * size, extent[1] + 2.3 * amplitude
+    aside = 0.04 * size if slender else 1.15 * amplitude
+    width, tall = extent[0] + 2.0 * aside, extent[1] + 2.3 * amplitude
     height = (WIDTH - 0.7) / columns * tall / width + 0.26
     drawing = figure(rows * height + 0.35)
     grid = drawing.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     order = loops(pieces)
     for axes, (k, mode) in zip(grid.flat, enumerate(modes)):
-        largest = np.abs(np.concatenate([p.displacements[k] for p in pieces])).max(axis=0)
+        shape = np.concatenate([p.displacements[k] for p in pieces])
+        largest = np.abs(shape).max(axis=0)
         scale = amplitude / largest.max()
         if slender:
             axial = largest[int(np.argmax(extent))]
             bending = largest[int(np.argmin(extent))] > axial
             scale = min(scale, 0.8 * extent.min() / axial) if bending else 0.03 * size / axial
+        # the sign of a mode is arbitrary: the largest displacement is drawn upwards or to the right
+        scale = np.copysign(scale, shape.flat[np.abs(shape).argmax()])
         fill(axes, [[pieces[i].positions for i in loop] for loop in order], "none", "#999999", 0.4, (0, (3, 2)))
         fill(axes, [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order], SKY, BLUE, 0.6)
         axes.set_title(f"mode {mode + 1}:  {_frequency(frequencies[mode])}", fontsize=8, pad=2)
         axes.set_aspect("equal")
         margin = 1.15 * amplitude
-        axes.set_xlim((lower[0] - 0.04 * size) * MILLI, (upper[0] + 0.04 * size) * MILLI)
+        axes.set_xlim((lower[0] - aside) * MILLI, (upper[0] + aside) * MILLI)
         axes.set_ylim((lower[1] - margin) * MILLI, (upper[1] + margin) * MILLI)
         axes.yaxis.set_major_locator(MaxNLocator(3))
         style(axes)
@@ -93,9 +97,9 @@ def _frequency(value: float) -> str:
 def plot_crack(model: Model, fields: dict[str, np.ndarray], path: str, crack: int = 0, colour: str = "von_mises", magnification: float | None = None) -> str | None:
     """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
 
-    The displacement is drawn without the window's rigid-body motion. The opening of a V-notch is magnified like the displacement, as if the notch
-    had opened from a closed slit: where the faces touch, they touch in the picture. Inside the tip element, which has no contact
-    pairs, faces that overlap are drawn so.
+    The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be seen is magnified like the
+    displacement, as if it had opened from a closed one: where its faces touch, they touch in the picture. The faces of the tip element,
+    dashed, have no contact pairs: where they overlap they are drawn so.
 
     Parameters
     ----------
@@ -151,12 +155,12 @@ def _draw_crack(regions: dict[str, list[Region]], outline: list[Piece], crack, h
             for piece in outline:
                 if (np.abs(piece.positions - tip) <= 1.5 * half).all(axis=1).any():
                     moved = own.drawn(piece.positions, piece.displacements[row] - motion(piece.positions - tip), factor)
-                    axes.plot(*((moved - tip) * MILLI).T, color=BLACK, linewidth=0.8, solid_capstyle="round")
+                    axes.plot(*((moved - tip) * MILLI).T, color=BLACK, linewidth=0.8, linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)))
             axes.set_xlim(-half * MILLI, half * MILLI)
             axes.set_ylim(-half * MILLI, half * MILLI)
             axes.set_aspect("equal")
             axes.set_facecolor("white")
-            axes.set_title(f"{name}, displacement and opening × {factor:,.4g}", fontsize=8)
+            axes.set_title(f"{name}, {own.magnified} × {_plain(factor)}", fontsize=8)
             axes.set_xlabel("x from the tip (mm)")
             style(axes)
         grid[row, 0].set_ylabel("y from the tip (mm)")
@@ -164,11 +168,14 @@ def _draw_crack(regions: dict[str, list[Region]], outline: list[Piece], crack, h
 
 
 class _Notch:
-    """Draws a V-notch as if it had opened from a closed slit, so that one magnification serves gap and displacement."""
+    """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and displacement."""
 
     def __init__(self, crack, half: float):
         self.tip, self.axis, self.half = np.array(crack.tip), np.array(crack.axis), half
         self.slope = np.tan(0.5 * crack.opening)
+        if self.slope > 0.02:
+            self.slope = 0.0  # wide enough to be seen: left as it is
+        self.magnified = "displacement and opening" if self.slope else "displacement"
 
     def opening(self, positions: np.ndarray) -> np.ndarray:
         """(n, 2): displacement from the slit to the notch, fading away from the faces."""
@@ -200,6 +207,10 @@ def _area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share
     order = np.argsort(mean)
     share_below = np.cumsum(area[order]) / area.sum()
     return float(mean[order][min(np.searchsorted(share_below, share), len(order) - 1)])
+
+
+def _plain(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1.0 else f"{value:.3g}"
 
 
 def _round(value: float) -> float:
@@ -247,7 +258,7 @@ def _draw_contact(model, cases: dict[str, Static], lengths: np.ndarray, crack: i
         pressure = case.contact_force[rows] / (drawn * model.thickness) * 1e-6
         shown = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
         force = case.contact_force[rows].sum()
-        pressure_axes.plot(distance, np.where(case.active[rows], pressure, np.nan), label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)", **shown)
+        pressure_axes.plot(distance, pressure, label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)", **shown)
         gap_axes.plot(distance, case.gap[rows] * 1e6, label=name, **shown)
     pressure_axes.set_ylabel("contact pressure (MPa)")
     pressure_axes.set_ylim(bottom=0.0)

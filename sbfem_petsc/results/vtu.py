@@ -42,7 +42,8 @@ def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bo
     Notes
     -----
     Points are not shared between the edges of an S-element: its stress is discontinuous there, as the method gives
-    it. Cell data: "element" and "material" (numbers), "rank". The stress at a crack tip is that of the innermost ring.
+    it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a
+    crack tip for one, is that at a hundredth of the way to the boundary.
     """
     comm = model.comm
     stem = os.path.splitext(os.fspath(path))[0]

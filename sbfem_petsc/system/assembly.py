@@ -18,7 +18,8 @@ def block_triples(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> 
     return (r.ravel(), c.ravel(), blocks.ravel()) if keep.all() else (r[keep], c[keep], blocks[keep])
 
 
-def assemble(comm: MPI.Comm, ranges: np.ndarray, triples: list[Triples], symmetric: bool = True, column_ranges: np.ndarray | None = None) -> PETSc.Mat:
+def assemble(comm: MPI.Comm, ranges: np.ndarray, triples: list[Triples], symmetric: bool = True, column_ranges: np.ndarray | None = None,
+             block_size: int = 1) -> PETSc.Mat:
     """Sum triples of all ranks to a distributed matrix.
 
     Parameters
@@ -32,6 +33,8 @@ def assemble(comm: MPI.Comm, ranges: np.ndarray, triples: list[Triples], symmetr
         Mark the matrix as symmetric positive definite (PETSc then offers Cholesky and half the work).
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
+    block_size : int
+        Unknowns a node, where it is the same at all of them.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
     rows, columns, values = (np.concatenate([np.asarray(t[k]) for t in triples] or [np.empty(0)]) for k in range(3))
@@ -43,7 +46,7 @@ def assemble(comm: MPI.Comm, ranges: np.ndarray, triples: list[Triples], symmetr
     local.sort_indices()
     sizes = ((int(last - first), int(ranges[-1])), (int(column_ranges[comm.rank + 1] - column_ranges[comm.rank]), int(column_ranges[-1])))
     integer = PETSc.IntType
-    matrix = PETSc.Mat().createAIJ(size=sizes, csr=(local.indptr.astype(integer), local.indices.astype(integer), local.data), comm=comm)
+    matrix = PETSc.Mat().createAIJ(size=sizes, bsize=block_size, csr=(local.indptr.astype(integer), local.indices.astype(integer), local.data), comm=comm)
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SPD, True)

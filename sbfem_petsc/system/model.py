@@ -129,8 +129,21 @@ class Model:
 
     @functools.cached_property
     def stiffness(self) -> PETSc.Mat:
-        """K over the displacement unknowns, N/m."""
-        return assemble(self.comm, self.ranges, self.stiffness_triples())
+        """K over the displacement unknowns, N/m; with the rigid-body motions as near null space for multigrid where every node has both unknowns or none."""
+        free = self.part.unknowns >= 0
+        blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
+        matrix = assemble(self.comm, self.ranges, self.stiffness_triples(), block_size=2 if blocks else 1)
+        if blocks:
+            places = matrix.createVecRight()
+            first, last = self.ranges[self.comm.rank], self.ranges[self.comm.rank + 1]
+            owned = free & (self.part.unknowns >= first) & (self.part.unknowns < last)
+            array = places.array
+            array[self.part.unknowns[owned] - first] = self.part.coordinates[owned]
+            motions = PETSc.NullSpace().createRigidBody(places)
+            matrix.setNearNullSpace(motions)
+            motions.destroy()
+            places.destroy()
+        return matrix
 
     def stiffness_triples(self) -> list:
         triples = []
@@ -283,6 +296,14 @@ class Model:
                     row[k] = array[number - first]
         self.comm.Allreduce(MPI.IN_PLACE, table)
         return dict(zip(self.points, table))
+
+    def destroy(self) -> None:
+        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        for name in ("stiffness", "_ghosts"):
+            held = self.__dict__.pop(name, None)
+            for item in held if isinstance(held, tuple) else (held,):
+                if isinstance(item, PETSc.Object):
+                    item.destroy()
 
     def __repr__(self) -> str:
         return (f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, {self.boundary_unknowns} boundary unknowns, "

@@ -1,0 +1,93 @@
+"""A program's own options beside PETSc's on one command line."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+PREFIXES = {"modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., -modal_st_pc_... (its linear solves)",
+            "static_": "static displacement and contact: -static_ksp_..., -static_pc_..."}
+# PETSc's own options for a whole run
+GENERAL = ("log_", "info", "malloc", "on_error", "options_", "start_in_debugger", "citations", "memory", "mat_", "vec_", "fp_trap", "use_gpu", "version", "help")
+
+
+class Parser(argparse.ArgumentParser):
+    """`argparse` for a program whose unknown options belong to PETSc.
+
+    Only options with two dashes are the program's; everything else is handed to PETSc before it starts. Options
+    are never abbreviated.
+    """
+
+    def __init__(self, description: str):
+        prefixes = "\n".join(f"  -{name:9s} {text}" for name, text in PREFIXES.items())
+        epilog = f"PETSc's and SLEPc's options have one dash and a prefix that names the solve:\n{prefixes}\nAdd -help to list those of the solves that ran, -log_view for timings, -modal_eps_view for an eigensolver's settings."
+        super().__init__(description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False, add_help=False)
+        # no short options: argparse would read -nep_tol as -n
+        self.add_argument("--help", action="help", help="show this help and exit")
+
+    def parse(self, arguments: list[str] | None = None) -> argparse.Namespace:
+        """The program's own options; starts PETSc with the rest.
+
+        An argument that is neither, or has a prefix that no solve uses, ends the program with exit code 2 on every rank.
+        """
+        arguments = sys.argv[1:] if arguments is None else list(arguments)
+        own, rest = self.parse_known_args(arguments)
+        known = (*PREFIXES, *GENERAL)
+        for position, word in enumerate(rest):
+            if word.startswith("--"):
+                self.error(f"unknown option {word}; --help lists the options of this program")
+            if word.startswith("-") and not _is_number(word) and not word[1:].startswith(known):
+                self.error(f"option {word} belongs to no solve of this program; PETSc's options start with {', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view")
+            if not word.startswith("-") and (position == 0 or not rest[position - 1].startswith("-")):
+                self.error(f"argument {word!r} belongs to no option")
+        import petsc4py
+
+        # PETSc then names, at the end, the options that no solve has asked for: misspelt ones
+        petsc4py.init([sys.argv[0], *rest] + ([] if any(w.startswith("-options_left") for w in rest) or not rest else ["-options_left"]))
+        return own
+
+    def error(self, message: str) -> None:
+        """Print usage and message, once over all ranks, and exit with code 2."""
+        if _rank() == 0:
+            self.print_usage(sys.stderr)
+            sys.stderr.write(f"{self.prog}: error: {message}\n")
+        raise SystemExit(2)
+
+    def print_help(self, file=None) -> None:
+        """Print the help once over all ranks."""
+        if _rank() == 0:
+            super().print_help(file)
+
+
+def run(main) -> None:
+    """Call `main()` as a program: an error of the user's input or of a solve is one sentence on stderr and exit code 1.
+
+    On several ranks an error that all of them raise is printed once; one that a single rank raises stops the others too.
+    """
+    from mpi4py import MPI
+
+    try:
+        main()
+    except (ValueError, TypeError, KeyError, RuntimeError, OSError) as error:
+        comm = MPI.COMM_WORLD
+        everywhere = comm.size == 1 or getattr(error, "on_all_ranks", False)
+        if comm.rank == 0 or not everywhere:
+            sys.stderr.write(f"error: {error}\n")
+            sys.stderr.flush()
+        if not everywhere:
+            comm.Abort(1)
+        raise SystemExit(1) from None
+
+
+def _rank() -> int:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD.rank
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,74 @@
+"""A small notched beam with its modes and static cases; as a program, all kinds of result files of it in a folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+from meshing import Beam, VNotch
+from sbfem_petsc.analysis.modal import modal
+from sbfem_petsc.analysis.static import static
+from sbfem_petsc.loads import PointForce
+from sbfem_petsc.material import Material
+from sbfem_petsc.petsc import MPI
+from sbfem_petsc.system.model import Model
+
+ROOT = Path(__file__).parents[2]
+LOADS = {"opening": PointForce("A", fy=-20.0), "closing": PointForce("A", fx=3.0, fy=600.0)}
+
+
+def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess:
+    """Run this file with `arguments` on several ranks."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "OMPI_MCA_rmaps_base_oversubscribe": "1",
+                   "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
+    return subprocess.run([shutil.which("mpiexec"), "-n", str(ranks), sys.executable, __file__, *arguments], env=environment, capture_output=True, text=True, timeout=120)
+
+
+def build():
+    """Mesh, model, modes and static cases."""
+    beam = Beam(length=0.05, height=0.005, notches=[VNotch(x=0.02, depth=0.0025, opening=0.0458366)])
+    mesh = beam.mesh(order=3, tip_size=2e-4)
+    model = Model(mesh, Material(young=70e9, poisson=0.33, density=2700.0))
+    return mesh, model, modal(model, 4), {name: static(model, load) for name, load in LOADS.items()}
+
+
+def write_all(folder: str) -> None:
+    """HDF5, VTU and PNG files."""
+    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+    from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
+    from sbfem_petsc.results.vtu import write_vtu
+
+    folder = check_output_folder(folder, MPI.COMM_WORLD)
+    mesh, model, modes, cases = build()
+    write_results(f"{folder}/results.h5", model, modes, cases, LOADS)
+    write_vtu(f"{folder}/fields.vtu", model, {"closing": cases["closing"].field, "mode 2": modes.nodal(1)})
+    plot_discretisation(mesh if model.comm.rank == 0 else None, f"{folder}/mesh.png")
+    plot_modes(modes, f"{folder}/modes.png")
+    plot_crack(model, {name: case.field for name, case in cases.items()}, f"{folder}/crack.png")
+    plot_contact(cases, f"{folder}/contact.png")
+
+
+def fail(folder: str) -> None:
+    """Every rank gets the sentence when rank 0's disk is full, and none waits; then an output folder below a file."""
+    import h5py
+
+    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+
+    _, model, modes, cases = build()
+
+    def refuse(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    h5py.Dataset.write_direct = refuse
+    try:
+        write_results(f"{folder}/results.h5", model, modes, cases)
+    except ValueError as error:
+        print(f"rank {model.comm.rank}: {error}", flush=True)
+    check_output_folder(f"{folder}/file", MPI.COMM_WORLD)
+
+
+if __name__ == "__main__":
+    {"write": write_all, "fail": fail}[sys.argv[1]](sys.argv[2])
