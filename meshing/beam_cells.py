@@ -75,7 +75,9 @@ def _corner_widths(beam: Beam, inputs: MeshInputs) -> dict[str, float]:
     widths = {}
     for side in ("left", "right"):
         width = min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length, nearest[side]) if side in inputs.corners else 0.0
-        if width and inputs.corner_size >= width:
+        if width and inputs.corner_size >= width and not inputs.corner_size_given:
+            width = 0.0  # a notch or hole close by is graded itself
+        elif width and inputs.corner_size >= width:
             raise ValueError(f"mesh: corner_size {inputs.corner_size:g} m does not fit at the {side} end, where {width:g} m are free; make it smaller.")
         widths[side] = width
     return widths

@@ -24,8 +24,10 @@ def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
             _extend_faces(skeleton, star, others)
         elif star.box is None:
             _free_circle(skeleton, block, star, others)
-    seen = _opened_coordinates(skeleton, stars)
     wanted = {name: skeleton.inputs.points[name] for name in block.inner_points}
+    fixed = [cells.vertices[v] for v in _perimeter(skeleton, block)] + list(wanted.values())
+    fixed += [(x, y) for x in (block.low, block.high) for y in np.linspace(0, skeleton.beam.height, 101)]
+    seen = _opened_coordinates(skeleton, stars, np.array(fixed))
     for loops in _remainder(skeleton, block, stars, seen):
         polygons = [np.array([seen[v] for v in loop]) for loop in loops]
         inside = [name for name, point in wanted.items() if _contains(polygons[0], point) and not any(_contains(hole, point) for hole in polygons[1:])]
@@ -52,7 +54,7 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
     tip = np.array(star.feature.centre)
     mouths = {offset: np.array([tip[0] + offset, beam.height]) for offset in (notch.left_offset, notch.right_offset)}
     length = max(math.dist(tip, mouth) for mouth in mouths.values())
-    clear = min((np.hypot(*(star.feature.outline[:, None, :] - outline[None, ::5, :]).T).min() for outline in others), default=math.inf)
+    clear = _clearance(star.feature.outline, np.vstack(others)) if others else math.inf
     longest = min(skeleton.edge_limit, 1.5 * clear) / length
     growth = min(_FACE_GROWTH, skeleton.inputs.grading)
     step, steps = star.face_fraction * (1.0 - 1.0 / star.ring_ratio), []
@@ -63,6 +65,11 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
     for face, mouth in zip((star.left, star.right), mouths.values() if len(mouths) == 2 else [*mouths.values()] * 2):
         face += [cells.add_vertex(*(tip + fraction * (mouth - tip))) for fraction in fractions[:-1]]
         face.append(cells.add_vertex(*mouth))
+
+
+def _clearance(first: np.ndarray, second: np.ndarray) -> float:
+    """Smallest distance between two sets of points (n, 2); infinite if one is empty."""
+    return float(np.hypot(*(first[:, None, :] - second[None, :, :]).T).min(initial=math.inf))
 
 
 def _free_circle(skeleton: Skeleton, block: Block, star: Star, others: list[np.ndarray]) -> None:
@@ -78,19 +85,29 @@ def _free_circle(skeleton: Skeleton, block: Block, star: Star, others: list[np.n
     star.circle = skeleton.add_circle(star.feature, np.stack([x + np.cos(angle), y + np.sin(angle)], axis=1))
 
 
-def _opened_coordinates(skeleton: Skeleton, stars: list[Star]) -> list[tuple[float, float]]:
+def _perimeter(skeleton: Skeleton, block: Block) -> list[int]:
+    """Vertices on the sides of a block, without those of mouths."""
+    height = skeleton.beam.height
+    corners = [skeleton.vertex(x, y) for x, y in ((block.low, 0.0), (block.high, 0.0), (block.high, height), (block.low, height))]
+    return skeleton.chain(corners + corners[:1])[:-1]
+
+
+def _opened_coordinates(skeleton: Skeleton, stars: list[Star], fixed: np.ndarray) -> list[tuple[float, float]]:
     """Coordinates for gmsh: it cannot mesh along coincident faces, so it sees every notch opened by a few degrees.
 
-    Only vertices on faces move, by a few per cent of the edges there; the cells get the true coordinates afterwards.
+    Only vertices on faces move, by a few per cent of the edges there and never far towards other features or the `fixed` points (n, 2);
+    the cells get the true coordinates afterwards.
     """
     seen = list(skeleton.cells.vertices)
     for star in stars:
         if star.feature.is_notch:
+            others = np.vstack([other.feature.outline for other in stars if other is not star] + [fixed])
+            most = 0.2 * _clearance(star.feature.outline, others)
             tip_y, tilt = star.feature.centre[1], math.radians(star.feature.shape.tilt)
             for right, left in zip(star.right, star.left):
                 (xr, yr), (xl, yl) = seen[right], seen[left]
                 wanted = math.tan(_MESHER_OPENING / 2) * (yr - tip_y) / math.cos(tilt) ** 2
-                shift = max(0.0, wanted - 0.5 * (xr - xl))
+                shift = min(most, max(0.0, wanted - 0.5 * (xr - xl)))
                 seen[right], seen[left] = (xr + shift, yr), (xl - shift, yl)
     return seen
 

@@ -15,6 +15,7 @@ from meshing.stars import Box
 # All relative to the beam's height.
 _REACH = 0.5  # half-width of a block around a notch tip or hole
 _CLEAR = 0.15  # least distance of a block's side from its features
+_CORNER_SIZE = 0.2  # default size of the innermost cell at a graded corner
 _SLIDE = 0.25  # how far a block's side moves to pass through a user's point or to avoid a thin strip
 # Relative to the box's smallest extent.
 _LONGEST_SIDE = 4.01  # a box from edge to edge of the beam may be this long
@@ -33,7 +34,8 @@ class MeshInputs:
     grading: float
     layout: str
     points: dict[str, Point]
-    corner_size: float | None
+    corner_size: float
+    corner_size_given: bool
     corners: tuple[str, ...]
 
     @classmethod
@@ -52,7 +54,7 @@ class MeshInputs:
         """Check the arguments of `Beam.mesh` and fill in the defaults."""
         order = checked_order(order)
         least = 1e-6 * beam.height
-        size = 2 * beam.height if size is None else positive("mesh", "size", size)
+        size = 2.5 * beam.height if size is None else positive("mesh", "size", size)
         if not 0.02 * beam.height <= size:
             raise ValueError(f"mesh: size {size:g} m is below 2 % of the beam's height {beam.height:g} m; high orders on larger cells cost less.")
         if tip_size is not None and positive("mesh", "tip_size", tip_size) < least:
@@ -78,7 +80,11 @@ class MeshInputs:
             if name in reserved:
                 raise ValueError(f"point {name!r}: this name is the mesh's own; choose another.")
             named[name] = beam.check_point(name, point)
-        return cls(order, size, None if tip_size is None else float(tip_size), grading, layout, named, corner_size, corners if corner_size is not None else ())
+        given = corner_size is not None
+        # The paper's layout is there for comparison: nothing in it is graded unless asked for.
+        corners = corners if given or layout == "tip" else ()
+        corner_size = float(corner_size) if given else _CORNER_SIZE * beam.height
+        return cls(order, size, None if tip_size is None else float(tip_size), grading, layout, named, corner_size, given, corners)
 
 
 @dataclass(frozen=True)

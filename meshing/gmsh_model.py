@@ -66,6 +66,39 @@ def drain_parser(gmsh) -> None:
                 return
 
 
+def find_crossing(segments: np.ndarray) -> np.ndarray | None:
+    """Where two segments cross or overlap each other, apart from shared ends; gmsh may never return from such an outline.
+
+    Parameters
+    ----------
+    segments : (n, 2, 2) array
+        Ends of the segments, m.
+
+    Returns
+    -------
+    (2,) array or None
+        m.
+    """
+    start, step = segments[:, 0], segments[:, 1] - segments[:, 0]
+    gap = start[None, :, :] - start[:, None, :]
+    across = step[:, None, 0] * step[None, :, 1] - step[:, None, 1] * step[None, :, 0]
+    lengths = np.hypot(*step.T)
+    parallel = np.abs(across) <= 1e-12 * lengths[:, None] * lengths[None, :]
+    safe = np.where(parallel, 1.0, across)
+    along_first = (gap[..., 0] * step[None, :, 1] - gap[..., 1] * step[None, :, 0]) / safe
+    along_second = (gap[..., 0] * step[:, None, 1] - gap[..., 1] * step[:, None, 0]) / safe
+    inside_first, touches_first = _within(along_first)
+    inside_second, touches_second = _within(along_second)
+    crossing = ~parallel & (inside_first & touches_second | touches_first & inside_second)
+    where = np.argwhere(crossing)
+    return start[where[0, 0]] + along_first[tuple(where[0])] * step[where[0, 0]] if len(where) else None
+
+
+def _within(parameter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parameters on a segment without and with its ends."""
+    return (parameter > 1e-9) & (parameter < 1 - 1e-9), (parameter > -1e-9) & (parameter < 1 + 1e-9)
+
+
 def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float) -> tuple[np.ndarray, list[list[int]]]:
     """Quadrilaterals and triangles inside a polygon; its sides are kept whole.
 
@@ -88,8 +121,11 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
     Raises
     ------
     RuntimeError
-        gmsh fails.
+        The sides cross each other, or gmsh fails.
     """
+    crossing = find_crossing(np.vstack([np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops]))
+    if crossing is not None:
+        raise RuntimeError(f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g}) m.")
     lengths = [np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) for loop in loops]
     scale = max(np.ptp(loops[0], axis=0).max(), 1e-300)
     with gmsh_session("polygon") as gmsh:
@@ -139,7 +175,8 @@ def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[l
     points = np.array([coordinates[v] for v in cell])
     ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
     turns = (ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]) / np.hypot(*ahead.T) / np.hypot(*behind.T)
-    if turns.sum() < 0:
+    following = np.roll(points, -1, axis=0)
+    if (points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]).sum() < 0:
         return _sound_pieces(cell[::-1], coordinates)
     if len(cell) == 3 or turns.min() > _FLATTEST:
         return [cell]

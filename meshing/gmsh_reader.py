@@ -12,7 +12,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells import CellComplex, Curve, edge_key
 from meshing.crack_splitting import add_cracks
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.gmsh_model import drain_parser, gmsh_session
+from meshing.gmsh_model import drain_parser, find_crossing, gmsh_session
 from meshing.input_checks import checked_order, positive
 from meshing.polygons import build_mesh
 
@@ -90,7 +90,11 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
         if suffix in _GEOMETRY:
             if size is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+            gmsh.model.mesh.generate(1)
+            _refuse_crossing_outlines(gmsh, path)
             gmsh.model.mesh.generate(2)
+    except ValueError:
+        raise
     except Exception as error:  # gmsh raises nothing more precise
         drain_parser(gmsh)
         raise ValueError(f"{path}: gmsh cannot read or mesh it ({error}); the file may be truncated or corrupt.") from error
@@ -125,6 +129,20 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
             raise ValueError(f"{path}: physical point {name!r} is not one vertex of a cell; give one point on the mesh per name.")
         cells.points[name] = vertex_of[nodes[0]]
     return _Model(cells, crack_lines, tuple(groups[2]))
+
+
+def _refuse_crossing_outlines(gmsh, path: Path) -> None:
+    """A surface whose outline crosses itself; needs the mesh of the curves."""
+    for _, surface in gmsh.model.getEntities(2):
+        segments = []
+        for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=False):
+            for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
+                count = gmsh.model.mesh.getElementProperties(kind)[3]
+                for element in np.asarray(nodes).reshape(-1, count):
+                    segments.append([gmsh.model.mesh.getNode(tag)[0][:2] for tag in element[:2]])
+        crossing = find_crossing(np.array(segments)) if segments else None
+        if crossing is not None:
+            raise ValueError(f"{path}: the outline of surface {surface} crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g}) m; mend the geometry.")
 
 
 def _groups(gmsh, dimension: int, unnamed: bool) -> dict[str, list[int]]:

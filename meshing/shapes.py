@@ -233,7 +233,7 @@ class Beam:
         order : int
             Polynomial order of the edges, 1 to 20.
         size : float, optional
-            Length of the cells along the beam, m; below the height there are several rows. Default: twice the height.
+            Length of the cells along the beam, m; below the height there are several rows. Default: 2.5 times the height.
         tip_size : float, optional
             Half-size of the S-element on a notch's tip (its largest extent from the tip), m. Default: 0.02 of the notch's depth.
         grading : float
@@ -244,9 +244,10 @@ class Beam:
         points : dict of str to (x, y), optional
             Further named points, m; each becomes a node.
         corner_size : float, optional
-            Size of the innermost cell where the edges are graded towards the corners of the end edges in `corners`, m. Default: no grading there.
+            Size of the innermost cell where the edges are graded towards the corners of the end edges in `corners`, m: a clamped corner is
+            singular. Default: 0.2 of the height where there is room, no grading in the "vertex" layout.
         corners : sequence of {"left", "right"}
-            End edges whose two corners are graded if `corner_size` is given.
+            End edges whose two corners are graded; () for none.
 
         Returns
         -------

@@ -125,7 +125,8 @@ def _solve_band(model: Model, low: float, high: float) -> Modal:
     """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends."""
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
-    pencil = Pencil(model, float(np.sqrt(ends[1])))
+    # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
+    pencil = Pencil(model, 1.5 * float(np.sqrt(ends[1])))
     count = 8
     try:
         while True:

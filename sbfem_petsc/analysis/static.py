@@ -8,6 +8,7 @@ import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.delassus import ContactRows, delassus
+from ..loads import Loads, as_loads
 from ..petsc import check_ksp, make_ksp, solver_name
 from ..system.model import Model
 
@@ -32,6 +33,9 @@ class Static:
     solver : str
     residual : float
         ||K u - f - G' force|| / ||f||.
+    stress_intensity : dict of str to (float, float)
+        K_I and K_II of each crack with a tip element, Pa m^(1/2) (Pa m^(1 - lambda) at an open notch).
+    load : Loads
     model : Model
     """
 
@@ -43,6 +47,8 @@ class Static:
     iterations: int
     solver: str
     residual: float
+    stress_intensity: dict[str, tuple[float, float]]
+    load: Loads
     model: Model
 
     def displacement(self, point: str) -> np.ndarray:
@@ -101,8 +107,9 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     model.stiffness.mult(solution, residual)
     residual.axpy(-1.0, right)
     scale = forces.norm()
-    answer = Static(model.at_points(solution), contact_force, gap, active, model.nodal(solution), iterations, solver_name(ksp),
-                    residual.norm() / scale if scale > 0 else 0.0, model)
+    field = model.nodal(solution)
+    answer = Static(model.at_points(solution), contact_force, gap, active, field, iterations, solver_name(ksp),
+                    residual.norm() / scale if scale > 0 else 0.0, model.tips.evaluate(field), as_loads(load), model)
     for item in (forces, solution, right, residual, ksp):
         item.destroy()
     return answer

@@ -43,7 +43,7 @@ class Results:
     modal : dict or None
         "frequencies" (Hz), "residuals", "shapes" (modes, nodes, 2), "points", "solver", "iterations".
     static : dict of str to dict
-        For each case "displacement" (nodes, 2), "contact_force", "gap", "active", "contact_resultant", "points", "loads", "solver", ...
+        For each case "displacement" (nodes, 2), "contact_force", "gap", "active", "contact_resultant", "stress_intensity", "points", "loads", ...
     units : dict of str to str
         Unit of every dataset by its path in the file, "1" without dimension.
     """
@@ -280,7 +280,8 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
     starts = np.concatenate([[0], np.cumsum(counts)])
     flat = np.concatenate([part.nodes[part.chains[i]] for i in order] or [np.empty(0, dtype=np.int64)]).astype(np.int64)
     places = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in elements] or [np.empty(0, dtype=np.int64)])
-    _put_rows(comm, group, "element_nodes", places, flat, int(starts[-1]), "1", "boundary nodes of the S-elements, counter-clockwise, one element after the other", path)
+    text = "boundary nodes of the S-elements, counter-clockwise, one element after the other"
+    _put_rows(comm, group, "element_nodes", places, flat, int(starts[-1]), "1", text, path)
 
 
 def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str) -> None:
@@ -307,6 +308,7 @@ def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str
 def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Static, load, path: str) -> None:
     model = result.model
     group = None
+    exponents = dict(zip(model.tips.names, model.tips.exponents))
     with _written(comm, path):
         if comm.rank == 0:
             group = file.require_group("static").create_group(name)
@@ -319,6 +321,10 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
             _put(group, "active", result.active, "1", "pairs in contact")
             _put(group, "iterations", result.iterations, "1", "iterations of the active set")
             _put(group, "residual", result.residual, "1", "||K u - f - G' force|| / ||f||")
+            for crack, values in result.stress_intensity.items():
+                intensity = group.require_group("stress_intensity").create_group(crack.replace("/", "_"))
+                _put(intensity, "factors", np.array(values), "Pa m^(1 - exponent)", f"K_I and K_II at the tip of {crack}")
+                _put(intensity, "exponents", exponents[crack], "1", "exponents of the displacement at the tip, 1/2 at a crack")
             for point, values in result.point_displacements.items():
                 _put(group.require_group("points"), point.replace("/", "_"), values, "m", f"displacement of point {point}")
     _put_rows(comm, group, "displacement", model.part.nodes, result.field, global_size(comm, model.part.nodes), "m", "displacement of the nodes", path)
@@ -336,8 +342,9 @@ def _put(group: h5py.Group, name: str, values, unit: str, description: str) -> N
     _declare(group, name, values.shape, values.dtype, unit, description)[...] = values
 
 
-def _put_rows(comm: MPI.Comm, group: h5py.Group | None, name: str, numbers: np.ndarray, values: np.ndarray, size: int, unit: str, description: str, path: str) -> None:
-    """One distributed dataset, streamed to rank 0."""
+def _put_rows(comm: MPI.Comm, group: h5py.Group | None, name: str, numbers: np.ndarray, values: np.ndarray, size: int,
+              unit: str, description: str, path: str) -> None:
+    """One distributed dataset, streamed to rank 0, where alone an error can arise."""
     dataset = None
     with _written(comm, path):
         if comm.rank == 0:

@@ -63,7 +63,8 @@ def _draw(mesh) -> Figure:
             else:
                 for side in axes.spines.values():
                     side.set_color(PURPLE)
-    drawing.legend(handles=_legend(mesh), loc="outside lower center", ncols=7, fontsize=7, frameon=False, handletextpad=0.3, columnspacing=1.2, handlelength=1.6)
+    drawing.legend(handles=_legend(mesh), loc="outside lower center", ncols=7, fontsize=7, frameon=False,
+                   handletextpad=0.3, columnspacing=1.2, handlelength=1.6)
     return drawing
 
 
@@ -96,7 +97,8 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.add_collection(LineCollection(lines[seen & outer] * MILLI, colors=BLACK, linewidths=0.9))
     axes.add_collection(LineCollection(np.array(faces).reshape(-1, 2, 2) * MILLI, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))))
     if nodes:
-        axes.plot(*_inside(mesh.nodes, lower, upper).T * MILLI, linestyle="none", marker=".", markersize=2.2 if stretch == 1.0 else 1.2, color=BLUE, markeredgewidth=0)
+        axes.plot(*_inside(mesh.nodes, lower, upper).T * MILLI, linestyle="none", marker=".", color=BLUE,
+                  markersize=2.2 if stretch == 1.0 else 1.2, markeredgewidth=0)
     size = 4.5 if stretch == 1.0 else 2.8
     axes.plot(*_inside(mesh.scaling_centres, lower, upper).T * MILLI, linestyle="none", marker="+", markersize=size, color=VERMILION, markeredgewidth=0.7)
     if len(mesh.pairs) and stretch == 1.0:

@@ -94,7 +94,8 @@ def _frequency(value: float) -> str:
 
 
 # ---------------------------------------------------------------------- crack region
-def plot_crack(model: Model, fields: dict[str, np.ndarray], path: str, crack: int = 0, colour: str = "von_mises", magnification: float | None = None) -> str | None:
+def plot_crack(model: Model, fields: dict[str, np.ndarray], path: str, crack: int = 0, colour: str = "von_mises",
+               magnification: float | None = None) -> str | None:
     """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
 
     The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be seen is magnified like the

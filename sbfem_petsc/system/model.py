@@ -18,6 +18,7 @@ from ..supports import Support, as_supports
 from . import partition
 from .assembly import assemble, block_triples
 from .shapes import Group, solve_groups
+from .tips import TipIntensities
 
 
 class Model:
@@ -284,6 +285,11 @@ class Model:
         result = np.zeros(self.part.unknowns.shape)
         result[free] = target.array_r
         return result
+
+    @functools.cached_property
+    def tips(self) -> TipIntensities:
+        """Stress intensity factors of the crack tips from nodal displacements. Collective."""
+        return TipIntensities(self)
 
     def at_points(self, vector: PETSc.Vec) -> dict[str, np.ndarray]:
         """Displacement (2,) of every named point, on all ranks, from a vector over the displacement unknowns. Collective."""

@@ -24,7 +24,8 @@ def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess:
     """Run this file with `arguments` on several ranks."""
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "OMPI_MCA_rmaps_base_oversubscribe": "1",
                    "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    return subprocess.run([shutil.which("mpiexec"), "-n", str(ranks), sys.executable, __file__, *arguments], env=environment, capture_output=True, text=True, timeout=120)
+    command = [shutil.which("mpiexec"), "-n", str(ranks), sys.executable, __file__, *arguments]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
 
 
 def build():

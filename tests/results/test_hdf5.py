@@ -18,7 +18,8 @@ from sbfem_petsc.results.hdf5 import check_output_folder, read_results, write_re
 def test_what_is_written_is_read_back(solved, tmp_path):
     mesh, model, modes, cases = solved
     path = str(tmp_path / "results.h5")
-    assert write_results(path, model, modes, cases, {"closing": LOADS["closing"], "opening": [PointForce("A", fy=-20.0), EdgeLoad("top", pressure=0.0)]}) == path
+    loads = {"closing": LOADS["closing"], "opening": [PointForce("A", fy=-20.0), EdgeLoad("top", pressure=0.0)]}
+    assert write_results(path, model, modes, cases, loads) == path
     found = read_results(path)
     assert os.listdir(tmp_path) == ["results.h5"]
     np.testing.assert_array_equal(found.mesh["nodes"], mesh.nodes)
@@ -35,6 +36,8 @@ def test_what_is_written_is_read_back(solved, tmp_path):
     np.testing.assert_array_equal(closing["displacement"], cases["closing"].field)
     np.testing.assert_array_equal(closing["contact_force"], cases["closing"].contact_force)
     assert closing["contact_resultant"] == cases["closing"].contact_resultant > 0.0
+    np.testing.assert_array_equal(closing["stress_intensity"]["crack1"]["factors"], cases["closing"].stress_intensity["crack1"])
+    np.testing.assert_allclose(closing["stress_intensity"]["crack1"]["exponents"], 0.5, atol=1e-2)
     assert closing["loads"]["1"]["kind"] == "PointForce" and closing["loads"]["1"]["fy"] == 600.0
     assert found.static["opening"]["loads"]["2"]["edge_set"] == "top"
     assert found.inputs["materials"]["material"]["young"] == 70e9 and found.inputs["thickness"] == 1.0

@@ -1,0 +1,128 @@
+"""Natural frequencies against the independent reference, closed forms and themselves."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, Hole, VNotch
+from tests.reference import frequencies, paper_beam
+
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+STEEL = sb.Material(206e9, 0.3, 7850)
+
+
+def largest_error(found, case, count):
+    return np.abs(found.frequencies[:count] / frequencies(case)[:count] - 1.0).max()
+
+
+def test_paper_case_by_default():
+    """Order 5, continued_fraction=1, at most 2,000 boundary unknowns: 1e-4 is asked for, 1.1e-5 is what the default mesh gives."""
+    model = sb.Model(paper_beam().mesh(order=5), ALUMINIUM)
+    assert model.boundary_unknowns <= 2000
+    assert largest_error(sb.modal(model, 46), "crack80_nu33", 46) < 1.5e-5
+
+
+def test_paper_case_at_its_best():
+    """At most 5,000 boundary unknowns of any order: 1e-5 is asked for; the reference itself is good to 1e-6."""
+    model = sb.Model(paper_beam().mesh(order=7), ALUMINIUM)
+    assert model.boundary_unknowns <= 5000
+    assert largest_error(sb.modal(model, 46), "crack80_nu33", 46) < 2e-6
+
+
+@pytest.mark.slow
+def test_orders_converge_and_stay():
+    """Orders 3 to 12 on one mesh: errors fall until their floor and never rise above three times it."""
+    errors = []
+    for order in range(3, 13):
+        model = sb.Model(paper_beam().mesh(order=order), ALUMINIUM)
+        errors.append(largest_error(sb.modal(model, 46), "crack80_nu33", 46))
+        model.destroy()
+    errors = np.array(errors)
+    floor = errors.min()
+    bottom = int(np.argmax(errors <= 3 * floor))
+    assert (np.diff(errors[: bottom + 1]) < 0).all(), errors
+    assert (errors[bottom:] <= 3 * floor).all(), errors
+    assert floor < 2e-6
+
+
+@pytest.mark.parametrize("case, notches", [("long_cracked", [VNotch(0.176, 0.0038, 0.0)]), ("long_healthy", [])])
+def test_long_beam(case, notches):
+    """Beam of Long et al. (2019), frequencies 1-10."""
+    model = sb.Model(Beam(0.406, 0.012, notches).mesh(), STEEL)
+    assert largest_error(sb.modal(model, 10), case, 10) < 2e-5
+
+
+@pytest.mark.parametrize("case, notches", [("hole_crack80_nu33", [VNotch(0.080, 0.0015, 0.0458366)]), ("hole_healthy_nu33", [])])
+def test_beam_with_hole(case, notches):
+    """Beam with a hole of 2.5 mm, frequencies 1-20."""
+    model = sb.Model(Beam(0.400, 0.005, notches, [Hole(0.065, 0.0025, 0.0025)]).mesh(), ALUMINIUM)
+    assert largest_error(sb.modal(model, 20), case, 20) < 2e-5
+
+
+def test_case_q():
+    """Case Q of the paper's reading: 0.06 degrees, nu = 0.30."""
+    model = sb.Model(paper_beam(0.06).mesh(), sb.Material(70e9, 0.30, 2700))
+    assert largest_error(sb.modal(model, 46), "crack80", 46) < 1.5e-5
+
+
+def test_band_equals_count():
+    """A band returns the modes that counting returns there."""
+    model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
+    counted = sb.modal(model, 46).frequencies
+    band = sb.modal(model, band=(20e3, 30e3)).frequencies
+    np.testing.assert_allclose(band, counted[(counted >= 20e3) & (counted <= 30e3)], rtol=1e-7)
+
+
+def test_free_structure_has_three_rigid_modes():
+    """An unsupported beam: three modes at zero, then the elastic ones of a second code path (free end, other shift)."""
+    found = sb.modal(sb.Model(paper_beam().mesh(order=4), ALUMINIUM, clamped=None), 8)
+    assert (found.frequencies[:3] < 1e-2).all()
+    assert found.frequencies[3] > 100.0
+
+
+def test_auxiliary_projection(monkeypatch):
+    """Dropping auxiliary unknowns that the band does not need moves the frequencies by less than 1e-7."""
+    from sbfem_petsc.system import pencil
+
+    model = sb.Model(paper_beam().mesh(), ALUMINIUM)
+    reduced = sb.modal(model, 46)
+    monkeypatch.setattr(pencil, "TOLERANCE", 0.0)
+    whole = sb.modal(model, 46)
+    assert reduced.unknowns < 0.65 * whole.unknowns
+    np.testing.assert_allclose(reduced.frequencies, whole.frequencies, rtol=1e-7)
+
+
+def test_thickness_changes_no_frequency():
+    thin = sb.modal(sb.Model(paper_beam().mesh(order=3), ALUMINIUM, thickness=0.01), 6).frequencies
+    np.testing.assert_allclose(thin, sb.modal(sb.Model(paper_beam().mesh(order=3), ALUMINIUM), 6).frequencies, rtol=1e-7)
+
+
+def test_elastic_root_tends_to_the_clamp():
+    """Distributed springs on the left edge: softer than the clamp, converging to it as 1 / stiffness."""
+    mesh = Beam(0.4, 0.005).mesh(order=4)
+    clamp = sb.modal(sb.Model(mesh, ALUMINIUM), 1).frequencies[0]
+    drops = []
+    for stiffness in (1e15, 1e16):
+        model = sb.Model(mesh, ALUMINIUM, clamped=None, supports=[sb.Support("left", stiffness, stiffness)])
+        drops.append(1.0 - sb.modal(model, 1).frequencies[0] / clamp)
+    assert drops[0] > drops[1] > 0
+    assert drops[0] / drops[1] == pytest.approx(10, rel=0.3)
+
+
+def test_mode_shapes_are_mass_normalised():
+    """sum over modes of (participation in x)^2 tends to the moving mass: here it stays below it and is large."""
+    model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
+    found = sb.modal(model, 8)
+    assert found.displacement("A").shape == (8, 2)
+    # cantilever: tip amplitude of a mass-normalised bending mode is 2 / sqrt(mass)
+    assert abs(found.displacement("A")[0, 1]) == pytest.approx(2.0 / np.sqrt(2700 * 0.4 * 0.005), rel=0.02)
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    ({}, "either count or band"), ({"count": 3, "band": (1.0, 2.0)}, "either count or band"), ({"count": 0}, "count = 0"),
+    ({"count": 10**6}, "between 1 and half"), ({"band": (5.0, 1.0)}, "band"), ({"band": (1.0, float("nan"))}, "band"),
+])
+def test_bad_requests(arguments, sentence):
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
+    with pytest.raises(ValueError, match=sentence):
+        sb.modal(model, **arguments)

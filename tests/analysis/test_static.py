@@ -1,0 +1,195 @@
+"""Static contact against the independent reference, and the active set against PETSc's variational inequality solver."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from tests.reference import paper_beam, statics
+
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+CASES = {"x80_mouth2um_nu33": (0.0458366, ALUMINIUM), "x80_total_nu30": (0.06, sb.Material(70e9, 0.30, 2700))}
+
+
+def errors(solution, reference):
+    """Relative errors of u_y(A), u_x(B), u_x(C)."""
+    u = reference["u"]
+    return np.array([solution.displacement("A")[1] / u["A"]["uy"], solution.displacement("B")[0] / u["B"]["ux"], solution.displacement("C")[0] / u["C"]["ux"]]) - 1.0
+
+
+@pytest.fixture(scope="module", params=CASES)
+def case(request):
+    opening, material = CASES[request.param]
+    return request.param, sb.Model(paper_beam(opening).mesh(), material)
+
+
+@pytest.mark.parametrize("force, tolerance", [(1, 1e-4), (100, 2e-4), (300, 2e-4), (1000, 2e-4), (-100, 1e-4)])
+def test_displacements(case, force, tolerance):
+    """Default mesh, five loads, two openings; the tolerances are those of the project's statement of accuracy."""
+    name, model = case
+    solution = sb.static(model, sb.PointForce("A", fy=float(force)))
+    assert np.abs(errors(solution, statics(name, f"{force} N"))).max() < tolerance
+    if force < 0:
+        assert not solution.active.any()
+
+
+def test_default_resultant(case):
+    """300 N closes the whole notch: the contact resultant within 5 % on the default mesh."""
+    name, model = case
+    solution = sb.static(model, sb.PointForce("A", fy=300.0))
+    assert solution.active.all()
+    assert solution.contact_resultant == pytest.approx(statics(name, "300 N")["cracks"][0]["resultant"], rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [100, 300])
+def test_resultant_converges_with_the_tip(force):
+    """Tip elements of 50, 20, 5 and 2 micrometres: the error of the resultant falls to 0.5 %."""
+    exact = statics("x80_mouth2um_nu33", f"{force} N")["cracks"][0]["resultant"]
+    low = []
+    for tip_size in (5e-5, 2e-5, 5e-6, 2e-6):
+        model = sb.Model(paper_beam().mesh(tip_size=tip_size), ALUMINIUM)
+        low.append(1.0 - sb.static(model, sb.PointForce("A", fy=float(force))).contact_resultant / exact)
+        model.destroy()
+    assert (np.diff(low) < 0).all()
+    assert low[2] < 0.01 and abs(low[3]) < 0.005
+
+
+def test_one_pass_tie(case):
+    """The paper's scheme ties every penetrating pair and admits tension; the reference has its displacements."""
+    name, model = case
+    tied = statics(name, "100 N")["one_shot_tied_u"]
+    solution = sb.static(model, sb.PointForce("A", fy=100.0), method="one_pass_tie")
+    assert (solution.contact_force < 0).any()
+    assert solution.displacement("A")[1] == pytest.approx(tied["A"][1], rel=2e-4)
+    assert solution.displacement("B")[0] == pytest.approx(tied["B"][0], rel=3e-4)
+
+
+def test_complementarity_and_equilibrium(case):
+    """Forces >= 0, gaps >= 0, their product zero; the residual of K u = f + G' force at round-off."""
+    _, model = case
+    solution = sb.static(model, sb.PointForce("A", fy=100.0))
+    assert (solution.contact_force >= 0).all() and (solution.gap >= -1e-18).all()
+    assert np.abs(solution.contact_force * solution.gap).max() <= 1e-15 * solution.contact_force.max()
+    assert 0 < solution.active.sum() < len(solution.gap)
+    # K has a condition number of 1e12 here; its residual is relative to the point force
+    assert solution.residual < 1e-6
+
+
+def test_linear_solution_overlaps(case):
+    """Without contact the response is linear: 300 N gives 300 times 1 N, and the faces overlap."""
+    _, model = case
+    one = sb.static(model, sb.PointForce("A", fy=1.0), contact=False)
+    many = sb.static(model, sb.PointForce("A", fy=300.0), contact=False)
+    np.testing.assert_allclose(many.displacement("A"), 300 * one.displacement("A"), rtol=1e-7)
+    assert (many.gap < 0).any() and not many.contact_force.any()
+
+
+def test_against_snes_variational_inequality(case):
+    """The whole problem by SNES VINEWTONRSLS: minimise energy over the gaps' coordinates with gap >= 0."""
+    from petsc4py import PETSc
+
+    from sbfem_petsc.contact.delassus import ContactRows, delassus
+    from sbfem_petsc.petsc import make_ksp
+
+    _, model = case
+    load = sb.PointForce("A", fy=100.0)
+    active_set = sb.static(model, load)
+    free_gap = sb.static(model, load, contact=False).gap
+    rows = ContactRows(model)
+    flexibility = delassus(rows, make_ksp(model.stiffness, "static_"), "test")
+    count = len(free_gap)
+    scale = np.abs(flexibility).max()
+
+    snes = PETSc.SNES().create(PETSc.COMM_SELF)
+    jacobian = PETSc.Mat().createDense((count, count), array=(flexibility / scale).copy(), comm=PETSc.COMM_SELF)
+    jacobian.assemble()
+    unit = np.abs(free_gap).max() / scale
+
+    def residual(snes, x, f):
+        f.array = flexibility / scale @ x.array_r + free_gap / (scale * unit)
+
+    snes.setType(PETSc.SNES.Type.VINEWTONRSLS)
+    snes.setFunction(residual, jacobian.createVecLeft())
+    snes.setJacobian(lambda snes, x, j, p: None, jacobian)
+    lower, upper = jacobian.createVecRight(), jacobian.createVecRight()
+    lower.set(0.0)
+    upper.set(1e20)
+    snes.setVariableBounds(lower, upper)
+    snes.setTolerances(rtol=1e-14, atol=1e-13, max_it=200)
+    snes.getKSP().setType("preonly")
+    snes.getKSP().getPC().setType("lu")
+    x = jacobian.createVecRight()
+    snes.solve(None, x)
+    assert snes.getConvergedReason() > 0
+    np.testing.assert_allclose(x.array * unit, active_set.contact_force, atol=1e-8 * active_set.contact_force.max())
+
+
+def test_closed_crack_under_pressure_is_no_crack():
+    """opening = 0 in compression along the beam: the crack carries the uniform stress as if it were not there.
+
+    The faces of the tip element carry no pairs, so its share is missing: the error falls with the square of its size.
+    """
+    free_y = [sb.Support("left", x=True, y=False), sb.Support("origin", x=False, y=True)]
+    missing = []
+    for tip_size in (8e-4, 2e-4):
+        mesh = Beam(0.1, 0.02, [VNotch(0.05, 0.01, 0.0)]).mesh(order=7, tip_size=tip_size, points={"origin": (0.0, 0.0)})
+        model = sb.Model(mesh, ALUMINIUM, clamped=None, supports=free_y)
+        pressed = sb.static(model, sb.EdgeLoad("right", pressure=1e6))
+        assert pressed.active.all()
+        assert pressed.contact_resultant == pytest.approx(1e6 * 0.01, rel=3 * tip_size / 0.01)
+        missing.append(pressed.displacement("A")[0] / (-1e6 / 70e9 * 0.1) - 1.0)
+    assert 0 < missing[1] < 5e-5
+    assert missing[0] / missing[1] == pytest.approx(16, rel=0.4)
+
+
+def test_two_notches_act_apart():
+    """Two notches far from each other: pairs of both, points B2 and C2, and each closes under a closing load."""
+    beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0458366), VNotch(0.2, 0.0015, 0.02, tilt=10)])
+    model = sb.Model(beam.mesh(), ALUMINIUM)
+    solution = sb.static(model, sb.PointForce("A", fy=300.0))
+    for crack in (0, 1):
+        assert solution.active[model.pairs.crack == crack].any()
+    assert np.isfinite(solution.displacement("B2")).all() and np.isfinite(solution.displacement("C2")).all()
+
+
+@pytest.mark.parametrize("ratio, exact", [(0.2, 1.368040), (0.3, 1.661122), (0.5, 2.825465)])
+def test_stress_intensity_of_an_edge_crack(ratio, exact):
+    """Edge crack in a strip of half-height W under uniform end traction: K_I / (sigma sqrt(pi a)), K_II = 0."""
+    mesh = Beam(2.0, 1.0, [VNotch(1.0, ratio, 0.0)]).mesh(order=8, size=0.5, tip_size=0.05 * ratio, points={"L": (0, 0), "R": (2.0, 0)}, corners=())
+    model = sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)])
+    solution = sb.static(model, sb.EdgeLoad("right", tx=1.0) + sb.EdgeLoad("left", tx=-1.0))
+    opening, sliding = solution.stress_intensity["crack1"]
+    assert opening / np.sqrt(np.pi * ratio) == pytest.approx(exact, rel=1e-6)
+    assert abs(sliding) < 1e-9
+
+
+def test_stress_intensity_by_stress_and_by_displacement():
+    """The orthotropic path (stress ahead of the tip) with isotropic constants agrees with Williams' modes."""
+    mesh = Beam(2.0, 1.0, [VNotch(1.0, 0.4, 0.0, tilt=20)]).mesh(order=12, size=0.5, points={"L": (0, 0), "R": (2.0, 0)}, corners=())
+    values = []
+    for material in (sb.Material(1.0, 0.3, 1.0), sb.OrthotropicMaterial(1.0, 1.0, 0.3, 1.0 / 2.6, 1.0, angle=30)):
+        model = sb.Model(mesh, material, clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)])
+        values.append(sb.static(model, sb.EdgeLoad("right", tx=1.0) + sb.EdgeLoad("left", tx=-1.0), contact=False).stress_intensity["crack1"])
+    np.testing.assert_allclose(values[1], values[0], rtol=2e-5)
+    assert abs(values[0][1]) > 0.01 * values[0][0]
+
+
+@pytest.mark.parametrize("build, sentence", [
+    (lambda m: sb.static(m, sb.PointForce("Z", fy=1.0)), "point 'Z' does not exist"),
+    (lambda m: sb.static(m, sb.EdgeLoad("roof", tx=1.0)), "edge set 'roof' does not exist"),
+    (lambda m: sb.static(m, sb.PointForce("A", fy=float("nan"))), "fy = nan"),
+    (lambda m: sb.static(m, 300.0), "neither a PointForce nor an EdgeLoad"),
+    (lambda m: sb.static(m, sb.PointForce("A", fy=1.0), method="penalty"), "method = 'penalty'"),
+])
+def test_bad_loads(build, sentence):
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
+    with pytest.raises((ValueError, KeyError, TypeError), match=sentence):
+        build(model)
+
+
+@pytest.mark.parametrize("clamped, supports", [(None, ()), (None, [sb.Support("left", x=True, y=False)]), (None, [sb.Support("A")])])
+def test_statics_without_support(clamped, supports):
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM, clamped=clamped, supports=supports)
+    with pytest.raises(ValueError, match="rigid-body motion"):
+        sb.static(model, sb.PointForce("A", fy=1.0))
