@@ -15,6 +15,7 @@ from meshing.skeleton import Skeleton, Star
 from meshing.stars import Box, add_levels, add_rings, outline, ring_scales
 
 _WIDEST_SIDE = math.radians(55.0)
+_FEWEST_ARCS, _MOST_ARCS = 8, 128  # of a hole without a ring
 _DEFAULT_TIP = 0.02  # of a notch's depth
 _HOLE_RING = 1.6  # smallest extent, in radii, of the outline next to a hole
 
@@ -41,7 +42,7 @@ def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
     _register_rows(skeleton, columns)
     _register_corners(skeleton, widths)
     _register_points(skeleton, blocks)
-    stars = [[_make_star(skeleton, *pair, whole_block=not block.filled) for pair in zip(block.features, block.boxes)] for block in blocks]
+    stars = [[_make_star(skeleton, block, *pair) for pair in zip(block.features, block.boxes)] for block in blocks]
     for block, group in zip(blocks, stars):
         if block.filled:
             skeleton.divide_perimeter(block, group)
@@ -75,7 +76,7 @@ def _corner_widths(beam: Beam, inputs: MeshInputs) -> dict[str, float]:
     widths = {}
     for side in ("left", "right"):
         width = min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length, nearest[side]) if side in inputs.corners else 0.0
-        if width and inputs.corner_size >= width and not inputs.corner_size_given:
+        if width and 1.5 * inputs.corner_size >= width and not inputs.corner_size_given:
             width = 0.0  # a notch or hole close by is graded itself
         elif width and inputs.corner_size >= width:
             raise ValueError(f"mesh: corner_size {inputs.corner_size:g} m does not fit at the {side} end, where {width:g} m are free; make it smaller.")
@@ -149,11 +150,11 @@ def _fill_corners(skeleton: Skeleton, side: str, width: float) -> None:
         skeleton.add_polygon([(left, width), (right, width), (right, beam.height - width), (left, beam.height - width)])
 
 
-def _make_star(skeleton: Skeleton, feature: Feature, box: Box | None, whole_block: bool) -> Star:
+def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | None) -> Star:
     """Outline of a feature's box; its vertices on lines and edges are registered."""
     beam, shape = skeleton.beam, feature.shape
     if box is None:
-        return Star(feature, None, np.zeros((0, 2)), [])
+        return Star(feature, None, np.zeros((0, 2)), [], circle=_free_circle(skeleton, block, feature))
     if not feature.is_notch:
         wall = box.smallest / shape.radius - 1.0
         # An arc must stay inside the tangents at its ends by less than the wall, so that the cell keeps a kernel.
@@ -168,11 +169,24 @@ def _make_star(skeleton: Skeleton, feature: Feature, box: Box | None, whole_bloc
     else:  # equal fractions of both faces, although the box may hold more of one of them; nothing of the box stands far above its faces
         ends = [tip + fraction * (mouth - tip) for mouth in mouths]
         box = replace(box, top=min(box.top, tip[1] + max(fraction * shape.depth, 0.4 * box.largest)))
-    points = outline(box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=whole_block)
+    points = outline(box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=not block.filled)
     # Face vertices are never looked up by their coordinates: those of a closed crack coincide.
     inner = [skeleton.vertex_or_new(*p) for p in points[1:-1]]
     vertices = [skeleton.cells.add_vertex(*points[0]), *inner, skeleton.cells.add_vertex(*points[-1])]
     return Star(feature, box, points, vertices, face_fraction=fraction)
+
+
+def _free_circle(skeleton: Skeleton, block: Block, feature: Feature) -> list[int]:
+    """Vertices of the edge of a hole that has no ring of its own: short arcs where something is near."""
+    (x, y), radius = feature.centre, feature.shape.radius
+    distances = [x - block.low, block.high - x, y, skeleton.beam.height - y]
+    distances += [np.hypot(*(other.outline - feature.centre).T).min() for other in block.features if other is not feature]
+    gap = min(distances) - radius
+    count = _FEWEST_ARCS
+    while count < _MOST_ARCS and (radius * (1 - math.cos(math.pi / count)) > 0.1 * gap or 2 * math.pi * radius / count > 2.0 * gap):
+        count *= 2
+    angle = 2 * math.pi * (np.arange(count) + 0.5) / count
+    return skeleton.add_circle(feature, np.stack([x + np.cos(angle), y + np.sin(angle)], axis=1))
 
 
 def _tip_size(inputs: MeshInputs, feature: Feature, box: Box) -> float:

@@ -7,12 +7,11 @@ import math
 import numpy as np
 
 from meshing.beam_layout import Block
-from meshing.gmsh_model import fill_polygon
+from meshing.gmsh_model import fill_polygon, polygon_area
 from meshing.skeleton import Skeleton, Star
 
 _MESHER_OPENING = math.radians(3.0)
 _FACE_GROWTH = 1.6
-_FEWEST_ARCS, _MOST_ARCS = 8, 64
 
 
 def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
@@ -22,8 +21,6 @@ def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
         others = [other.feature.outline for other in stars if other is not star]
         if star.feature.is_notch:
             _extend_faces(skeleton, star, others)
-        elif star.box is None:
-            _free_circle(skeleton, block, star, others)
     wanted = {name: skeleton.inputs.points[name] for name in block.inner_points}
     fixed = [cells.vertices[v] for v in _perimeter(skeleton, block)] + list(wanted.values())
     fixed += [(x, y) for x in (block.low, block.high) for y in np.linspace(0, skeleton.beam.height, 101)]
@@ -70,19 +67,6 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
 def _clearance(first: np.ndarray, second: np.ndarray) -> float:
     """Smallest distance between two sets of points (n, 2); infinite if one is empty."""
     return float(np.hypot(*(first[:, None, :] - second[None, :, :]).T).min(initial=math.inf))
-
-
-def _free_circle(skeleton: Skeleton, block: Block, star: Star, others: list[np.ndarray]) -> None:
-    """Edge of a hole without a ring of its own: short arcs where something is near."""
-    (x, y), radius = star.feature.centre, star.feature.shape.radius
-    gaps = [x - block.low, block.high - x, y, skeleton.beam.height - y]
-    gaps += [np.hypot(*(outline - star.feature.centre).T).min() for outline in others]
-    gap = min(gaps) - radius
-    count = _FEWEST_ARCS
-    while count < _MOST_ARCS and (radius * (1 - math.cos(math.pi / count)) > 0.1 * gap or 2 * math.pi * radius / count > 2.0 * gap):
-        count *= 2
-    angle = 2 * math.pi * (np.arange(count) + 0.5) / count
-    star.circle = skeleton.add_circle(star.feature, np.stack([x + np.cos(angle), y + np.sin(angle)], axis=1))
 
 
 def _perimeter(skeleton: Skeleton, block: Block) -> list[int]:
@@ -135,7 +119,7 @@ def _remainder(skeleton: Skeleton, block: Block, stars: list[Star], seen: list[t
     edges = {edge for path in paths for edge in zip(path, path[1:])}
     edges = {(a, b) for a, b in edges if (b, a) not in edges}
     loops = _loops(edges, seen)
-    areas = [_area(np.array([seen[v] for v in loop])) for loop in loops]
+    areas = [polygon_area(np.array([seen[v] for v in loop])) for loop in loops]
     pieces = [[loop] for loop, area in zip(loops, areas) if area > 0]
     for loop, area in zip(loops, areas):
         if area < 0:
@@ -167,11 +151,6 @@ def _loops(edges: set[tuple[int, int]], seen: list[tuple[float, float]]) -> list
         loops.append(loop)
         leaving = {a: targets for a, targets in leaving.items() if targets}
     return loops
-
-
-def _area(polygon: np.ndarray) -> float:
-    following = np.roll(polygon, -1, axis=0)
-    return 0.5 * float((polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]).sum())
 
 
 def _contains(polygon: np.ndarray, point: tuple[float, float]) -> bool:

@@ -149,7 +149,8 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
             gmsh.option.setNumber("Mesh.ElementOrder", 1)
             gmsh.option.setNumber("Mesh.Algorithm", 6)
-            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 1)
+            # Blossom's repositioning may fold the cells around embedded points over each other.
+            gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 0)
             gmsh.model.mesh.setRecombine(2, surface)
             gmsh.model.mesh.generate(2)
             number = {}
@@ -167,7 +168,17 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
                     cells.append([number[int(tag)] for tag in corners])
         except Exception as error:
             raise RuntimeError(f"gmsh could not fill the polygon around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m: {error}") from error
+    wanted = abs(polygon_area(loops[0])) - sum(abs(polygon_area(loop)) for loop in loops[1:])
+    covered = sum(abs(polygon_area(np.array([coordinates[v] for v in cell]))) for cell in cells)
+    if abs(covered - wanted) > 1e-9 * wanted:
+        raise RuntimeError(f"gmsh's cells around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m overlap or leave gaps.")
     return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
+
+
+def polygon_area(polygon: np.ndarray) -> float:
+    """Signed area of a polygon (n, 2), positive if counter-clockwise."""
+    following = np.roll(polygon, -1, axis=0)
+    return 0.5 * float((polygon[:, 0] * following[:, 1] - polygon[:, 1] * following[:, 0]).sum())
 
 
 def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[list[int]]:
@@ -175,8 +186,7 @@ def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[l
     points = np.array([coordinates[v] for v in cell])
     ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
     turns = (ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]) / np.hypot(*ahead.T) / np.hypot(*behind.T)
-    following = np.roll(points, -1, axis=0)
-    if (points[:, 0] * following[:, 1] - points[:, 1] * following[:, 0]).sum() < 0:
+    if polygon_area(points) < 0:
         return _sound_pieces(cell[::-1], coordinates)
     if len(cell) == 3 or turns.min() > _FLATTEST:
         return [cell]

@@ -12,7 +12,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells import CellComplex, Curve, edge_key
 from meshing.crack_splitting import add_cracks
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.gmsh_model import drain_parser, find_crossing, gmsh_session
+from meshing.gmsh_model import drain_parser, find_crossing, gmsh_session, polygon_area
 from meshing.input_checks import checked_order, positive
 from meshing.polygons import build_mesh
 
@@ -168,7 +168,7 @@ def _add_surface(gmsh, path, entity: int, material: int, cells: CellComplex, ver
         for element in np.asarray(nodes).reshape(-1, count):
             element = [int(tag) for tag in element]
             new.append(([_vertex(path, tag, cells, vertex_of, where) for tag in element[:corners]], element, corners, element_order))
-    areas = [_signed_area(cells, loop) for loop, *_ in new]
+    areas = [polygon_area(np.array([cells.vertices[v] for v in loop])) for loop, *_ in new]
     # A surface may be oriented downwards as a whole; single cells against the others are inverted.
     downwards = sum(areas) < 0
     for (loop, element, corners, element_order), area in zip(new, areas):
@@ -191,11 +191,6 @@ def _vertex(path, tag: int, cells: CellComplex, vertex_of: dict[int, int], where
             raise ValueError(f"{path}: node {tag} at ({x:g}, {y:g}, {z:g}) m is not in the plane z = 0; the model must be plane.")
         vertex_of[tag] = cells.add_vertex(x, y)
     return vertex_of[tag]
-
-
-def _signed_area(cells: CellComplex, loop: list[int]) -> float:
-    (x, y), (x2, y2) = np.array([cells.vertices[v] for v in loop]).T, np.array([cells.vertices[v] for v in loop[1:] + loop[:1]]).T
-    return 0.5 * float((x * y2 - x2 * y).sum())
 
 
 def _add_curve(cells: CellComplex, first: int, last: int, parameters: np.ndarray, points: np.ndarray) -> None:

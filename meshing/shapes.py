@@ -13,6 +13,7 @@ from meshing.input_checks import number, positive
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
+_THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 
 
 @dataclass(frozen=True)
@@ -168,13 +169,17 @@ class Beam:
                 )
 
     def _check_hole(self, item: str, hole: Hole) -> None:
-        clearance = _CLEARANCE * self.height + hole.radius
+        clearance = self._wall(hole) + hole.radius
         for name, value, extent in (("x", hole.x, self.length), ("y", hole.y, self.height)):
             if not clearance <= value <= extent - clearance:
                 raise ValueError(
-                    f"{item}: centre {name} = {value:g} m with diameter {hole.diameter:g} m leaves or touches the domain, "
+                    f"{item}: centre {name} = {value:g} m with diameter {hole.diameter:g} m leaves or touches the domain or leaves too thin a wall, "
                     f"{name} between {clearance:g} and {extent - clearance:g} m was expected; move the hole or make it smaller."
                 )
+
+    def _wall(self, hole: Hole) -> float:
+        """Least thickness of the material beside a hole, m."""
+        return max(_CLEARANCE * self.height, _THINNEST_WALL * hole.diameter)
 
     def _check_distances(self) -> None:
         least = _CLEARANCE * self.height
@@ -185,10 +190,10 @@ class Beam:
                     raise ValueError(f"notches {i + 1} and {j + 1} overlap or touch ({self.notches[i]!r}, {self.notches[j]!r}); move them apart.")
         for i, hole in enumerate(self.holes):
             for j, other in enumerate(self.holes[i + 1 :], i + 1):
-                if math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius < least:
+                if math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius < max(self._wall(hole), self._wall(other)):
                     raise ValueError(f"holes {i + 1} and {j + 1} overlap or touch ({hole!r}, {other!r}); move them apart.")
             for j, triangle in enumerate(triangles):
-                if _point_distance(np.array([hole.x, hole.y]), triangle) - hole.radius < least:
+                if _point_distance(np.array([hole.x, hole.y]), triangle) - hole.radius < self._wall(hole):
                     raise ValueError(f"hole {i + 1} touches or cuts notch {j + 1} ({hole!r}, {self.notches[j]!r}); move them apart.")
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:

@@ -153,9 +153,8 @@ class Skeleton:
         places, sizes = [], []
         for star in stars:
             if star.box is None:
-                radius = star.feature.shape.radius
-                places.append(star.feature.outline[::10])
-                sizes.append(np.full(len(places[-1]), 0.5 * radius))
+                places.append(np.array([self.cells.vertices[v] for v in star.circle]))
+                sizes.append(np.full(len(places[-1]), math.dist(*places[-1][:2])))
             else:
                 places.append(star.points)
                 lengths = np.hypot(*np.diff(star.points, axis=0).T)

@@ -174,8 +174,8 @@ BENT = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.98), (0.02, 0.5)]
         # A second-order triangle whose sides bend far inwards.
         ("not star-convex", msh2(BENT, [(9, 1, (1, 2, 3, 6, 5, 4))], STEEL), "star-convex"),
         ("not plane", msh2(SQUARE, [(3, 1, (1, 2, 3, 4))], STEEL).replace("3 1 1 0\n", "3 1 1 0.5\n"), "plane"),
-        ("lines off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "crack:c")]), "crack line 'crack:c' does not lie on cell edges"),
-        ("set off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "clamp")]), "physical curve 'clamp' does not lie on cell edges"),
+        ("lines off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "crack:c")]), "crack line 'crack:c' does not lie on cell"),
+        ("set off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "clamp")]), "curve 'clamp' does not lie on cell edges"),
         ("on the outline", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 2))], [*STEEL, (1, 2, "crack:c")]), "lies on the outline"),
         ("junk", "hello", "cannot read or mesh it"),
         ("empty", "", "cannot read or mesh it"),
@@ -199,6 +199,8 @@ def test_refused_meshes(tmp_path, name, text, says):
         (("Line(9)={6,8};", "Point(14)={1,0.3,0,h}; Line(9)={8,14};"), "both ends inside the material"),
         (("Physical Curve(\"crack:main\")={9}", "Physical Curve(\"crack:main\")={9,5}"), "lies on the outline"),
         (("Physical Point(\"P\")={4}", "Physical Point(\"P\")={8}"), "point 'P' is a crack tip"),
+        (("Point(8)={1,0.5,0,h}", "Point(8)={1,-0.5,0,h}"), "does not lie on cell edges"),
+        (("Point(2)={1.5,0,0,h}", "Point(2)={1.5,2,0,h}"), "crosses itself"),
         (("Plane Surface(2)={3};", "Plane Surface(2)={3"), "cannot read or mesh it"),
     ],
 )

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 from meshing import Beam, VNotch
 from sbfem_petsc.analysis.modal import modal
@@ -16,16 +14,14 @@ from sbfem_petsc.material import Material
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.system.model import Model
 
-ROOT = Path(__file__).parents[2]
 LOADS = {"opening": PointForce("A", fy=-20.0), "closing": PointForce("A", fx=3.0, fy=600.0)}
 
 
 def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess:
     """Run this file with `arguments` on several ranks."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]), "OMPI_MCA_rmaps_base_oversubscribe": "1",
-                   "PRTE_MCA_rmaps_default_mapping_policy": ":oversubscribe", "OMP_NUM_THREADS": "1", "OMPI_MCA_mpi_yield_when_idle": "1"}
-    command = [shutil.which("mpiexec"), "-n", str(ranks), sys.executable, __file__, *arguments]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120)
+    from tests.parallel import on_ranks as run
+
+    return run(ranks, __file__, *arguments, check=False, timeout=120)
 
 
 def build():

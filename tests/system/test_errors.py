@@ -1,0 +1,167 @@
+"""Bad input ends on every rank with one clear sentence and an exit code other than 0, before any long work."""
+
+import json
+
+import pytest
+
+import sbfem_petsc as sb
+from tests.parallel import answer, on_ranks
+
+# statement -> what its sentence must say
+CASES = {
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.006, 0.1)]).mesh()": "depth",
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.005, 0.1)]).mesh()": "depth",
+    "Beam(0.4, 0.005, [VNotch(0.5, 0.0025, 0.1)]).mesh()": "outside",
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.1), VNotch(0.0801, 0.0025, 10.0)]).mesh()": "notch",
+    "Beam(0.4, 0.005, [], [Hole(0.1, 0.0025, 0.001), Hole(0.1005, 0.0025, 0.001)]).mesh()": "hole",
+    "Beam(0.4, 0.005, [], [Hole(0.1, 0.0025, 0.006)]).mesh()": "hole",
+    "Beam(0.4, 0.005, [], [Hole(0.1, 0.0048, 0.002)]).mesh()": "hole",
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.1)], [Hole(0.08, 0.0025, 0.001)]).mesh()": "hole",
+    "Beam(0.0, 0.005).mesh()": "length",
+    "Beam(0.4, -0.005).mesh()": "height",
+    "Beam(float('nan'), 0.005).mesh()": "length",
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.0, 0.1)]).mesh()": "depth",
+    "Beam(0.4, 0.005, [VNotch(0.08, 0.0025, -1.0)]).mesh()": "opening",
+    "Beam(0.4, 0.005, [], [Hole(0.1, 0.0025, 0.0)]).mesh()": "diameter",
+    "Beam(0.4, 0.005).mesh(order=0)": "order",
+    "Beam(0.4, 0.005).mesh(order=99)": "order",
+    "Beam(0.4, 0.005).mesh(size=-1.0)": "size",
+    "Beam(0.4, 0.005).mesh(points={'P': (1.0, 1.0)})": "P",
+    "sb.Material(0.0, 0.3, 2700)": "young",
+    "sb.Material(-70e9, 0.3, 2700)": "young",
+    "sb.Material(70e9, 0.3, float('nan'))": "density",
+    "sb.Material(70e9, 0.3, 0.0)": "density",
+    "sb.Material(70e9, float('nan'), 2700)": "poisson",
+    "sb.Material(70e9, 0.51, 2700)": "poisson",
+    "sb.Material(70e9, 0.5, 2700, plane='strain')": "poisson",
+    "sb.Material(70e9, -1.0, 2700)": "poisson",
+    "sb.Material(70e9, 0.3, 2700, plane='shell')": "plane",
+    "sb.Material('stiff', 0.3, 2700)": "young",
+    "sb.OrthotropicMaterial(1.0, 1.0, 1.5, 1.0, 1.0)": "poisson_12",
+    "sb.Model(mesh, steel, clamped='root')": "'root' is neither an edge set",
+    "sb.Model(mesh, 7.0)": "material",
+    "sb.Model(mesh, {'steel': steel})": "no material is given for",
+    "sb.Model(mesh, steel, continued_fraction=-1)": "continued_fraction",
+    "sb.Model(mesh, steel, damping=1.5)": "damping",
+    "sb.Model(mesh, steel, thickness=0.0)": "thickness",
+    "sb.Model(None, steel)": "mesh is None",
+    "sb.Model(mesh, steel, supports=[sb.Support('left', x=-1.0)])": "stiffness",
+    "sb.static(model, sb.PointForce('Z', fy=1.0))": "point 'Z' does not exist",
+    "sb.static(model, sb.EdgeLoad('roof', tx=1.0))": "edge set 'roof' does not exist",
+    "sb.static(sb.Model(mesh, steel, clamped=None), sb.PointForce('A', fy=1.0))": "rigid-body motion",
+    "sb.modal(model)": "either count or band",
+    "read_gmsh('nowhere.msh')": "nowhere.msh",
+    "check_output_folder('/proc/nowhere/out', comm)": "/proc/nowhere/out",
+}
+
+PROGRAM = """
+import json, sys
+from mpi4py import MPI
+import sbfem_petsc as sb
+from meshing import *
+from sbfem_petsc.results.hdf5 import check_output_folder
+comm = MPI.COMM_WORLD
+steel = sb.Material(206e9, 0.3, 7850)
+mesh = Beam(0.4, 0.005).mesh(order=2)
+model = sb.Model(mesh, steel)
+said = {}
+for case in json.loads(sys.argv[1]):
+    try:
+        eval(case)
+        mine = ["none", "no error"]
+    except Exception as error:
+        mine = [type(error).__mro__[1].__name__ + " " + type(error).__name__, str(error)]
+    said[case] = comm.allgather(mine)
+if comm.rank == 0:
+    print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def said():
+    return answer(on_ranks(2, PROGRAM, json.dumps(list(CASES))))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_sentence_on_every_rank(said, case):
+    """Both ranks raise the same one-line sentence, of a documented kind, that names the item."""
+    messages = said[case]
+    assert messages[0] == messages[1]
+    kind, text = messages[0]
+    assert any(k in kind for k in ("ValueError", "TypeError", "KeyError", "OSError", "FileNotFoundError", "PermissionError", "NotADirectoryError")), messages[0]
+    assert CASES[case] in text
+    assert "\n" not in text and len(text) < 400
+
+
+def test_one_rank_alone_fails():
+    """An error met by rank 1 only (here a wrong mesh) reaches rank 0 too, and the program ends."""
+    program = """
+import sbfem_petsc as sb
+from mpi4py import MPI
+from meshing import Beam
+mesh = Beam(0.4, 0.005).mesh(order=2)
+sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), damping=0.0 if MPI.COMM_WORLD.rank == 0 else 2.0)
+"""
+    done = on_ranks(2, program, check=False, timeout=60)
+    assert done.returncode != 0
+    assert "damping" in done.stderr
+
+
+def test_unexpected_error_ends_all_ranks():
+    """A plain exception of a user's program on one rank does not leave the others waiting."""
+    program = """
+import sbfem_petsc as sb
+from sbfem_petsc.petsc import MPI
+if MPI.COMM_WORLD.rank == 1:
+    raise RuntimeError("the user's own mistake")
+MPI.COMM_WORLD.barrier()
+"""
+    done = on_ranks(2, program, check=False, timeout=60)
+    assert done.returncode != 0
+    assert "the user's own mistake" in done.stderr
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("arguments, sentence", [
+    (["--output", "/proc/nowhere"], "/proc/nowhere"), (["--order", "0"], "order"), (["--tip-size", "-1"], "tip_size"),
+    (["--nonsense"], "--nonsense"), (["-static_ksp_typ", "cg", "plain"], "plain"), (["-foo"], "-foo"),
+])
+def test_example_ends_with_one_sentence(ranks, arguments, sentence, tmp_path):
+    """The example prints the sentence once, no traceback, and ends with an exit code other than 0."""
+    folder = [] if "--output" in arguments else ["--output", str(tmp_path)]
+    done = on_ranks(ranks, "examples/beam_notch.py", *folder, *arguments, check=False, timeout=60)
+    assert done.returncode != 0
+    errors = [line for line in done.stderr.splitlines() if "error:" in line and "mpiexec" not in line]
+    assert len(errors) == 1 and sentence in errors[0], done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_misspelt_petsc_option_is_reported(tmp_path):
+    done = on_ranks(1, "examples/beam_notch.py", "--no-pictures", "--order", "2", "--output", str(tmp_path), "-modal_epss_tol", "1e-9")
+    assert "modal_epss_tol" in done.stdout.split("Option left")[-1]
+
+
+def test_unreachable_tolerance_is_an_error():
+    """A solve that does not converge raises SolveError that names the solve and the remedy."""
+    from sbfem_petsc.petsc import PETSc
+    from tests.reference import paper_beam
+
+    model = sb.Model(paper_beam().mesh(order=2), sb.Material(70e9, 0.33, 2700))
+    options = PETSc.Options()
+    given = {"static_ksp_type": "cg", "static_pc_type": "jacobi", "static_ksp_max_it": "3"}
+    for name, value in given.items():
+        options.setValue(name, value)
+    try:
+        with pytest.raises(sb.SolveError, match="static: the linear solve did not converge.*static_ksp"):
+            sb.static(model, sb.PointForce("A", fy=1.0))
+    finally:
+        for name in given:
+            options.delValue(name)
+    options.setValue("modal_eps_max_it", "1")
+    options.setValue("modal_eps_ncv", "14")
+    try:
+        with pytest.raises(sb.SolveError, match="modal: SLEPc found"):
+            sb.modal(model, 12)
+    finally:
+        options.delValue("modal_eps_max_it")
+        options.delValue("modal_eps_ncv")

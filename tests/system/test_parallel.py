@@ -1,0 +1,86 @@
+"""The same numbers on one rank and on several, more ranks than S-elements included."""
+
+import numpy as np
+import pytest
+
+from tests.parallel import answer, on_ranks
+
+PROGRAM = """
+import json, sys
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.reference import paper_beam
+from meshing import Beam
+comm = MPI.COMM_WORLD
+kind, on_root = sys.argv[1], sys.argv[2] == "root"
+beam = paper_beam() if kind == "paper" else Beam(0.4, 0.005)
+make = lambda: beam.mesh(order=4) if kind == "paper" else beam.mesh(order=6, size=0.2, corners=())
+mesh = sb.on_root(comm, make) if on_root else make()
+model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700))
+modes = sb.modal(model, 46 if kind == "paper" else 12)
+push = sb.static(model, sb.PointForce("A", fy=100.0) + sb.EdgeLoad("top", pressure=100.0))
+if comm.rank == 0:
+    print(json.dumps({"frequencies": modes.frequencies.tolist(), "A": push.displacement("A").tolist(), "force": push.contact_force.tolist(),
+                      "active": push.active.tolist(), "K": [list(v) for v in push.stress_intensity.values()], "unknowns": [model.boundary_unknowns, model.unknowns],
+                      "shapes": model.shapes, "elements": model.elements, "tip": modes.displacement("A")[:, 1].tolist()}))
+"""
+
+
+@pytest.fixture(scope="module")
+def serial():
+    return {kind: answer(on_ranks(1, PROGRAM, kind, "each")) for kind in ("paper", "two")}
+
+
+def compare(found, expected):
+    """Agreement as promised: 1e-7 on displacements and frequencies 1-2 (permuting the unknowns moves them by 6e-8), 1e-9 from frequency 3 on."""
+    for name in ("unknowns", "shapes", "elements", "active"):
+        assert found[name] == expected[name], name
+    np.testing.assert_allclose(found["frequencies"][:2], expected["frequencies"][:2], rtol=1e-7)
+    np.testing.assert_allclose(found["frequencies"][2:], expected["frequencies"][2:], rtol=1e-9)
+    np.testing.assert_allclose(found["A"], expected["A"], rtol=1e-7)
+    np.testing.assert_allclose(np.abs(found["tip"]), np.abs(expected["tip"]), rtol=1e-5)
+    if expected["force"]:
+        np.testing.assert_allclose(found["force"], expected["force"], atol=1e-6 * max(expected["force"]))
+        np.testing.assert_allclose(found["K"], expected["K"], rtol=1e-5, atol=1e-5 * abs(expected["K"][0][0]))
+
+
+@pytest.mark.parametrize("ranks", [2, 3, 4])
+def test_paper_beam(serial, ranks):
+    compare(answer(on_ranks(ranks, PROGRAM, "paper", "each")), serial["paper"])
+
+
+def test_mesh_on_rank_0_alone(serial):
+    """Rank 0 scatters the parts: the numbers are those of a mesh on every rank."""
+    compare(answer(on_ranks(3, PROGRAM, "paper", "root")), serial["paper"])
+
+
+def test_more_ranks_than_elements(serial):
+    """Two S-elements on four ranks."""
+    assert serial["two"]["elements"] == 2
+    compare(answer(on_ranks(4, PROGRAM, "two", "each")), serial["two"])
+    compare(answer(on_ranks(4, PROGRAM, "two", "root")), serial["two"])
+
+
+ITERATIVE = """
+import json, sys
+import petsc4py
+petsc4py.init(["x", "-static_ksp_type", "cg", "-static_pc_type", "gamg"])
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.reference import paper_beam
+model = sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700))
+push = sb.static(model, sb.PointForce("A", fy=100.0))
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"A": push.displacement("A").tolist(), "solver": push.solver}))
+"""
+
+
+def test_iterative_solver_by_option():
+    """Conjugate gradients with algebraic multigrid, chosen on the command line, on two ranks, agree with the direct solver."""
+    import sbfem_petsc as sb
+    from tests.reference import paper_beam
+
+    found = answer(on_ranks(2, ITERATIVE))
+    assert found["solver"] == "cg + gamg"
+    direct = sb.static(sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700)), sb.PointForce("A", fy=100.0))
+    np.testing.assert_allclose(found["A"], direct.displacement("A"), rtol=1e-6)
