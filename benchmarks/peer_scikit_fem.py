@@ -58,7 +58,7 @@ TARGETS = (1e-3, 1e-4, 1e-5)
 LANCZOS_VECTORS = 74  # with these two eigsh solves 75 times, one pass without a restart, on every mesh of BEST
 LANCZOS_TOLERANCE = 1e-4  # ARPACK's; measured on BEST: frequencies within 4e-11 of those converged to round-off
 ROUND_OFF = 1e-7  # of the first frequency: the order of the unknowns alone moves it by up to 6e-8
-REFERENCE_FILE = Path(__file__).resolve().parent.parent / "tests" / "reference" / "reference.json"
+REFERENCE_FILE = Path(__file__).resolve().parent.parent / "examples" / "reference" / "reference.json"
 
 
 @dataclass(frozen=True)

@@ -132,17 +132,18 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
 
 
 def _refuse_crossing_outlines(gmsh, path: Path) -> None:
-    """A surface whose outline crosses itself; needs the mesh of the curves."""
+    """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever; needs the mesh of the curves."""
     for _, surface in gmsh.model.getEntities(2):
         segments = []
-        for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=False):
+        embedded = [(dimension, tag) for dimension, tag in gmsh.model.mesh.getEmbedded(2, surface) if dimension == 1]
+        for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=False) + embedded:
             for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
                 count = gmsh.model.mesh.getElementProperties(kind)[3]
                 for element in np.asarray(nodes).reshape(-1, count):
                     segments.append([gmsh.model.mesh.getNode(tag)[0][:2] for tag in element[:2]])
         crossing = find_crossing(np.array(segments)) if segments else None
         if crossing is not None:
-            raise ValueError(f"{path}: the outline of surface {surface} crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g}) m; mend the geometry.")
+            raise ValueError(f"{path}: the curves of surface {surface} cross each other near ({crossing[0]:.6g}, {crossing[1]:.6g}) m; mend the geometry.")
 
 
 def _groups(gmsh, dimension: int, unnamed: bool) -> dict[str, list[int]]:

@@ -107,9 +107,15 @@ def coefficient_matrices(coordinates: np.ndarray, order: int, closed: bool, elas
     mass = np.zeros((edges, width, 2, width, 2))
     mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * (weights * jacobian)[:, None, :]) @ values
     blocks = (first @ stress_first, second @ stress_first, second @ stress_second, mass.reshape(edges, 2 * width, 2 * width))
-    unknowns = (2 * connectivity[:, :, None] + np.arange(2)).reshape(edges, 2 * width)
-    matrices = np.zeros((4, 2 * len(coordinates), 2 * len(coordinates)))
-    for k, dofs in enumerate(unknowns):
-        for matrix, block in zip(matrices, blocks):
-            matrix[np.ix_(dofs, dofs)] += block[k]
+    # The edges follow one another, so their blocks overlap at vertices only; a loop is assembled as a chain and then closed.
+    size, step = 2 * (edges * order + 1), 2 * order
+    matrices = np.zeros((4, size, size))
+    stacked = np.stack(blocks)
+    for k in range(edges):
+        part = slice(k * step, k * step + 2 * width)
+        matrices[:, part, part] += stacked[:, k]
+    if closed:
+        matrices[:, :2] += matrices[:, -2:]
+        matrices[:, :, :2] += matrices[:, :, -2:]
+        matrices = matrices[:, :-2, :-2]
     return Coefficients(*matrices)

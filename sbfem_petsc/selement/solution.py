@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
-from scipy.linalg.lapack import dtrsyl
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
+from .dense import ADVICE, cholesky, cholesky_solve, growing_subspace, largest, lower_solve, lyapunov, schur, solve, symmetric, symmetric_eigen
 from .symmetry import invariant_subspaces
 
 # Round-off of the ordered Schur form and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an element
@@ -79,29 +79,30 @@ def solve_selement(coordinates: np.ndarray, order: int, closed: bool, elasticity
     stiffness, mass, radial = (sum(basis @ part[k] @ basis.T for basis, part in parts) for k in range(3))
     coupling = np.concatenate([basis @ part[3] for basis, part in parts], axis=1)
     inertia = np.concatenate([part[4] for _, part in parts])
-    riccati = _norm((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(_norm(coefficients.e2), _norm(stiffness))
+    scale = largest(stiffness)
+    riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(largest(coefficients.e2), scale)
     asymmetry = max(part[5] for _, part in parts)
-    rigid = _norm(stiffness @ motions) / _norm(stiffness)
+    rigid = largest(stiffness @ motions) / scale
     for name, value in (("residual of the Riccati equation", riccati), ("asymmetry of the stiffness", asymmetry), ("rigid-body residual", rigid)):
         if not value < TOLERANCE:
-            raise SElementError(f"{name} {value:.2g} exceeds {TOLERANCE:.0g}: the radial modes could not be separated; use a lower order or split the cell")
+            raise SElementError(f"{name} {value:.2g} exceeds {TOLERANCE:.0g}: the radial modes could not be separated; {ADVICE}")
     ascending = np.argsort(inertia, kind="stable")
-    return SElement(_symmetric(stiffness), _symmetric(mass), coupling[:, ascending], inertia[ascending], radial, riccati, asymmetry, rigid)
+    return SElement(symmetric(stiffness), symmetric(mass), coupling[:, ascending], inertia[ascending], radial, riccati, asymmetry, rigid)
 
 
 def _solve_subspace(coefficients: Coefficients, translations: np.ndarray, basis: np.ndarray, terms: int):
     """The basis, and K, M, A, C, J and the asymmetry of K in a subspace that E0, E1, E2 and M0 leave invariant."""
     local = Coefficients(*(basis.T @ matrix @ basis for matrix in (coefficients.e0, coefficients.e1, coefficients.e2, coefficients.m0)))
-    factor = linalg.cho_factor(local.e0, check_finite=False)
+    factor = cholesky(local.e0, "coefficient matrix E0")
     stiffness, asymmetry = _static_stiffness(local, factor, basis.T @ translations)
-    if linalg.eigvalsh(stiffness, subset_by_index=(0, 0), check_finite=False)[0] < -TOLERANCE * _norm(stiffness):
-        raise SElementError("the stiffness has a negative eigenvalue; use a lower order or split the cell")
-    radial = linalg.cho_solve(factor, stiffness - local.e1.T, check_finite=False)
+    # K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or something is wrong
+    cholesky(stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness)), "stiffness")
+    radial = cholesky_solve(factor, stiffness - local.e1.T)
     mass, coupling, inertia = _continued_fraction(local, factor, radial, terms)
     return basis, (stiffness, mass, radial, coupling, inertia, asymmetry)
 
 
-def _static_stiffness(coefficients: Coefficients, factor, translations: np.ndarray) -> tuple[np.ndarray, float]:
+def _static_stiffness(coefficients: Coefficients, factor: np.ndarray, translations: np.ndarray) -> tuple[np.ndarray, float]:
     """K from the invariant subspace of the growing radial modes, and its relative asymmetry.
 
     The translations R are deflated exactly: E1^T R = 0, E2 R = 0 and K R = 0, hence on their complement P the
@@ -109,82 +110,57 @@ def _static_stiffness(coefficients: Coefficients, factor, translations: np.ndarr
     """
     complement = orthogonal_complement(translations)
     project, m = complement.T, complement.shape[1]
-    inverse = linalg.cho_solve(factor, complement, check_finite=False)                                   # F P
-    inverse_e1 = linalg.cho_solve(factor, coefficients.e1.T @ complement, check_finite=False)            # F E1' P
-    hamiltonian = np.block([
-        [-project @ inverse_e1, project @ inverse],
-        [project @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1), inverse_e1.T @ complement],
-    ])
-    _, vectors, growing = linalg.schur(hamiltonian, output="real", sort="rhp", check_finite=False)
+    inverse = cholesky_solve(factor, complement)                                     # F P
+    inverse_e1 = cholesky_solve(factor, coefficients.e1.T @ complement)              # F E1' P
+    hamiltonian = np.empty((2 * m, 2 * m), order="F")
+    hamiltonian[:m, :m] = -project @ inverse_e1
+    hamiltonian[:m, m:] = project @ inverse
+    hamiltonian[m:, :m] = project @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1)
+    hamiltonian[m:, m:] = inverse_e1.T @ complement
+    vectors, growing = growing_subspace(hamiltonian)
     if growing != m:
-        raise SElementError(f"{growing} growing radial modes instead of {m}; use a lower order or split the cell")
-    reduced = linalg.solve(vectors[:m, :m].T, vectors[m:, :m].T, check_finite=False).T
-    asymmetry = _norm(reduced - reduced.T) / _norm(reduced)
-    return complement @ _symmetric(reduced) @ project, asymmetry
+        raise SElementError(f"{growing} growing radial modes instead of {m}; {ADVICE}")
+    reduced = solve(vectors[:m, :m].T, vectors[m:, :m].T).T
+    return complement @ symmetric(reduced) @ project, largest(reduced - reduced.T) / largest(reduced)
 
 
-def _continued_fraction(coefficients: Coefficients, factor, radial: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _continued_fraction(coefficients: Coefficients, factor: np.ndarray, radial: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Mass, coupling and inertia of the auxiliary unknowns, (12)-(19) with S0 = I by the scaling X X^T = Z."""
     n = len(radial)
     u = radial.T
-    schur = linalg.schur(u, output="real", check_finite=False)
-    mass = _lyapunov(schur, 1.0, coefficients.m0)
-    _cholesky(mass, "mass")
+    form = schur(u)
+    mass = lyapunov(form, 1.0, coefficients.m0)
+    cholesky(mass, "mass")
     if terms == 0:
         return mass, np.zeros((n, 0)), np.zeros(0)
-    inverse = linalg.cho_solve(factor, np.eye(n), check_finite=False)
-    v = mass @ inverse
-    a = _symmetric(v @ mass)
-    c = inverse
-    scalings, inertias = [], []
     identity = np.eye(n)
+    c = cholesky_solve(factor, identity)
+    v = mass @ c
+    a = symmetric(v @ mass)
+    scalings, inertias = [], []
     for i in range(1, terms + 1):
-        x = _cholesky(_lyapunov(schur, 2.0, a), f"term {i} of the continued fraction")
-        b0 = _similar(x, u + 2.0 * identity)
-        b1 = _similar(x, v)
-        half = linalg.solve_triangular(x, a, lower=True, check_finite=False)
-        next_c = _symmetric(linalg.solve_triangular(x, half.T, lower=True, check_finite=False))          # X^-1 a X^-T
+        x = cholesky(lyapunov(form, 2.0, a), f"term {i} of the continued fraction")
+        b0 = lower_solve(x, (u + 2.0 * identity) @ x).T                              # X^T (U + 2 I)^T X^-T
+        b1 = lower_solve(x, v @ x).T
+        next_c = symmetric(lower_solve(x, lower_solve(x, a).T))                      # X^-1 a X^-T
         next_a = x.T @ c @ x
         u = b0.T
-        schur = linalg.schur(u, output="real", check_finite=False)
-        s1 = _lyapunov(schur, 1.0, b1 + b1.T)
+        form = schur(u)
+        s1 = lyapunov(form, 1.0, b1 + b1.T)
         scalings.append(x)
         inertias.append(s1)
         v = s1 @ next_c - b1
         product = s1 @ b1.T
-        a = _symmetric(s1 @ next_c @ s1 - product - product.T + next_a)
+        a = symmetric(s1 @ next_c @ s1 - product - product.T + next_a)
         c = next_c
-    pencil = linalg.block_diag(*inertias)
+    pencil = inertias[0] if terms == 1 else linalg.block_diag(*inertias)
     for i, x in enumerate(scalings[1:], start=1):
         upper, lower = slice((i - 1) * n, i * n), slice(i * n, (i + 1) * n)
         pencil[upper, lower], pencil[lower, upper] = -x, -x.T
-    inertia, modes = linalg.eigh(pencil, check_finite=False)
+    inertia, modes = symmetric_eigen(pencil)
     if not inertia[0] > 0.0:
-        raise SElementError(f"the auxiliary mass of the continued fraction is not positive definite (smallest eigenvalue {inertia[0]:.2g}); use fewer terms or smaller cells")
+        raise SElementError(f"the auxiliary mass of the continued fraction is not positive definite (smallest eigenvalue {inertia[0]:.2g}); {ADVICE}")
     return mass, -scalings[0] @ modes[:n], inertia
-
-
-def _similar(x: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """X^T matrix^T X^-T for lower triangular X."""
-    return linalg.solve_triangular(x, matrix @ x, lower=True, check_finite=False).T
-
-
-def _lyapunov(schur: tuple[np.ndarray, np.ndarray], shift: float, right: np.ndarray) -> np.ndarray:
-    """Symmetric Y with (U + shift I) Y + Y (U + shift I)^T = right, from the real Schur form (T, Q) of U."""
-    triangle, basis = schur
-    shifted = triangle + shift * np.eye(len(triangle))
-    solution, scale, info = dtrsyl(shifted, shifted, basis.T @ right @ basis, tranb="T")
-    if info != 0:
-        raise SElementError("the Lyapunov equation is singular; use a lower order or split the cell")
-    return _symmetric(basis @ (solution / scale) @ basis.T)
-
-
-def _cholesky(matrix: np.ndarray, what: str) -> np.ndarray:
-    """Lower Cholesky factor, or an error that names what is not positive definite (round-off: a wrong model)."""
-    try:
-        return linalg.cholesky(matrix, lower=True, check_finite=False)
-    except linalg.LinAlgError:
-        raise SElementError(f"the {what} is not positive definite; use a lower order, fewer terms or split the cell") from None
 
 
 def _rigid_motions(coordinates: np.ndarray) -> np.ndarray:
@@ -201,10 +177,3 @@ def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
     diagonal = np.abs(np.diag(triangle))
     return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()):]
 
-
-def _symmetric(matrix: np.ndarray) -> np.ndarray:
-    return 0.5 * (matrix + matrix.T)
-
-
-def _norm(matrix: np.ndarray) -> float:
-    return float(np.abs(matrix).max())
