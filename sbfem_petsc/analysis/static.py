@@ -108,7 +108,7 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     residual.axpy(-1.0, right)
     scale = forces.norm()
     field = model.nodal(solution)
-    answer = Static(model.at_points(solution), contact_force, gap, active, field, iterations, solver_name(ksp),
+    answer = Static(model.at_points(solution.array_r), contact_force, gap, active, field, iterations, solver_name(ksp),
                     residual.norm() / scale if scale > 0 else 0.0, model.tips.evaluate(field), as_loads(load), model)
     for item in (forces, solution, right, residual, ksp):
         item.destroy()

@@ -291,15 +291,24 @@ class Model:
         """Stress intensity factors of the crack tips from nodal displacements. Collective."""
         return TipIntensities(self)
 
-    def at_points(self, vector: PETSc.Vec) -> dict[str, np.ndarray]:
-        """Displacement (2,) of every named point, on all ranks, from a vector over the displacement unknowns. Collective."""
+    def at_points(self, owned: np.ndarray) -> dict[str, np.ndarray]:
+        """Displacement of every named point, on all ranks. Collective.
+
+        Parameters
+        ----------
+        owned : (k,) or (k, n) array
+            This rank's displacement unknowns, of one field or of n fields.
+
+        Returns
+        -------
+        dict of str to (2,) or (n, 2) array
+        """
         first, last = self.ranges[self.comm.rank], self.ranges[self.comm.rank + 1]
-        table = np.zeros((len(self.points), 2))
-        array = vector.array_r
-        for row, (_, unknowns) in zip(table, self.points.values()):
-            for k, number in enumerate(unknowns):
-                if first <= number < last:
-                    row[k] = array[number - first]
+        unknowns = np.array([u for _, u in self.points.values()]).reshape(-1, 2)
+        table = np.zeros((len(self.points), *owned.shape[1:], 2))
+        for k in (0, 1):
+            mine = (unknowns[:, k] >= first) & (unknowns[:, k] < last)
+            table[mine, ..., k] = owned[unknowns[mine, k] - first]
         self.comm.Allreduce(MPI.IN_PLACE, table)
         return dict(zip(self.points, table))
 

@@ -13,11 +13,6 @@ from .assembly import assemble, block_triples
 from .model import Model
 from .shapes import Group
 
-# What the dropped auxiliary unknowns of an S-element may contribute at most, relative to its own strain and
-# kinetic energy at the top of the band. Measured on the paper's beam (46 frequencies): 1e-5 moves them by 3e-8 at most.
-TOLERANCE = 1e-5
-
-
 class Pencil:
     """``K x = omega^2 M x`` with ``K = diag(K_b, E t I)`` and ``M = [[M_b, C], [C', J]]``.
 
@@ -29,8 +24,11 @@ class Pencil:
     Parameters
     ----------
     model : Model
-    highest : float or None
-        Top of the band, rad/s; None keeps every auxiliary unknown.
+    highest : float
+        Top of the band, rad/s.
+    tolerance : float
+        What the dropped auxiliary unknowns of an S-element may contribute at most, relative to its own strain and kinetic energy at
+        the top of the band; 0 keeps every one.
 
     Attributes
     ----------
@@ -39,9 +37,9 @@ class Pencil:
     unknowns : int
     """
 
-    def __init__(self, model: Model, highest: float | None = None):
-        self.model, self.highest = model, highest
-        self._pieces = [piece for group in model.groups for piece in _pieces(model, group, highest)]
+    def __init__(self, model: Model, highest: float, tolerance: float):
+        self.model = model
+        self._pieces = [piece for group in model.groups for piece in _pieces(model, group, highest, tolerance)]
         local = sum(piece.auxiliary for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(model.comm.allgather(local))]).astype(np.int64)
         self.ranges = model.ranges + self.auxiliary_ranges
@@ -115,14 +113,14 @@ class Pencil:
 class _Piece:
     """S-elements of one group with one size: equal matrices up to rotation."""
 
-    def __init__(self, model: Model, group: Group, rows: np.ndarray, highest: float | None):
+    def __init__(self, model: Model, group: Group, rows: np.ndarray, highest: float, tolerance: float):
         self.group, self.group_rows = group.select(rows), rows
         self.modulus, inertia = model.scales(self.group)
         self._inertia_scale = float(inertia[0])
         self.unknowns = model.unknowns_of(self.group)
         coupling, inertia = group.solution.coupling, group.solution.inertia
-        if highest is not None and coupling.shape[1]:
-            coupling, inertia = _project(group.solution, highest**2 * self._inertia_scale / self.modulus)
+        if tolerance > 0.0 and coupling.shape[1]:
+            coupling, inertia = _project(group.solution, highest**2 * self._inertia_scale / self.modulus, tolerance)
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
         self.mass = self._inertia_scale * self.group.turned_both(group.solution.mass)
@@ -136,22 +134,22 @@ class _Piece:
         return self.modulus * self.group.turned_both(matrix)
 
 
-def _pieces(model: Model, group: Group, highest: float | None) -> list[_Piece]:
+def _pieces(model: Model, group: Group, highest: float, tolerance: float) -> list[_Piece]:
     """Split a group by the sizes of its S-elements."""
     sizes = group.sizes
     order = np.argsort(sizes, kind="stable")
     breaks = np.flatnonzero(np.diff(sizes[order]) > 1e-9 * sizes[order][1:]) + 1
-    return [_Piece(model, group, rows, highest) for rows in np.split(order, breaks)]
+    return [_Piece(model, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
 
 
-def _project(solution, w2: float) -> tuple[np.ndarray, np.ndarray]:
+def _project(solution, w2: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`."""
     lower = linalg.cholesky(solution.stiffness + w2 * solution.mass, lower=True)
     weighted = w2 * linalg.solve_triangular(lower, solution.coupling, lower=True)
-    if (weighted**2).sum() <= TOLERANCE:
+    if (weighted**2).sum() <= tolerance:
         return solution.coupling[:, :0], solution.inertia[:0]
     values, vectors = linalg.eigh(weighted.T @ weighted)
-    basis = vectors[:, values > TOLERANCE]
+    basis = vectors[:, values > tolerance]
     inertia, modes = linalg.eigh((basis.T * solution.inertia) @ basis)
     return solution.coupling @ (basis @ modes), inertia
 
