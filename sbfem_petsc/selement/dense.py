@@ -56,7 +56,7 @@ def lyapunov(schur_form: tuple[np.ndarray, np.ndarray], shift: float, right: np.
     """Symmetric Y with (U + shift I) Y + Y (U + shift I)^T = right, from the real Schur form (T, Q) of U."""
     triangle, basis = schur_form
     shifted = triangle.copy(order="F")
-    shifted[np.diag_indices_from(shifted)] += shift
+    shifted.reshape(-1, order="A")[:: len(shifted) + 1] += shift
     solution, scale, info = lapack.dtrsyl(shifted, shifted, basis.T @ right @ basis, tranb="T")
     if info != 0:
         raise SElementError(f"a Lyapunov equation of the S-element is singular; {ADVICE}")
@@ -69,6 +69,14 @@ def symmetric_eigen(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if info != 0:
         raise SElementError(f"an eigenvalue problem of the S-element did not converge; {ADVICE}")
     return values, vectors
+
+
+def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
+    """Orthonormal basis (n, n - rank) of the complement of the two columns of `vectors` (n, 2)."""
+    ordered = vectors if vectors[:, 0] @ vectors[:, 0] >= vectors[:, 1] @ vectors[:, 1] else vectors[:, ::-1]
+    basis, triangle = np.linalg.qr(ordered, mode="complete")
+    diagonal = np.abs(triangle.diagonal())
+    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()):]
 
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import linalg
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
-from .dense import ADVICE, cholesky, cholesky_solve, growing_subspace, largest, lower_solve, lyapunov, schur, solve, symmetric, symmetric_eigen
+from .dense import ADVICE, cholesky, cholesky_solve, growing_subspace, largest, lower_solve, lyapunov, orthogonal_complement, schur, solve, symmetric, symmetric_eigen
 from .symmetry import invariant_subspaces
 
 # Round-off of the ordered Schur form and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an element
@@ -169,11 +169,3 @@ def _rigid_motions(coordinates: np.ndarray) -> np.ndarray:
     motions[:, 0, 0] = motions[:, 1, 1] = 1.0
     motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
     return motions.reshape(-1, 3)
-
-
-def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
-    """Orthonormal basis (n, n - rank) of the complement of the columns of `vectors` (n, 2)."""
-    basis, triangle, _ = linalg.qr(vectors, pivoting=True, check_finite=False)
-    diagonal = np.abs(np.diag(triangle))
-    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()):]
-

@@ -7,7 +7,8 @@ with the cube of its size, so two mirrors save a factor of sixteen.
 from __future__ import annotations
 
 import numpy as np
-from scipy import linalg
+
+from .dense import symmetric_eigen
 
 TOLERANCE = 1e-12
 
@@ -29,7 +30,7 @@ def invariant_subspaces(coordinates: np.ndarray, order: int, closed: bool, isotr
     if not mirrors:
         return [np.eye(n)]
     # commuting involutions: the eigenvalues of S1 + 2 S2 tell the parities apart
-    values, vectors = linalg.eigh(sum((k + 1) * s for k, s in enumerate(mirrors)), check_finite=False)
+    values, vectors = symmetric_eigen(sum((k + 1) * s for k, s in enumerate(mirrors)))
     breaks = np.flatnonzero(np.diff(values) > 0.5) + 1
     return np.split(vectors, breaks, axis=1)
 

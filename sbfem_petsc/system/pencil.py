@@ -6,9 +6,9 @@ import functools
 import math
 
 import numpy as np
-from scipy import linalg
 
 from ..petsc import PETSc
+from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import assemble, block_triples
 from .model import Model
 from .shapes import Group
@@ -144,13 +144,13 @@ def _pieces(model: Model, group: Group, highest: float, tolerance: float) -> lis
 
 def _project(solution, w2: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`."""
-    lower = linalg.cholesky(solution.stiffness + w2 * solution.mass, lower=True)
-    weighted = w2 * linalg.solve_triangular(lower, solution.coupling, lower=True)
+    lower = cholesky(solution.stiffness + w2 * solution.mass, "dynamic stiffness of an S-element")
+    weighted = w2 * lower_solve(lower, solution.coupling)
     if (weighted**2).sum() <= tolerance:
         return solution.coupling[:, :0], solution.inertia[:0]
-    values, vectors = linalg.eigh(weighted.T @ weighted)
+    values, vectors = symmetric_eigen(weighted.T @ weighted)
     basis = vectors[:, values > tolerance]
-    inertia, modes = linalg.eigh((basis.T * solution.inertia) @ basis)
+    inertia, modes = symmetric_eigen((basis.T * solution.inertia) @ basis)
     return solution.coupling @ (basis @ modes), inertia
 
 
