@@ -52,7 +52,7 @@ class Model:
     elements, shapes : int
         Number of S-elements and of different shapes among them.
     area, perimeter : float
-        m^2, m.
+        m^2, m; the faces inside a tip element carry no edges and are not counted.
 
     Raises
     ------
