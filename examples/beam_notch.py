@@ -16,7 +16,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
 
 REFERENCE = pathlib.Path(__file__).parent / "reference" / "reference.json"
 
@@ -38,7 +38,6 @@ def main():
     """Run the example."""
     own = options()
     from mpi4py import MPI
-    from rich.console import Console
 
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
@@ -48,26 +47,26 @@ def main():
     from sbfem_petsc.results.vtu import write_vtu
 
     comm = MPI.COMM_WORLD
-    console = Console(quiet=comm.rank > 0, highlight=False, width=None if sys.stdout.isatty() else 120)
+    out = console(comm)
     folder = check_output_folder(own.output, comm)
     reference = json.loads(REFERENCE.read_text())
 
     beam = Beam(length=0.400, height=0.005, notches=[VNotch(x=0.080, depth=0.0025, opening=0.0458366)])
     mesh = sb.on_root(comm, lambda: beam.mesh(order=own.order, size=own.size, tip_size=own.tip_size, layout=own.layout))
     model = sb.Model(mesh, sb.Material(young=70e9, poisson=0.33, density=2700), clamped="left", continued_fraction=own.continued_fraction)
-    console.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}\n{model}\n")
+    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}\n{model}\n")
 
     modes = sb.modal(model, count=46)
     forces = (1, 100, 300)
     pushes = {f"{force} N": sb.static(model, sb.PointForce("A", fy=float(force))) for force in forces}
 
-    console.print(frequency_table(modes.frequencies, reference))
-    console.print(f"{modes.solver}: {modes.iterations} iteration(s), {modes.unknowns} unknowns, largest residual {modes.residuals.max():.1e}\n")
-    console.print(static_table(pushes, reference))
+    out.print(frequency_table(modes.frequencies, reference))
+    out.print(f"{modes.solver}: {modes.iterations} iteration(s), {modes.unknowns} unknowns, largest residual {modes.residuals.max():.1e}\n")
+    out.print(static_table(pushes, reference))
     for name, push in pushes.items():
         if push.stress_intensity and own.layout == "tip":
             opening, sliding = push.stress_intensity["crack1"]
-            console.print(f"{name}: K_I = {opening / 1e6:.5g}, K_II = {sliding / 1e6:.3g} MPa m^1/2; {int(push.active.sum())} of {len(push.gap)} pairs in contact, {push.iterations} iteration(s), {push.solver}")
+            out.print(f"{name}: K_I = {opening / 1e6:.5g}, K_II = {sliding / 1e6:.3g} MPa m^1/2; {int(push.active.sum())} of {len(push.gap)} pairs in contact, {push.iterations} iteration(s), {push.solver}")
 
     write_results(os.path.join(folder, "beam_notch.h5"), model, modal=modes, static=pushes)
     write_vtu(os.path.join(folder, "static_300N.vtu"), model, {"displacement": pushes["300 N"].field})
@@ -77,7 +76,7 @@ def main():
         plot_modes(modes, os.path.join(folder, "modes.png"), modes=range(8))
         plot_crack(model, {name: pushes[name].field for name in ("1 N", "100 N")}, os.path.join(folder, "crack.png"))
         plot_contact(pushes, os.path.join(folder, "contact.png"))
-    console.print(f"\nfiles and pictures are in {folder}")
+    out.print(f"\nfiles and pictures are in {folder}")
     model.destroy()
 
 

@@ -18,6 +18,9 @@ _HOME = {
     "Model": "system.model",
     "modal": "analysis.modal", "Modal": "analysis.modal",
     "static": "analysis.static", "Static": "analysis.static",
+    "transient": "analysis.transient", "Transient": "analysis.transient", "StepWarning": "analysis.transient",
+    "Reduction": "reduction",
+    "Harmonic": "signals", "ToneBurst": "signals", "Chirp": "signals", "Step": "signals", "Samples": "signals", "Custom": "signals", "Constant": "signals",
     "on_root": "parallel",
 }
 

@@ -59,6 +59,19 @@ class Parser(argparse.ArgumentParser):
             super().print_help(file)
 
 
+def console(comm):
+    """A rich console that writes on rank 0 alone.
+
+    At least 120 columns wide, so that no table loses digits to "..."; plain text under mpiexec, which may give rank 0 a terminal of its own.
+    """
+    import shutil
+
+    from rich.console import Console
+
+    plain = comm.size > 1 or not sys.stdout.isatty()
+    return Console(quiet=comm.rank > 0, highlight=False, force_terminal=False if plain else None, width=max(120, shutil.get_terminal_size((120, 24)).columns))
+
+
 def run(main) -> None:
     """Call `main()` as a program: an error of the user's input or of a solve is one sentence on stderr and exit code 1.
 

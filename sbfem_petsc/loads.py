@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+
+from .signals import Signal, as_signal
 
 
 @dataclass(frozen=True)
@@ -13,13 +15,13 @@ class PointForce:
     ----------
     point : str
         Name of a point of the mesh.
-    fx, fy : float
+    fx, fy : float or Signal
         Components, N (of the whole thickness).
     """
 
     point: str
-    fx: float = 0.0
-    fy: float = 0.0
+    fx: float | Signal = 0.0
+    fy: float | Signal = 0.0
 
     def __add__(self, other: "Load | Loads") -> "Loads":
         return Loads((self,)) + other
@@ -33,16 +35,16 @@ class EdgeLoad:
     ----------
     edge_set : str
         Name of an edge set of the mesh.
-    tx, ty : float
+    tx, ty : float or Signal
         Components along x and y, Pa.
-    pressure : float
+    pressure : float or Signal
         Normal traction towards the material, Pa.
     """
 
     edge_set: str
-    tx: float = 0.0
-    ty: float = 0.0
-    pressure: float = 0.0
+    tx: float | Signal = 0.0
+    ty: float | Signal = 0.0
+    pressure: float | Signal = 0.0
 
     def __add__(self, other: "Load | Loads") -> "Loads":
         return Loads((self,)) + other
@@ -76,3 +78,17 @@ def as_loads(load) -> Loads:
         if not isinstance(item, (PointForce, EdgeLoad)):
             raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad")
     return Loads(items)
+
+
+def separate(load) -> tuple[list[Load], list[Signal]]:
+    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero."""
+    units, signals = [], []
+    for item in as_loads(load).parts:
+        place, *components = fields(item)
+        for component in components:
+            value = getattr(item, component.name)
+            if isinstance(value, (int, float)) and value == 0:
+                continue
+            units.append(type(item)(**{place.name: getattr(item, place.name), component.name: 1.0}))
+            signals.append(as_signal(value))
+    return units, signals

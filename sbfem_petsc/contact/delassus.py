@@ -21,10 +21,13 @@ class ContactRows:
             mine = (numbers >= first) & (numbers < last)
             self.rows.append((numbers[mine] - first, values[mine]))
 
+    def local(self, owned: np.ndarray) -> np.ndarray:
+        """This rank's share of G times (owned, n) columns, (pairs, n): sum over the ranks for the whole."""
+        return np.array([values @ owned[numbers] for numbers, values in self.rows]).reshape(len(self.rows), *owned.shape[1:])
+
     def gaps(self, vector: PETSc.Vec) -> np.ndarray:
         """G u, (pairs,), on all ranks."""
-        array = vector.array_r
-        result = np.array([values @ array[numbers] for numbers, values in self.rows])
+        result = self.local(vector.array_r)
         self.comm.Allreduce(MPI.IN_PLACE, result)
         return result
 

@@ -58,6 +58,11 @@ def style(axes) -> None:
     axes.yaxis.label.set_size(8)
 
 
+def crack_title(crack) -> str:
+    """A crack's name, recognisable as one: a user's model may call it anything."""
+    return crack.name if crack.name.startswith("crack") else f"crack {crack.name}"
+
+
 def fill(axes, rings, colour, edge, width, line="-") -> None:
     """Closed loops, holes running the other way round, as one filled shape; metres in, millimetres drawn."""
     vertices, codes = [], []

@@ -12,7 +12,7 @@ from matplotlib.transforms import ScaledTranslation
 from ..parallel import on_root
 from ..petsc import MPI
 from ..selement.basis import shape_functions
-from .drawing import BLACK, BLUE, GREEN, MATERIAL, MILLI, PURPLE, VERMILION, WIDTH, figure, save, style
+from .drawing import BLACK, BLUE, GREEN, MATERIAL, MILLI, PURPLE, VERMILION, WIDTH, crack_title, figure, save, style
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
@@ -52,14 +52,15 @@ def _draw(mesh) -> Figure:
     whole.set_title(title + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""), fontsize=8)
     for row, (number, crack) in enumerate(zoomed, 1):
         tip = np.array(crack.tip)
-        near = _tip_size(mesh, crack)
         wide = 1.15 * crack.length
-        for column, (half, text) in enumerate(((wide, crack.name), (4.5 * near, f"tip of {crack.name}"))):
+        # The element on the tip of a coarse mesh may be as large as the crack.
+        near = min(4.5 * _tip_size(mesh, crack), 0.5 * wide)
+        for column, (half, text) in enumerate(((wide, crack_title(crack)), (near, f"tip of {crack_title(crack)}"))):
             axes = drawing.add_subplot(grid[row, column])
             _panel(axes, mesh, tip - half, tip + half, nodes=True)
             axes.set_title(text, fontsize=8)
             if column == 0:
-                axes.add_patch(Rectangle((tip - 4.5 * near) * MILLI, *[9.0 * near * MILLI] * 2, fill=False, edgecolor=PURPLE, linewidth=0.8))
+                axes.add_patch(Rectangle((tip - near) * MILLI, *[2.0 * near * MILLI] * 2, fill=False, edgecolor=PURPLE, linewidth=0.8))
             else:
                 for side in axes.spines.values():
                     side.set_color(PURPLE)
@@ -103,13 +104,15 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.plot(*_inside(mesh.scaling_centres, lower, upper).T * MILLI, linestyle="none", marker="+", markersize=size, color=VERMILION, markeredgewidth=0.7)
     if len(mesh.pairs) and stretch == 1.0:
         # Faces micrometres apart coincide in the picture: the marks stand 2.5 points beside them, on their own side.
-        for side, marker in ((0, "<"), (1, ">")):
+        for side in (0, 1):
             for crack in range(len(mesh.cracks)):
                 rows = mesh.pairs.crack == crack
                 if rows.any():
-                    shift = (1 - 2 * side) * 2.5 / 72 * mesh.pairs.normal[rows][0]
+                    outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
+                    shift = 2.5 / 72 * outwards
+                    marker = (3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0)  # points at the other face
                     moved = axes.transData + ScaledTranslation(*shift, axes.figure.dpi_scale_trans)
-                    axes.plot(*_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * MILLI, linestyle="none", marker=marker, markersize=2.6,
+                    axes.plot(*_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * MILLI, linestyle="none", marker=marker, markersize=3.4,
                               color=GREEN, markeredgewidth=0, transform=moved)
     _label_points(axes, mesh, lower, upper)
     axes.set_xlim(lower[0] * MILLI, upper[0] * MILLI)
@@ -125,7 +128,7 @@ def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndar
 
 
 def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
-    """Named points; those that nearly coincide in the window share one label."""
+    """Named points; those that nearly coincide in the window share one label, above or below the point, where the material is not."""
     groups: list[tuple[np.ndarray, list[str]]] = []
     for name, node in mesh.points.items():
         at = mesh.nodes[node]
@@ -140,8 +143,10 @@ def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
     for at, names in groups:
         axes.plot(*(at * MILLI), marker="o", markersize=3.5, markerfacecolor="white", markeredgecolor=BLACK, markeredgewidth=0.8)
         centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])
-        axes.annotate(", ".join(names), at * MILLI, xytext=(0 if centred else -3, 4), textcoords="offset points", fontsize=8, fontweight="bold",
-                      horizontalalignment="center" if centred else "right", annotation_clip=False)
+        above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
+        axes.annotate(", ".join(names), at * MILLI, xytext=(0 if centred else -3, 4 if above else -4), textcoords="offset points", fontsize=8,
+                      fontweight="bold", horizontalalignment="center" if centred else "right", verticalalignment="baseline" if above else "top",
+                      annotation_clip=False)
 
 
 def _legend(mesh) -> list:

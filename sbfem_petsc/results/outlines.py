@@ -126,7 +126,7 @@ def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: flo
         corners = np.vstack([part.coordinates[chain], part.centres[k]])
         keep[k] = (corners.min(axis=0) < centre + half).all() and (corners.max(axis=0) > centre - half).all()
     pieces, offset = [], 0
-    for patch in sample(model, {"u": field}, keep=keep, subdivisions=max(2 * model.order, 6)):
+    for patch in sample(model, {"u": field}, keep=keep, subdivisions=max(2 * model.order, 6), refine=4):
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
         points = patch.positions.reshape(-1, 2)

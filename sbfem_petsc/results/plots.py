@@ -16,7 +16,7 @@ from ..analysis.modal import Modal
 from ..analysis.static import Static
 from ..parallel import on_root
 from ..system.model import Model
-from .drawing import BLACK, BLUE, CYCLE, MARKERS, MILLI, SKY, WIDTH, figure, fill, save, style
+from .drawing import BLACK, BLUE, CYCLE, MARKERS, MILLI, SKY, WIDTH, crack_title, figure, fill, save, style
 from .mesh_plot import plot_discretisation
 from .outlines import Piece, Region, contact_lengths, gather_outline, gather_region, loops
 
@@ -69,8 +69,9 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
             axial = largest[int(np.argmax(extent))]
             bending = largest[int(np.argmin(extent))] > axial
             scale = min(scale, 0.8 * extent.min() / axial) if bending else 0.03 * size / axial
-        # the sign of a mode is arbitrary: the largest displacement is drawn upwards or to the right
-        scale = np.copysign(scale, shape.flat[np.abs(shape).argmax()])
+        # the sign of a mode is arbitrary: cracks are drawn open if that shows, else the largest displacement upwards or to the right
+        opening = _opening(pieces, k)
+        scale = np.copysign(scale, opening if not slender and abs(opening) * scale > 0.005 * size else shape.flat[np.abs(shape).argmax()])
         fill(axes, [[pieces[i].positions for i in loop] for loop in order], "none", "#999999", 0.4, (0, (3, 2)))
         fill(axes, [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order], SKY, BLUE, 0.6)
         axes.set_title(f"mode {mode + 1}:  {_frequency(frequencies[mode])}", fontsize=8, pad=2)
@@ -87,6 +88,17 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
     for axes in grid[:, 0]:
         axes.set_ylabel("y (mm)")
     return drawing
+
+
+def _opening(pieces: list[Piece], field: int) -> float:
+    """Opening of the cracks in a displacement field, m, where their tip elements end; 0 without such elements."""
+    total = 0.0
+    for piece in pieces:
+        if piece.key[0] < 0:  # from the right face over the tip to the left one
+            outwards = piece.positions[[0, -1]].sum(axis=0) - 2.0 * piece.positions[len(piece.positions) // 2]
+            across = np.array([outwards[1], -outwards[0]]) / np.linalg.norm(outwards)
+            total += float(across @ (piece.displacements[field][0] - piece.displacements[field][-1]))
+    return total
 
 
 def _frequency(value: float) -> str:
@@ -263,7 +275,7 @@ def _draw_contact(model, cases: dict[str, Static], lengths: np.ndarray, crack: i
         gap_axes.plot(distance, case.gap[rows] * 1e6, label=name, **shown)
     pressure_axes.set_ylabel("contact pressure (MPa)")
     pressure_axes.set_ylim(bottom=0.0)
-    pressure_axes.set_title(f"{model.cracks[crack].name}: nodal contact force per area of the face", fontsize=8)
+    pressure_axes.set_title(f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face", fontsize=8)
     gap_axes.set_ylabel("gap (µm)")
     gap_axes.set_xlabel("distance from the tip along the crack (mm)")
     gap_axes.set_xlim(0.0, length * MILLI * 1.02)

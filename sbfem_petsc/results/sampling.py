@@ -43,7 +43,7 @@ class Patches:
     stresses: dict[str, np.ndarray]
 
 
-def graded_levels(closed: bool, finest: float) -> np.ndarray:
+def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
     """xi from 1 to the innermost ring of points.
 
     Parameters
@@ -53,9 +53,11 @@ def graded_levels(closed: bool, finest: float) -> np.ndarray:
     finest : float
         Length of the shortest edge in units of the S-element's size: where edges are graded towards a point of the
         boundary of a closed S-element, the levels are graded towards the boundary.
+    refine : int
+        Levels of open S-elements for each default one.
     """
     if not closed:
-        return np.geomspace(1.0, INNERMOST_OPEN, 9)
+        return np.geomspace(1.0, INNERMOST_OPEN, 8 * refine + 1)
     depth = 1.0 - INNERMOST_CLOSED
     if finest > 0.1:
         return np.linspace(1.0, INNERMOST_CLOSED, 4)
@@ -64,7 +66,7 @@ def graded_levels(closed: bool, finest: float) -> np.ndarray:
 
 
 def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None = None, stress: bool = True,
-           keep: np.ndarray | None = None) -> list[Patches]:
+           keep: np.ndarray | None = None, refine: int = 1) -> list[Patches]:
     """Sample nodal displacement fields inside the S-elements of this rank.
 
     Parameters
@@ -78,6 +80,8 @@ def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None
         Whether stresses are evaluated.
     keep : (e,) bool array, optional
         S-elements of the rank's part to sample; default: all.
+    refine : int
+        Levels of open S-elements for each default one.
     """
     for name, values in fields.items():
         if np.shape(values) != model.part.coordinates.shape:
@@ -92,7 +96,7 @@ def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None
         material = model.materials[group.material]
         sampler = InteriorSampler(group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at)
         ends = group.shape[edge_nodes(len(group.shape), group.order, group.closed)][:, [0, -1]]
-        levels = graded_levels(group.closed, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()))
+        levels = graded_levels(group.closed, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()), refine)
         with_centre, near_centre = np.append(levels, 0.0), np.append(levels, CENTRE)
         sizes, rotations = group.sizes, group.rotations
         positions = sampler.positions(with_centre, model.part.centres[group.elements], sizes, rotations)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..errors import UnknownName, on_all_ranks
 from ..loads import EdgeLoad, Loads, as_loads
+from ..signals import Signal
 from ..material import Material, OrthotropicMaterial
 from ..parallel import collective
 from ..petsc import MPI, PETSc
@@ -204,8 +205,8 @@ class Model:
         vector.assemble()
         return vector
 
-    def checked_loads(self, load) -> Loads:
-        """The loads, each with an existing place and finite components."""
+    def checked_loads(self, load, constant: bool = True) -> Loads:
+        """The loads, each with an existing place and finite components, or signals unless `constant`."""
         loads = as_loads(load)
         for item in loads.parts:
             if isinstance(item, EdgeLoad):
@@ -217,6 +218,8 @@ class Model:
                     raise UnknownName(f"PointForce: point {item.point!r} does not exist; the mesh has {_listed(self.points)}")
                 components = {"fx": item.fx, "fy": item.fy}
             for name, value in components.items():
+                if isinstance(value, Signal) and not constant:
+                    continue
                 if not isinstance(value, numbers.Real) or isinstance(value, bool) or not math.isfinite(value):
                     raise ValueError(f"{type(item).__name__}: {name} = {value!r} must be a finite number")
         return loads

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..parallel import collective
 from ..petsc import MPI
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
@@ -35,21 +36,22 @@ class TipIntensities:
         self._local: list[_TipRow] = []
         exponents = np.zeros((len(self.names), 2))
         place = {int(element): row for row, element in enumerate(model.part.elements)}
-        for index, crack in enumerate(model.cracks):
-            row = place.get(int(crack.tip_element), -1) if crack.tip_element >= 0 else -1
-            if row < 0:
-                continue
-            group, member = next((g, int(np.flatnonzero(g.elements == row)[0])) for g in model.groups if (g.elements == row).any())
-            rotation, size, material = group.rotations[member], group.sizes[member], model.materials[group.material]
-            try:
-                form = intensity_rows(group.solution.radial, group.shape, group.order, material.elasticity, rotation @ np.array(crack.axis), material.isotropic)
-            except SElementError as error:
-                raise SElementError(f"tip of {crack.name}: {error}") from None
-            # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the sense of sliding
-            scale = material.modulus * size ** -np.nan_to_num(form.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
-            turned = form.rows.reshape(2, -1, 2) @ rotation
-            self._local.append(_TipRow(index, group.nodes[member], scale[:, None, None] * turned))
-            exponents[index] = form.exponents
+        with collective(self.comm):  # the rank that owns a tip must not fail alone
+            for index, crack in enumerate(model.cracks):
+                row = place.get(int(crack.tip_element), -1) if crack.tip_element >= 0 else -1
+                if row < 0:
+                    continue
+                group, member = next((g, int(np.flatnonzero(g.elements == row)[0])) for g in model.groups if (g.elements == row).any())
+                rotation, size, material = group.rotations[member], group.sizes[member], model.materials[group.material]
+                try:
+                    form = intensity_rows(group.solution.radial, group.shape, group.order, material.elasticity, rotation @ np.array(crack.axis), material.isotropic)
+                except SElementError as error:
+                    raise SElementError(f"tip of {crack.name}: {error}") from None
+                # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the sense of sliding
+                scale = material.modulus * size ** -np.nan_to_num(form.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
+                turned = form.rows.reshape(2, -1, 2) @ rotation
+                self._local.append(_TipRow(index, group.nodes[member], scale[:, None, None] * turned))
+                exponents[index] = form.exponents
         self.exponents = self.comm.allreduce(exponents)
 
     def evaluate(self, field: np.ndarray) -> dict[str, tuple[float, float]]:

@@ -1,0 +1,187 @@
+"""Lowest modes plus residual flexibility for contact pairs, loads and sensors; contact carries no mass (MacNeal 1971)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import linalg
+
+from .analysis.modal import modal
+from .contact.delassus import ContactRows
+from .petsc import MPI, check_ksp, make_ksp
+from .system.model import Model
+
+
+@dataclass(frozen=True, eq=False)
+class Reduction:
+    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what was left out.
+
+    q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap_modes^T force,
+    gap = gap_modes q + gap_flexibility force + gap_loads s + initial_gap,
+    displacement = sensor_modes q + sensor_loads s + sensor_pairs force,
+    with the amplitudes s(t) of unit loads and the contact forces.
+
+    Attributes
+    ----------
+    frequencies : (m,) array
+        Hz.
+    omega : (m,) array
+        rad/s.
+    damping : (m,) array
+        Modal damping ratios.
+    gap_modes : (pairs, m) array
+    gap_flexibility : (pairs, pairs) array
+        G R G^T, m/N.
+    gap_loads : (pairs, loads) array
+        G R f, m per unit load.
+    load_modes : (m, loads) array
+        Phi^T f.
+    load_flexibility : (loads, loads) array
+        f^T R f.
+    initial_gap : (pairs,) array
+        m.
+    points : tuple of str
+    sensor_modes, sensor_loads, sensor_pairs : (points, 2, m), (points, 2, loads), (points, 2, pairs) arrays
+    tips : tuple of str
+        Cracks with a tip element.
+    tip_modes, tip_loads, tip_pairs : (tips, 2, m), (tips, 2, loads), (tips, 2, pairs) arrays
+        K_I and K_II.
+    """
+
+    frequencies: np.ndarray
+    omega: np.ndarray
+    damping: np.ndarray
+    gap_modes: np.ndarray
+    gap_flexibility: np.ndarray
+    gap_loads: np.ndarray
+    load_modes: np.ndarray
+    load_flexibility: np.ndarray
+    initial_gap: np.ndarray
+    points: tuple[str, ...]
+    sensor_modes: np.ndarray
+    sensor_loads: np.ndarray
+    sensor_pairs: np.ndarray
+    tips: tuple[str, ...]
+    tip_modes: np.ndarray
+    tip_loads: np.ndarray
+    tip_pairs: np.ndarray
+
+    def __repr__(self) -> str:
+        return f"Reduction({len(self.omega)} modes up to {self.frequencies[-1]:.6g} Hz, {len(self.initial_gap)} contact pairs, {self.load_modes.shape[1]} unit loads)"
+
+
+def reduce(model: Model, unit_loads, modes: int) -> Reduction:
+    """Reduce a model to its lowest modes and the residual flexibility of its contact pairs and loads.
+
+    Parameters
+    ----------
+    model : Model
+        Held against every rigid-body motion.
+    unit_loads : sequence of Load
+        One column each.
+    modes : int
+
+    Notes
+    -----
+    One static solve a contact pair and a load (prefix ``static_``), one eigenvalue problem (prefix ``modal_``). All
+    that is kept is small and the same on every rank.
+    """
+    model.require_support("the reduction")
+    found = modal(model, modes)
+    rows = ContactRows(model)
+    pairs, loads = len(rows.rows), len(unit_loads)
+    gap_modes = rows.local(found.shapes)
+    model.comm.Allreduce(MPI.IN_PLACE, gap_modes)
+    sensor_modes = np.stack([found.point_shapes[name].T for name in model.points]) if model.points else np.zeros((0, 2, modes))
+
+    ksp = make_ksp(model.stiffness, "static_")
+    right, solution = model.stiffness.createVecs()
+    columns = pairs + loads
+    gap_columns, load_modes = np.empty((pairs, columns)), np.empty((modes, loads))
+    sensor_columns, tip_columns = np.empty((len(model.points), 2, columns)), []
+    load_vectors = [model.load_vector(load) for load in unit_loads]
+    work = np.zeros((loads, columns))
+    for k in range(columns):
+        if k < pairs:
+            right.set(0.0)
+            rows.add_forces(right, np.eye(pairs)[k])
+        else:
+            load_vectors[k - pairs].copy(right)
+            load_modes[:, k - pairs] = found.shapes.T @ right.array_r
+        ksp.solve(right, solution)
+        check_ksp(ksp, "reduction")
+        gap_columns[:, k] = rows.gaps(solution)
+        for name, value in enumerate(model.at_points(solution.array_r).values()):
+            sensor_columns[name, :, k] = value
+        tip_columns.append(np.array(list(model.tips.evaluate(model.nodal(solution)).values())).reshape(-1, 2))
+        work[:, k] = [vector.dot(solution) for vector in load_vectors]
+    model.comm.Allreduce(MPI.IN_PLACE, load_modes)
+    tip_modes = np.stack([np.array(list(model.tips.evaluate(found.nodal(k)).values())).reshape(-1, 2) for k in range(modes)], axis=-1)
+    tip_columns = np.stack(tip_columns, axis=-1) if columns else np.zeros((len(model.tips.names), 2, 0))
+    for item in (right, solution, ksp, *load_vectors):
+        item.destroy()
+
+    omega = 2.0 * np.pi * found.frequencies
+    modal_columns = np.concatenate([gap_modes.T, load_modes], axis=1) / omega[:, None] ** 2
+
+    def residual(columns_of, modes_of):
+        return columns_of - modes_of @ modal_columns
+
+    gap_columns, sensor_columns, tip_columns = residual(gap_columns, gap_modes), residual(sensor_columns, sensor_modes), residual(tip_columns, tip_modes)
+    work = residual(work, load_modes.T)
+    flexibility = gap_columns[:, :pairs]
+    return Reduction(found.frequencies, omega, np.full(modes, model.damping), gap_modes, 0.5 * (flexibility + flexibility.T), gap_columns[:, pairs:], load_modes,
+                     0.5 * (work[:, pairs:] + work[:, pairs:].T), model.pairs.gap.copy(), tuple(model.points), sensor_modes, sensor_columns[..., pairs:],
+                     sensor_columns[..., :pairs], model.tips.names, tip_modes, tip_columns[..., pairs:], tip_columns[..., :pairs])
+
+
+def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.ndarray, gap: np.ndarray, loads: np.ndarray, sensors: dict[str, int],
+                    modes: int, damping: float = 0.0, compliance: np.ndarray | None = None) -> Reduction:
+    """Reduce a system given by its matrices: textbook oscillators, bars, other codes' examples.
+
+    Parameters
+    ----------
+    mass, stiffness : (n, n) arrays
+        Mass positive definite; the stiffness may admit rigid-body motions.
+    contact_rows : (pairs, n) array
+        Gap = contact_rows u + gap + compliance force.
+    gap : (pairs,) array
+    loads : (n, k) array
+        Unit loads.
+    sensors : dict of str to int
+        Names of unknowns; each is the x displacement of a point.
+    modes : int
+        Lowest modes kept; the others act by their flexibility.
+    damping : float
+        Modal damping ratio.
+    compliance : (pairs,) array, optional
+        Of elastic stops, m/N.
+
+    Raises
+    ------
+    ValueError
+        If a contact row has no compliance at all: a rigid stop on an unknown whose mass is kept in full has no law in this form.
+    """
+    values, vectors = linalg.eigh(stiffness, mass)
+    # rigid-body modes come out at round-off's level
+    values = np.where(values < 1e-12 * values[-1], 0.0, values)
+    kept, left = vectors[:, :modes], vectors[:, modes:]
+    columns = np.concatenate([contact_rows.T, loads], axis=1)
+    flexibility = (left / values[modes:]) @ (left.T @ columns)
+    pairs = len(gap)
+    gap_flexibility = contact_rows @ flexibility[:, :pairs] + np.diag(np.zeros(pairs) if compliance is None else compliance)
+    weak = np.flatnonzero(np.diag(gap_flexibility) <= 0.0)
+    if len(weak):
+        raise ValueError(f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer modes than unknowns or give the stop a compliance")
+    omega = np.sqrt(values[:modes])
+    index = list(sensors.values())
+
+    def at_sensors(array):
+        result = np.zeros((len(index), 2, array.shape[1]))
+        result[:, 0] = array[index]
+        return result
+
+    return Reduction(omega / (2.0 * np.pi), omega, np.full(modes, damping), contact_rows @ kept, gap_flexibility, contact_rows @ flexibility[:, pairs:], kept.T @ loads,
+                     loads.T @ flexibility[:, pairs:], np.asarray(gap, dtype=float), tuple(sensors), at_sensors(kept), at_sensors(flexibility[:, pairs:]),
+                     at_sensors(flexibility[:, :pairs]), (), np.zeros((0, 2, modes)), np.zeros((0, 2, loads.shape[1])), np.zeros((0, 2, pairs)))

@@ -1,0 +1,258 @@
+"""Time histories against the independent reference, exact solutions and their own energy."""
+
+import pathlib
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.analysis import transient as module
+from sbfem_petsc.reduction import reduce_matrices
+from tests.reference import paper_beam
+
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+REFERENCE = np.load(pathlib.Path(__file__).parents[2] / "examples" / "reference" / "transient_paper.npz")
+
+
+@pytest.fixture(scope="module")
+def fine():
+    """67 pairs, frequencies 1-10 within 1.4e-6, and the reduction of the paper's load to 80 modes."""
+    model = sb.Model(paper_beam().mesh(order=6, grading=1.8, tip_size=5e-6), ALUMINIUM)
+    return model, sb.transient(model, burst(1.0), 1e-5, step=1e-6).reduction
+
+
+def burst(force, cycles=100):
+    return sb.PointForce("A", fy=sb.ToneBurst(force, 3000, cycles))
+
+
+def distance(history, key):
+    """Relative L2 distance of u_y(A) to the reference."""
+    exact = REFERENCE[key]
+    found = np.interp(REFERENCE["t"], history.time, history.displacement("A")[:, 1])
+    return np.linalg.norm(found - exact) / np.linalg.norm(exact)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force, key, tolerance", [(1.0, "uA_y_1N_linear", 1e-3), (300.0, "uA_y_300N_contact", 3e-3)])
+def test_paper_bursts(fine, force, key, tolerance):
+    """Figs. 5 and 6, 0-33 ms: 1e-3 and 3e-3 are asked for; at steps of 1 and 4 microseconds 4e-4 and 7e-4 are met."""
+    model, reduction = fine
+    for step in (1e-6, 4e-6):
+        history = sb.transient(model, burst(force), 0.033, step=step, reduction=reduction)
+        assert distance(history, key) < min(tolerance, 8e-4)
+        assert np.abs(history.energy.balance).max() < 1e-6 * np.abs(history.energy.external).max()
+    if force > 1:
+        assert history.contact_resultant.max() == pytest.approx(REFERENCE["contact_resultant_300N"].max(), rel=0.02)
+
+
+def test_default_mesh_burst():
+    """The default mesh (26 pairs) and the default step are within 1.2e-3 of the reference at 300 N."""
+    history = sb.transient(sb.Model(paper_beam().mesh(), ALUMINIUM), burst(300.0), 0.033)
+    assert distance(history, "uA_y_300N_contact") < 1.2e-3
+    assert (history.contact_force >= 0).all() and history.gap.min() > -1e-12
+
+
+def test_period_error_of_newmark(fine):
+    """Second order in the step: a factor of 4 from 4 to 2 microseconds, and far behind the exact scheme."""
+    model, reduction = fine
+    far = [distance(sb.transient(model, burst(1.0), 0.033, step=step, reduction=reduction, scheme="newmark"), "uA_y_1N_linear") for step in (4e-6, 2e-6)]
+    assert far[0] / far[1] == pytest.approx(4, rel=0.1) and far[1] > 1e-2
+
+
+@pytest.mark.slow
+def test_energy_after_the_load_has_ended(fine):
+    """Undamped, 20 cycles of 300 N, then 33 ms without load: the energy stays within 1e-6."""
+    model, reduction = fine
+    end = 20 / 3000
+    history = sb.transient(model, burst(300.0, 20), end + 0.033, step=0.5e-6, reduction=reduction, decimation=10)
+    energy = history.energy.total[history.time > end + 1e-5]
+    assert abs(energy[-1] / energy[0] - 1.0) < 1e-6
+    assert history.contact_resultant[history.time > end].max() > 1000.0
+
+
+def test_reduced_history_converges_with_modes():
+    """40 and 80 modes against 160: 1.6e-4 and 3e-5 for THEORY's prototype on a like mesh."""
+    model = sb.Model(paper_beam().mesh(), ALUMINIUM)
+    u = [sb.transient(model, burst(300.0, 20), 0.01, step=1e-6, modes=modes).displacement("A")[:, 1] for modes in (40, 80, 160)]
+    errors = [np.linalg.norm(v - u[-1]) / np.linalg.norm(u[-1]) for v in u[:-1]]
+    assert errors[0] < 4e-4 and errors[1] < 0.4 * errors[0]
+
+
+def test_homogeneous_with_zero_gap():
+    """A closed crack: force times 1000 gives the response times 1000."""
+    model = sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0)]).mesh(), ALUMINIUM, damping=0.002)
+    one, many = (sb.transient(model, burst(f, 20), 0.004, step=1e-6) for f in (1.0, 1000.0))
+    np.testing.assert_allclose(many.displacement("A"), 1000 * one.displacement("A"), atol=1e-9 * 1000 * np.abs(one.displacement("A")).max())
+    assert one.contact_resultant.max() > 0
+
+
+def test_damped_linear_response_against_closed_form():
+    """One mode under a constant force from rest: 1 - exp(-zeta w t)(cos wd t + zeta / sqrt(1 - zeta^2) sin wd t), at any step."""
+    omega, zeta = 3.0, 0.1
+    r = reduce_matrices(np.eye(2), np.diag([omega**2, 100.0]), np.zeros((0, 2)), np.zeros(0), np.array([[1.0], [0.0]]), {"x": 0}, 1, damping=zeta)
+    for step in (0.01, 0.5):
+        history = module.integrate(r, [sb.Constant(omega**2)], int(10 / step), step)
+        wd = omega * np.sqrt(1 - zeta**2)
+        exact = 1 - np.exp(-zeta * omega * history.time) * (np.cos(wd * history.time) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * history.time))
+        np.testing.assert_allclose(history.displacement("x")[:, 0], exact, atol=1e-12)
+        assert np.abs(history.energy.balance[-1]) < 0.05 * omega**2 * step
+
+
+def bar(elements, length, young, density, area):
+    """Consistent mass and stiffness of a free bar."""
+    h = length / elements
+    k, m = np.zeros((elements + 1, elements + 1)), np.zeros((elements + 1, elements + 1))
+    for e in range(elements):
+        part = slice(e, e + 2)
+        k[part, part] += young * area / h * np.array([[1, -1], [-1, 1]])
+        m[part, part] += density * area * h / 6 * np.array([[2, 1], [1, 2]])
+    return m, k
+
+
+def thrown(elements, length, young, density, area, gap, speed, gravity=0.0):
+    """Reduction to half of the modes of a bar thrown at a wall, its modal velocity, and its weight's signal."""
+    mass, stiffness = bar(elements, length, young, density, area)
+    row = np.zeros((1, elements + 1))
+    row[0, 0] = 1.0
+    weight = -gravity * mass.sum(axis=1, keepdims=True)
+    modes = elements // 2
+    r = reduce_matrices(mass, stiffness, row, np.array([gap]), weight, {"front": 0}, modes)
+    vectors = linalg.eigh(stiffness, mass)[1][:, :modes]
+    return r, vectors.T @ mass @ np.full(elements + 1, speed)
+
+
+def fly(monkeypatch, r, velocity, duration, step, scheme="exact"):
+    """History from a given modal velocity."""
+    monkeypatch.setattr(module, "_start", lambda *a: (np.zeros(len(velocity)), velocity.copy(), np.zeros(1), np.zeros(1, bool)))
+    return module.integrate(r, [sb.Constant(1.0)], round(duration / step), step, scheme=scheme)
+
+
+@pytest.mark.parametrize("scheme", ["exact", "newmark"])
+def test_bar_on_a_wall(monkeypatch, scheme):
+    """L = 10, E = 900, rho = 1, v = -10, gap 5: contact from 0.5 to 1.16667, force 300, impulse 200, energy 500."""
+    elements, step = 400, 5e-4
+    r, velocity = thrown(elements, 10.0, 900.0, 1.0, 1.0, 5.0, -10.0)
+    history = fly(monkeypatch, r, velocity, 2.0, step, scheme)
+    force, time = history.contact_force[:, 0], history.time
+    touching = time[force > 0]
+    if scheme == "exact":  # Newmark's waves are late by its period error: its last contact is five steps early
+        assert touching[0] == pytest.approx(0.5, abs=step) and touching[-1] == pytest.approx(1.166667, abs=2 * step)
+    assert force[(time > 0.55) & (time < 1.1)].mean() == pytest.approx(300.0, rel=0.01)
+    assert force.sum() * step == pytest.approx(200.0, rel=0.01)
+    assert history.energy.total[-1] == pytest.approx(500.0, rel=1e-3)
+
+
+def test_bouncing_bar(monkeypatch):
+    """Doyen, Ern and Piperno (2011): g = 10, h0 = 5; contacts [1, 5/3] with 300 + 300 (t - 1) and [11/3, 13/3] with 500 - 300 (t - 11/3)."""
+    r, velocity = thrown(400, 10.0, 900.0, 1.0, 1.0, 5.0, 0.0, gravity=10.0)
+    step = 5e-4
+    history = fly(monkeypatch, r, velocity, 16 / 3, step)
+    force, time = history.contact_force[:, 0], history.time
+    for start, end, law in ((1.0, 5 / 3, lambda t: 300 + 300 * (t - 1)), (11 / 3, 13 / 3, lambda t: 500 - 300 * (t - 11 / 3))):
+        inside = (time > start + 0.06) & (time < end - 0.06)
+        assert force[inside].mean() == pytest.approx(law(time[inside]).mean(), rel=0.01)
+        assert force[(time > start - 0.1) & (time < end + 0.1)].sum() * step == pytest.approx(800 / 3, rel=0.01)
+    assert force[(time > 5 / 3 + 0.1) & (time < 11 / 3 - 0.1)].max() == 0.0
+
+
+def test_code_aster_sdnv100(monkeypatch):
+    """Shock of a bar in uniaxial strain, L = 0.2, a = 0.02, v0 = 100, gap 2 mm: 68.951 us and 1.8564 MN."""
+    young, poisson, density, length = 2e11, 0.3, 8000.0, 0.2
+    modulus = young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
+    assert np.sqrt(modulus / density) == pytest.approx(5801.19, rel=1e-5)
+    r, velocity = thrown(400, length, modulus, density, 0.02**2, 0.002, -100.0)
+    step = 5e-9
+    history = fly(monkeypatch, r, velocity, 1.1e-4, step)
+    force, time = history.contact_force[:, 0], history.time
+    touching = time[force > 0]
+    assert touching[-1] - touching[0] == pytest.approx(68.951e-6, rel=0.005)
+    inside = (time > touching[0] + 5e-6) & (time < touching[-1] - 5e-6)
+    assert force[inside].mean() == pytest.approx(1.8564e6, rel=0.01)
+
+
+@pytest.mark.parametrize("ratio, mean, second, third", [(0.9, 0.06704, 0.01488, 5.18e-4), (0.5, 0.43210, 1 / 11, 0.01920)])
+def test_bilinear_oscillator(monkeypatch, ratio, mean, second, third):
+    """Free vibration of a mass with a spring and an elastic stop: frequency 2 w1 w2 / (w1 + w2) within 1e-4, harmonics within 1 %."""
+    closed, opened = 1.0, ratio
+    stop = closed**2 - opened**2
+    r = reduce_matrices(np.eye(2), np.diag([opened**2, 1e6]), np.array([[1.0, 0.0]]), np.zeros(1), np.zeros((2, 1)), {"x": 0}, 1, compliance=np.array([1 / stop]))
+    bilinear = 2 * closed * opened / (closed + opened)
+    period = 2 * np.pi / bilinear
+    monkeypatch.setattr(module, "_start", lambda *a: (np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1, bool)))
+    steps = 4096
+    history = module.integrate(r, [sb.Constant(0.0)], 40 * steps, period / steps)
+    u = history.displacement("x")[:, 0]
+    rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
+    cross = history.time[rising] - u[rising] * history.step / (u[rising + 1] - u[rising])
+    assert 2 * np.pi / np.diff(cross).mean() == pytest.approx(bilinear, rel=1e-4)
+    c = 2 * np.fft.rfft(u[:-1].reshape(40, steps).mean(axis=0))[:4] / steps
+    a = np.abs(c) / np.abs(c[1])
+    np.testing.assert_allclose([a[0] / 2, a[2], a[3]], [mean, second, third], rtol=0.01)
+
+
+def test_start_at_equilibrium():
+    """Under a constant load nothing moves, contact included, and the displacement is the static one."""
+    model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
+    load = sb.PointForce("A", fy=100.0)
+    history = sb.transient(model, load, 1e-4, step=1e-6, start="equilibrium")
+    static = sb.static(model, load)
+    u = history.displacement("A")
+    np.testing.assert_allclose(u, np.broadcast_to(static.displacement("A"), u.shape), rtol=1e-6)
+    np.testing.assert_allclose(history.contact_force[-1], static.contact_force, atol=1e-5 * static.contact_force.max())
+
+
+def test_decimation_keeps_the_same_instants():
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
+    full, thin = (sb.transient(model, burst(300.0, 5), 0.001, step=1e-6, decimation=d) for d in (1, 10))
+    np.testing.assert_array_equal(thin.time, full.time[::10])
+    np.testing.assert_array_equal(thin.displacement("A"), full.displacement("A")[::10])
+
+
+def test_stress_intensity_history():
+    """K_I(t) under a slow load follows the static one."""
+    model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
+    slow = sb.Step(-100.0, rise=2.0)
+    history = sb.transient(model, sb.PointForce("A", fy=slow), 2.0, step=5e-4)
+    expected = sb.static(model, sb.PointForce("A", fy=-100.0)).stress_intensity["crack1"]
+    np.testing.assert_allclose(history.stress_intensity()[-1], expected, rtol=2e-3)
+
+
+def test_several_loads_and_signals():
+    """Forces at one point and on an edge superpose in the linear structure."""
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=3), ALUMINIUM, damping=0.01)
+    one, two = sb.PointForce("A", fy=sb.Harmonic(1.0, 500.0)), sb.EdgeLoad("top", pressure=sb.Chirp(10.0, 100.0, 1000.0, 0.01))
+    both = sb.transient(model, one + two, 0.01, step=5e-6).displacement("A")
+    apart = sum(sb.transient(model, load, 0.01, step=5e-6).displacement("A") for load in (one, two))
+    np.testing.assert_allclose(both, apart, atol=1e-9 * np.abs(both).max())
+
+
+@pytest.mark.parametrize("arguments, sentence", [
+    ({"duration": 0.0}, "duration = 0.0"), ({"duration": float("nan")}, "duration"), ({"duration": "long"}, "duration"), ({"duration": 1e-3, "step": -1e-6}, "step"),
+    ({"duration": 1e-3, "step": 1.0}, "longer than duration"), ({"duration": 1e-3, "modes": 0}, "modes"), ({"duration": 1e-3, "scheme": "euler"}, "scheme"),
+    ({"duration": 1e-3, "start": "moving"}, "start"), ({"duration": 1e-3, "decimation": 0}, "decimation"),
+])
+def test_bad_requests(arguments, sentence):
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.transient(model, sb.PointForce("A", fy=1.0), **arguments)
+
+
+def test_unknown_sensor_and_coarse_step():
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
+    with pytest.warns(sb.StepWarning, match="3.3 steps a period"):
+        history = sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(1.0, 3000.0)), 1e-3, step=1e-4)
+    with pytest.raises(KeyError, match="point 'Q' does not exist"):
+        history.displacement("Q")
+
+
+def test_contact_that_does_work_is_refused(monkeypatch):
+    """A bar with nearly all modes kept leaves the contact no flexibility: the wrong history is not returned."""
+    mass, stiffness = bar(200, 10.0, 900.0, 1.0, 1.0)
+    row = np.zeros((1, 201))
+    row[0, 0] = 1.0
+    r = reduce_matrices(mass, stiffness, row, np.array([5.0]), np.zeros((201, 1)), {}, 199)
+    velocity = linalg.eigh(stiffness, mass)[1][:, :199].T @ mass @ np.full(201, -10.0)
+    with pytest.raises(sb.SolveError, match="contact forces have done work"):
+        fly(monkeypatch, r, velocity, 2.0, 1e-3)
