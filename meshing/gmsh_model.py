@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 _OPTIONS = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.Algorithm", "Mesh.RecombinationAlgorithm", "Mesh.ElementOrder")
+_TEXT_OPTIONS = ("Geometry.OCCTargetUnit",)
 _MOST_STATEMENTS = 10_000
 _FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
 
@@ -36,6 +37,7 @@ def gmsh_session(name: str) -> Iterator[object]:
         gmsh.initialize([], readConfigFiles=False, interruptible=False)
     previous = None if started else gmsh.model.getCurrent()
     options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
+    texts = {name: gmsh.option.getString(name) for name in _TEXT_OPTIONS}
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add(name)
     try:
@@ -47,6 +49,8 @@ def gmsh_session(name: str) -> Iterator[object]:
             gmsh.model.remove()
             for option, value in options.items():  # options belong to gmsh, not to a model
                 gmsh.option.setNumber(option, value)
+            for option, text in texts.items():
+                gmsh.option.setString(option, text)
             if previous:
                 gmsh.model.setCurrent(previous)
 

@@ -41,7 +41,9 @@ def read_gmsh(path: str | Path, order: int = 5, size: float | None = None, tip_e
     ----------
     path : path
         ``.msh`` of any version gmsh reads, straight or curved elements. ``.geo``, ``.step``, ``.brep`` are meshed here, GLL nodes on the true curves;
-        step, brep and iges carry no groups: all surfaces are one material, every curve and point has its number in its name. SI units.
+        step, brep and iges carry no groups: all surfaces are one material, parts that touch are joined, every curve and point has its number in
+        its name ("curve5", "point2"); to name them, write a .geo file that merges the file and adds physical groups. SI units; lengths in step
+        and iges files are converted to m.
     order : int
         Polynomial order of the S-elements' edges, 1 to 20.
     size : float, optional
@@ -84,9 +86,12 @@ class _Model:
 def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
     suffix = path.suffix.lower()
     try:
-        if suffix in _UNNAMED_GEOMETRY:
-            gmsh.option.setString("Geometry.OCCTargetUnit", "M")
+        gmsh.option.setString("Geometry.OCCTargetUnit", "M")  # of a step file that a .geo file merges, too
         gmsh.merge(str(path))
+        if suffix in _UNNAMED_GEOMETRY and len(gmsh.model.getEntities(2)) > 1:
+            # These formats keep every part by itself; parts that touch are one body.
+            gmsh.model.occ.removeAllDuplicates()
+            gmsh.model.occ.synchronize()
         if suffix in _GEOMETRY:
             if size is not None:
                 gmsh.option.setNumber("Mesh.MeshSizeMax", size)
@@ -99,6 +104,8 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
         drain_parser(gmsh)
         raise ValueError(f"{path}: gmsh cannot read or mesh it ({error}); the file may be truncated or corrupt.") from error
     groups = {dimension: _groups(gmsh, dimension, suffix in _UNNAMED_GEOMETRY) for dimension in (0, 1, 2)}
+    if not groups[2] and suffix in _UNNAMED_GEOMETRY:
+        raise ValueError(f"{path}: it has no surfaces; export the plane area as a face, and check that the file is complete.")
     if not groups[2]:
         raise ValueError(f"{path}: it has no physical surfaces; put every surface in a physical group, its name is the material's.")
     cells, vertex_of = CellComplex(), {}
@@ -221,7 +228,9 @@ def _put_on_true_curves(gmsh, cells: CellComplex, vertex_of: dict[int, int], ord
         parameter_of: dict[int, list[float]] = {}
         for tag, parameter in zip(tags, parameters):
             parameter_of.setdefault(int(tag), []).append(float(parameter))
-        ends = {int(tag) for _, point in gmsh.model.getBoundary([(1, curve)], oriented=False) for tag in gmsh.model.mesh.getNodes(0, point)[0]}
+        # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
+        bounds = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+        ends = {int(tag) for _, point in bounds for tag in gmsh.model.mesh.getNodes(0, point)[0]}
         if len(ends) < 2:  # a closed curve: its seam has two parameters
             for tag in ends:
                 parameter_of[tag] = [low, high]

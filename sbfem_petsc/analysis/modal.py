@@ -10,9 +10,9 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import MPI, PETSc, SLEPc, check_ksp, make_ksp, solver_name
+from ..petsc import MPI, PETSc, SLEPc, solver_name
 from ..system.model import Model
-from ..system.pencil import Pencil, top_of_band
+from ..system.pencil import CondensedSolve, Pencil, top_of_band
 
 # Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
 # 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
@@ -147,55 +147,11 @@ def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: floa
     return replace(found, frequencies=found.frequencies[keep], residuals=found.residuals[keep], shapes=found.shapes[:, keep], point_shapes=points)
 
 
-class CondensedSolve:
-    """Python preconditioner of PETSc that applies (K - shift M)^-1 exactly.
-
-    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one linear solve
-    over the displacement unknowns, configured under ``modal_st_``.
-    """
-
-    def __init__(self, pencil: Pencil, shift: float):
-        self.pencil, self.shift = pencil, shift
-        self.matrix = pencil.condensed(shift)
-        self.ksp = make_ksp(self.matrix, "modal_st_", positive_definite=shift <= 0.0)
-        self.diagonal = pencil.auxiliary_diagonal(shift)
-        self.right, self.left = self.matrix.createVecs()
-        if shift != 0.0:
-            self.auxiliary = pencil.coupling.createVecRight()
-
-    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
-        """left = (K - shift M)^-1 right."""
-        owned = self.pencil.owned
-        source = right.array_r
-        self.right.array = source[:owned]
-        scaled = source[owned:] / self.diagonal
-        if self.shift != 0.0:
-            self.auxiliary.array = self.shift * scaled
-            self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
-        self.ksp.solve(self.right, self.left)
-        check_ksp(self.ksp, "modal")
-        if self.shift != 0.0:
-            self.pencil.coupling.multTranspose(self.left, self.auxiliary)
-            scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
-        target = left.array
-        target[:owned] = self.left.array_r
-        target[owned:] = scaled
-
-    def release(self) -> None:
-        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of use."""
-        if self.shift != 0.0:
-            self.auxiliary.destroy()
-            self.matrix.destroy()
-        for item in (self.ksp, self.right, self.left):
-            item.destroy()
-        self.__dict__.clear()
-
-
 def _solve(pencil: Pencil, count: int, target: float) -> Modal:
     """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below zero."""
     model = pencil.model
     shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
-    solve = CondensedSolve(pencil, shift)
+    solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
     eps = SLEPc.EPS().create(model.comm)
     st = eps.getST()
     outer = st.getKSP()

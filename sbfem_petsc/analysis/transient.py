@@ -18,6 +18,7 @@ from ..loads import separate
 from ..parallel import collective
 from ..reduction import Reduction, reduce
 from ..system.model import Model
+from .full_transient import FullTransient, full_transient
 
 # Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega h)^2 / 12 = 3e-5.
 STEPS_A_PERIOD = 320
@@ -147,7 +148,7 @@ class Transient:
 
 
 def transient(model: Model, load, duration: float, step: float | None = None, modes: int | None = None, contact: bool = True, scheme: str = "exact",
-              start: str = "rest", decimation: int = 1, reduction: Reduction | None = None, progress: Callable[[float], None] | None = None) -> Transient:
+              start: str = "rest", decimation: int = 1, reduction: Reduction | str | None = "modes", progress: Callable[[float], None] | None = None) -> Transient | FullTransient:
     """Integrate the equations of motion with unilateral contact.
 
     Parameters
@@ -164,16 +165,18 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
         Default: all modes up to 8 times the loads' highest frequency, at least 80.
     contact : bool
         False: the faces may overlap.
-    scheme : {"exact", "newmark"}
+    scheme : {"exact", "newmark", "paper"}
         "exact": every mode advanced exactly for loads linear over a step and contact forces held at the mean of its ends, so that
         contact works precisely by force times change of gap and cannot feed energy in, whatever the step; "newmark": average
-        acceleration, which does the same with a period error of (omega h)^2 / 12.
+        acceleration, which does the same with a period error of (omega h)^2 / 12; "paper": eqs. (28)-(34) on the unreduced model, which
+        stops when its energy runs away.
     start : {"rest", "equilibrium"}
         Zero displacement and velocity, or static equilibrium, contact included, under the loads at t = 0.
     decimation : int
         Every so many steps are kept.
-    reduction : Reduction, optional
-        Of the same model and loads, from an earlier history's `reduction`.
+    reduction : "modes", Reduction or None
+        "modes": lowest modes and residual flexibility; a Reduction of the same model and loads, from an earlier history; None: the
+        unreduced model by Newmark's average acceleration with implicit contact, from rest (see `full_transient`; a `FullTransient` is returned).
     progress : callable, optional
         Called with the fraction done after each chunk of steps.
 
@@ -197,7 +200,11 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
         count, step = _steps(duration, step, highest)
     if highest * step > 1.0 / COARSE:
         warnings.warn(f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load frequency {highest:g} Hz; at least {COARSE} are advisable", StepWarning, stacklevel=2)
-    if reduction is None:
+    if reduction is None or scheme == "paper":
+        if start != "rest":
+            raise on_all_ranks(ValueError(f"transient: start = {start!r} is for the reduced model; the unreduced one starts from rest"))
+        return full_transient(model, load, count, step, contact, "paper" if scheme == "paper" else "implicit", decimation)
+    if reduction == "modes":
         reduction = reduce(model, unit_loads, modes or default_modes(model, highest))
     return integrate(reduction, signals, count, step, contact, scheme, start, decimation, progress)
 
@@ -370,7 +377,7 @@ def _check(duration, step, modes, scheme, start, decimation) -> None:
     for name, value in (("modes", modes), ("decimation", decimation)):
         if value is not None and (isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1):
             raise ValueError(f"transient: {name} = {value!r} must be a positive integer")
-    for name, value, known in (("scheme", scheme, ("exact", "newmark")), ("start", start, ("rest", "equilibrium"))):
+    for name, value, known in (("scheme", scheme, ("exact", "newmark", "paper")), ("start", start, ("rest", "equilibrium"))):
         if value not in known:
             raise ValueError(f"transient: {name} = {value!r} is unknown; use one of {', '.join(map(repr, known))}")
 

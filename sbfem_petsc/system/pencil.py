@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..petsc import PETSc
+from ..petsc import PETSc, check_ksp, make_ksp
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import assemble, block_triples
 from .model import Model
@@ -152,6 +152,50 @@ def _project(solution, w2: float, tolerance: float) -> tuple[np.ndarray, np.ndar
     basis = vectors[:, values > tolerance]
     inertia, modes = symmetric_eigen((basis.T * solution.inertia) @ basis)
     return solution.coupling @ (basis @ modes), inertia
+
+
+class CondensedSolve:
+    """Python preconditioner of PETSc that applies (K - shift M)^-1 exactly.
+
+    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one linear solve
+    over the displacement unknowns, configured under `prefix`; `what` names the solve in its error.
+    """
+
+    def __init__(self, pencil: Pencil, shift: float, prefix: str, what: str):
+        self.pencil, self.shift, self.what = pencil, shift, what
+        self.matrix = pencil.condensed(shift)
+        self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
+        self.diagonal = pencil.auxiliary_diagonal(shift)
+        self.right, self.left = self.matrix.createVecs()
+        if shift != 0.0:
+            self.auxiliary = pencil.coupling.createVecRight()
+
+    def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:
+        """left = (K - shift M)^-1 right."""
+        owned = self.pencil.owned
+        source = right.array_r
+        self.right.array = source[:owned]
+        scaled = source[owned:] / self.diagonal
+        if self.shift != 0.0:
+            self.auxiliary.array = self.shift * scaled
+            self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
+        self.ksp.solve(self.right, self.left)
+        check_ksp(self.ksp, self.what)
+        if self.shift != 0.0:
+            self.pencil.coupling.multTranspose(self.left, self.auxiliary)
+            scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
+        target = left.array
+        target[:owned] = self.left.array_r
+        target[owned:] = scaled
+
+    def release(self) -> None:
+        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of use."""
+        if self.shift != 0.0:
+            self.auxiliary.destroy()
+            self.matrix.destroy()
+        for item in (self.ksp, self.right, self.left):
+            item.destroy()
+        self.__dict__.clear()
 
 
 def top_of_band(model: Model, count: int) -> float:

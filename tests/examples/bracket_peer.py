@@ -46,7 +46,7 @@ def triangulate(geometry: str, coarse: float, fine: float, tip_size: float) -> t
             field.setNumbers(number, kind, entities)
         field.setNumber(2, "Sampling", 200)
         field.add("MathEval", 3)
-        field.setString(3, "F", f"min({tip_size} + 0.3*F1, {fine} + 0.3*F2)")
+        field.setString(3, "F", f"min({tip_size} + 0.25*F1, {fine} + 0.4*F2)")
         field.setAsBackgroundMesh(3)
         for option, value in (("MeshSizeFromPoints", 0), ("MeshSizeExtendFromBoundary", 0), ("MeshSizeMax", coarse), ("Algorithm", 6), ("ElementOrder", 2)):
             gmsh.option.setNumber(f"Mesh.{option}", value)
@@ -100,9 +100,9 @@ class Peer:
         Cell sizes, m.
     """
 
-    def __init__(self, geometry: str, coarse: float = 0.008, fine: float = 0.0016, tip_size: float = 2e-6):
+    def __init__(self, geometry: str, coarse: float = 0.012, fine: float = 0.0025, tip_size: float = 2e-7):
         mesh, self.places = triangulate(geometry, coarse, fine, tip_size)
-        self.basis = skfem.Basis(from_meshio(mesh), skfem.ElementVector(skfem.ElementTriP4()), intorder=10)
+        self.basis = skfem.Basis(from_meshio(mesh), skfem.ElementVector(skfem.ElementTriP4()), intorder=8)
         young, poisson, density = (np.array([m[k] for m in MATERIALS.values()])[self.places["material"]][:, None] for k in range(3))
         self.shear, self.lame = young / (2.0 * (1.0 + poisson)), young * poisson / (1.0 - poisson**2)  # plane stress
 
@@ -172,21 +172,21 @@ class Peer:
         values = np.tile(np.concatenate([normal, -normal]), (count, 1))
         return sparse.csr_matrix((values.ravel(), (np.repeat(np.arange(count), 4), columns.ravel())), shape=(count, self.basis.N))
 
-    def _intensity(self, solution: np.ndarray, inner: float = 5e-4, outer: float = 4e-3) -> np.ndarray:
-        """K_I and K_II by the interaction integral over the ring between two radii, m, within which the faces are free."""
+    def _intensity(self, solution: np.ndarray, outer: float = 5e-3) -> np.ndarray:
+        """K_I and K_II by the interaction integral over a disk, radius in m, in which the faces do not touch."""
         young, poisson, _ = MATERIALS["steel"]
         shear, kappa = young / (2.0 * (1.0 + poisson)), (3.0 - poisson) / (1.0 + poisson)
         line = self.places["mouth"] - self.places["tip"]
         ahead = -line / np.linalg.norm(line)
         frame = np.array([ahead, [-ahead[1], ahead[0]]])  # rows: along and across the ligament
-        place = np.einsum("ij,jeq->ieq", frame, self.basis.global_coordinates().value - self.places["tip"][:, None, None])
+        place = np.einsum("ij,jeq->ieq", frame, self.basis.global_coordinates() - self.places["tip"][:, None, None])
         z = place[0] + 1j * place[1]
         radius = np.abs(z)
         gradient = np.einsum("ik,kleq,jl->ijeq", frame, self.basis.interpolate(solution).grad, frame)
         strain = 0.5 * (gradient + gradient.swapaxes(0, 1))
         stress = 2.0 * self.shear * strain + self.lame * trace(strain) * eye(1.0 + 0.0 * radius, 2)
-        share = np.clip((radius - inner) / (outer - inner), 0.0, 1.0)
-        slope = -6.0 * share * (1.0 - share) / (outer - inner) * place / radius  # of q = 1 - 3 s^2 + 2 s^3
+        share = np.minimum(radius / outer, 1.0)
+        slope = -30.0 * (share * (1.0 - share)) ** 2 / outer * place / radius  # of q = 1 - 10 s^3 + 15 s^4 - 6 s^5
         factors = []
         for amplitude, other in ((1.0, 0.5), (-1j, -1.5)):  # Muskhelishvili's potentials of the unit modes: psi'' = other * phi'
             potential = amplitude / (2.0 * np.sqrt(2.0 * np.pi * z))

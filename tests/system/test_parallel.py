@@ -84,3 +84,28 @@ def test_iterative_solver_by_option():
     assert found["solver"] == "cg + gamg"
     direct = sb.static(sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700)), sb.PointForce("A", fy=100.0))
     np.testing.assert_allclose(found["A"], direct.displacement("A"), rtol=1e-6)
+
+
+HISTORY = """
+import json, sys
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.reference import paper_beam
+model = sb.Model(paper_beam().mesh(order=3), sb.Material(70e9, 0.33, 2700))
+load = sb.PointForce("A", fy=sb.ToneBurst(6000.0, 3000, 5))
+reduced = sb.transient(model, load, 0.002, step=2e-6, modes=40)
+full = sb.transient(model, load, 1e-4, step=2e-6, reduction=None)
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"u": reduced.displacement("A")[::20, 1].tolist(), "full": full.displacement("A")[::5, 1].tolist(),
+                      "active": (reduced.contact_force > 0).sum(axis=1)[::20].tolist()}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, 3])
+def test_histories(ranks):
+    """Histories on several ranks agree within 1e-6 with one rank's, reduced and full, and so do the numbers of pairs in contact."""
+    expected, found = answer(on_ranks(1, HISTORY)), answer(on_ranks(ranks, HISTORY))
+    for name in ("u", "full"):
+        np.testing.assert_allclose(found[name], expected[name], atol=1e-6 * np.abs(expected[name]).max())
+    assert np.mean(np.array(found["active"]) != np.array(expected["active"])) < 0.01
