@@ -111,6 +111,8 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
     cells, vertex_of = CellComplex(), {}
     tags, positions, _ = gmsh.model.mesh.getNodes()
     positions = positions.reshape(-1, 3)
+    if len(positions):  # z from round-off, e.g. of a rotation, is none
+        positions[np.abs(positions[:, 2]) <= 1e-9 * np.ptp(positions, axis=0).max(), 2] = 0.0
     where = {int(tag): position for tag, position in zip(tags, positions)}
     for material, (name, entities) in enumerate(groups[2].items()):
         count = len(cells.cells)
@@ -195,7 +197,7 @@ def _add_surface(gmsh, path, entity: int, material: int, cells: CellComplex, ver
 def _vertex(path, tag: int, cells: CellComplex, vertex_of: dict[int, int], where: dict[int, np.ndarray]) -> int:
     if tag not in vertex_of:
         x, y, z = where[tag]
-        if not (math.isfinite(x) and math.isfinite(y)) or abs(z) > 1e-9 * max(abs(x), abs(y), 1e-300):
+        if not (math.isfinite(x) and math.isfinite(y)) or z != 0.0:
             raise ValueError(f"{path}: node {tag} at ({x:g}, {y:g}, {z:g}) m is not in the plane z = 0; the model must be plane.")
         vertex_of[tag] = cells.add_vertex(x, y)
     return vertex_of[tag]

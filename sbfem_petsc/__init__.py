@@ -12,13 +12,13 @@ __version__ = "0.1.0"
 
 _HOME = {
     "Material": "material", "OrthotropicMaterial": "material",
-    "PointForce": "loads", "EdgeLoad": "loads", "Loads": "loads",
+    "PointForce": "loads", "EdgeLoad": "loads", "SupportMotion": "loads", "Loads": "loads",
     "Support": "supports",
     "SolveError": "errors", "UnknownName": "errors",
     "Model": "system.model",
     "modal": "analysis.modal", "Modal": "analysis.modal",
     "static": "analysis.static", "Static": "analysis.static",
-    "transient": "analysis.transient", "Transient": "analysis.transient", "StepWarning": "analysis.transient",
+    "transient": "analysis.transient", "Transient": "analysis.transient", "estimate_error": "analysis.transient", "StepWarning": "analysis.transient",
     "Reduction": "reduction",
     "Harmonic": "signals", "ToneBurst": "signals", "Chirp": "signals", "Step": "signals", "Samples": "signals", "Custom": "signals", "Constant": "signals",
     "on_root": "parallel",

@@ -50,7 +50,27 @@ class EdgeLoad:
         return Loads((self,)) + other
 
 
-Load = PointForce | EdgeLoad
+@dataclass(frozen=True)
+class SupportMotion:
+    """Acceleration of all supports together: the structure rides on them, and displacements are relative to them.
+
+    It acts as the inertia force -density * acceleration on the whole structure; a constant one is a weight
+    (`SupportMotion(ay=9.81)` for gravity in -y).
+
+    Parameters
+    ----------
+    ax, ay : float or Signal
+        m/s^2.
+    """
+
+    ax: float | Signal = 0.0
+    ay: float | Signal = 0.0
+
+    def __add__(self, other: "Load | Loads") -> "Loads":
+        return Loads((self,)) + other
+
+
+Load = PointForce | EdgeLoad | SupportMotion
 
 
 @dataclass(frozen=True)
@@ -75,8 +95,8 @@ def as_loads(load) -> Loads:
         return load
     items = tuple(load) if isinstance(load, (list, tuple)) else (load,)
     for item in items:
-        if not isinstance(item, (PointForce, EdgeLoad)):
-            raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad")
+        if not isinstance(item, (PointForce, EdgeLoad, SupportMotion)):
+            raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad nor a SupportMotion")
     return Loads(items)
 
 
@@ -84,11 +104,12 @@ def separate(load) -> tuple[list[Load], list[Signal]]:
     """Unit loads and the signals of their amplitudes: one of each for every component that is not zero."""
     units, signals = [], []
     for item in as_loads(load).parts:
-        place, *components = fields(item)
-        for component in components:
-            value = getattr(item, component.name)
+        names = [f.name for f in fields(item)]
+        place = {} if isinstance(item, SupportMotion) else {names[0]: getattr(item, names.pop(0))}
+        for name in names:
+            value = getattr(item, name)
             if isinstance(value, (int, float)) and value == 0:
                 continue
-            units.append(type(item)(**{place.name: getattr(item, place.name), component.name: 1.0}))
+            units.append(type(item)(**place, **{name: 1.0}))
             signals.append(as_signal(value))
     return units, signals

@@ -9,6 +9,7 @@ from scipy import linalg
 
 from .analysis.modal import modal
 from .contact.delassus import ContactRows
+from .loads import SupportMotion
 from .petsc import MPI, check_ksp, make_ksp
 from .system.model import Model
 
@@ -43,6 +44,8 @@ class Reduction:
         m.
     points : tuple of str
     sensor_modes, sensor_loads, sensor_pairs : (points, 2, m), (points, 2, loads), (points, 2, pairs) arrays
+    translation : (m, 2) array
+        Modal coordinates of a unit translation along x and y: Phi^T M r.
     tips : tuple of str
         Cracks with a tip element.
     tip_modes, tip_loads, tip_pairs : (tips, 2, m), (tips, 2, loads), (tips, 2, pairs) arrays
@@ -62,6 +65,7 @@ class Reduction:
     sensor_modes: np.ndarray
     sensor_loads: np.ndarray
     sensor_pairs: np.ndarray
+    translation: np.ndarray
     tips: tuple[str, ...]
     tip_modes: np.ndarray
     tip_loads: np.ndarray
@@ -95,6 +99,16 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     model.comm.Allreduce(MPI.IN_PLACE, gap_modes)
     sensor_modes = np.stack([found.point_shapes[name].T for name in model.points]) if model.points else np.zeros((0, 2, modes))
 
+    # inertia forces of unit accelerations, the auxiliary unknowns' share included
+    translation = found.auxiliary_inertia.copy()
+    owned_share = np.zeros_like(translation)
+    for k, motion in enumerate((SupportMotion(ax=1.0), SupportMotion(ay=1.0))):
+        vector = model.load_vector(motion)
+        owned_share[:, k] = -(found.shapes.T @ vector.array_r)
+        vector.destroy()
+    model.comm.Allreduce(MPI.IN_PLACE, owned_share)
+    translation += owned_share
+
     ksp = make_ksp(model.stiffness, "static_")
     right, solution = model.stiffness.createVecs()
     columns = pairs + loads
@@ -117,6 +131,9 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
         tip_columns.append(np.array(list(model.tips.evaluate(model.nodal(solution)).values())).reshape(-1, 2))
         work[:, k] = [vector.dot(solution) for vector in load_vectors]
     model.comm.Allreduce(MPI.IN_PLACE, load_modes)
+    for k, unit in enumerate(unit_loads):
+        if isinstance(unit, SupportMotion):
+            load_modes[:, k] = -translation @ [unit.ax, unit.ay]
     tip_modes = np.stack([np.array(list(model.tips.evaluate(found.nodal(k)).values())).reshape(-1, 2) for k in range(modes)], axis=-1)
     tip_columns = np.stack(tip_columns, axis=-1) if columns else np.zeros((len(model.tips.names), 2, 0))
     for item in (right, solution, ksp, *load_vectors):
@@ -133,7 +150,7 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     flexibility = gap_columns[:, :pairs]
     return Reduction(found.frequencies, omega, np.full(modes, model.damping), gap_modes, 0.5 * (flexibility + flexibility.T), gap_columns[:, pairs:], load_modes,
                      0.5 * (work[:, pairs:] + work[:, pairs:].T), model.pairs.gap.copy(), tuple(model.points), sensor_modes, sensor_columns[..., pairs:],
-                     sensor_columns[..., :pairs], model.tips.names, tip_modes, tip_columns[..., pairs:], tip_columns[..., :pairs])
+                     sensor_columns[..., :pairs], translation, model.tips.names, tip_modes, tip_columns[..., pairs:], tip_columns[..., :pairs])
 
 
 def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.ndarray, gap: np.ndarray, loads: np.ndarray, sensors: dict[str, int],
@@ -184,4 +201,4 @@ def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.nd
 
     return Reduction(omega / (2.0 * np.pi), omega, np.full(modes, damping), contact_rows @ kept, gap_flexibility, contact_rows @ flexibility[:, pairs:], kept.T @ loads,
                      loads.T @ flexibility[:, pairs:], np.asarray(gap, dtype=float), tuple(sensors), at_sensors(kept), at_sensors(flexibility[:, pairs:]),
-                     at_sensors(flexibility[:, :pairs]), (), np.zeros((0, 2, modes)), np.zeros((0, 2, loads.shape[1])), np.zeros((0, 2, pairs)))
+                     at_sensors(flexibility[:, :pairs]), np.zeros((modes, 2)), (), np.zeros((0, 2, modes)), np.zeros((0, 2, loads.shape[1])), np.zeros((0, 2, pairs)))

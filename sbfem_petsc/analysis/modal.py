@@ -33,6 +33,8 @@ class Modal:
         This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x = 1).
     point_shapes : dict of str to (n, 2) array
         Displacement of each named point, on all ranks.
+    auxiliary_inertia : (n, 2) array
+        Share of the auxiliary unknowns in the inertia force of a unit acceleration along x and y, per mode, on all ranks.
     solver : str
         Eigensolver and direct solver used.
     iterations : int
@@ -45,6 +47,7 @@ class Modal:
     residuals: np.ndarray
     shapes: np.ndarray
     point_shapes: dict[str, np.ndarray]
+    auxiliary_inertia: np.ndarray
     solver: str
     iterations: int
     unknowns: int
@@ -144,7 +147,8 @@ def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: floa
         pencil.destroy()
     keep = (found.frequencies >= low) & (found.frequencies <= high)
     points = {name: shape[keep] for name, shape in found.point_shapes.items()}
-    return replace(found, frequencies=found.frequencies[keep], residuals=found.residuals[keep], shapes=found.shapes[:, keep], point_shapes=points)
+    return replace(found, frequencies=found.frequencies[keep], residuals=found.residuals[keep], shapes=found.shapes[:, keep], point_shapes=points,
+                   auxiliary_inertia=found.auxiliary_inertia[keep])
 
 
 def _solve(pencil: Pencil, count: int, target: float) -> Modal:
@@ -207,13 +211,15 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     floor = values[min(3, count - 1)] if not model.supported else 0.0
     residuals = np.sqrt(sums[2] / sums[1]) / np.maximum(np.abs(values), floor)
     shapes = array[: pencil.owned] / np.sqrt(sums[0])
+    inertia = (array[pencil.owned :] / np.sqrt(sums[0])).T @ pencil.auxiliary_translation()
+    model.comm.Allreduce(MPI.IN_PLACE, inertia)
     iterations = eps.getIterationNumber()
     for item in (vectors, x, *products):
         item.destroy()
     if not (residuals <= RESIDUAL_LIMIT).all():
         worst = int(np.argmax(residuals))
         raise on_all_ranks(SolveError(f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than {RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another -modal_st_pc_factor_mat_solver_type"))
-    return Modal(np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi), residuals, shapes, model.at_points(shapes), solver, iterations, pencil.unknowns, model)
+    return Modal(np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi), residuals, shapes, model.at_points(shapes), inertia, solver, iterations, pencil.unknowns, model)
 
 
 def _lowest_scale(model: Model) -> float:

@@ -148,7 +148,7 @@ class Transient:
 
 
 def transient(model: Model, load, duration: float, step: float | None = None, modes: int | None = None, contact: bool = True, scheme: str = "exact",
-              start: str = "rest", decimation: int = 1, reduction: Reduction | str | None = "modes", progress: Callable[[float], None] | None = None) -> Transient | FullTransient:
+              start="rest", decimation: int = 1, reduction: Reduction | str | None = "modes", progress: Callable[[float], None] | None = None) -> Transient | FullTransient:
     """Integrate the equations of motion with unilateral contact.
 
     Parameters
@@ -170,8 +170,9 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
         contact works precisely by force times change of gap and cannot feed energy in, whatever the step; "newmark": average
         acceleration, which does the same with a period error of (omega h)^2 / 12; "paper": eqs. (28)-(34) on the unreduced model, which
         stops when its energy runs away.
-    start : {"rest", "equilibrium"}
-        Zero displacement and velocity, or static equilibrium, contact included, under the loads at t = 0.
+    start : {"rest", "equilibrium"} or (q, v)
+        Zero displacement and velocity; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and their
+        velocities, (m,) arrays (`reduction.translation @ (vx, vy)` is a uniform velocity).
     decimation : int
         Every so many steps are kept.
     reduction : "modes", Reduction or None
@@ -201,7 +202,7 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
     if highest * step > 1.0 / COARSE:
         warnings.warn(f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load frequency {highest:g} Hz; at least {COARSE} are advisable", StepWarning, stacklevel=2)
     if reduction is None or scheme == "paper":
-        if start != "rest":
+        if not (isinstance(start, str) and start == "rest"):
             raise on_all_ranks(ValueError(f"transient: start = {start!r} is for the reduced model; the unreduced one starts from rest"))
         return full_transient(model, load, count, step, contact, "paper" if scheme == "paper" else "implicit", decimation)
     if reduction == "modes":
@@ -220,7 +221,7 @@ def default_modes(model: Model, highest: float) -> int:
     return count
 
 
-def integrate(reduction: Reduction, signals, count: int, step: float, contact: bool = True, scheme: str = "exact", start: str = "rest", decimation: int = 1,
+def integrate(reduction: Reduction, signals, count: int, step: float, contact: bool = True, scheme: str = "exact", start="rest", decimation: int = 1,
               progress: Callable[[float], None] | None = None) -> Transient:
     """Integrate a reduced model over `count` steps; see `transient`."""
     r = reduction
@@ -255,6 +256,44 @@ def integrate(reduction: Reduction, signals, count: int, step: float, contact: b
             progress(done / count)
     whole = {name: np.concatenate(parts) for name, parts in keep.items()}
     return Transient(whole["time"], whole["q"], whole["v"], whole["s"], whole["force"], Energy(*np.concatenate(energies, axis=1)), step, exchanges, r)
+
+
+@dataclass(frozen=True)
+class ErrorEstimate:
+    """Relative L2 distance of the displacements of all named points to a refined history.
+
+    Attributes
+    ----------
+    step : float
+        To half of the step.
+    modes : float
+        To half as many modes again.
+    """
+
+    step: float
+    modes: float
+
+
+def estimate_error(model: Model, load, history: Transient, **options) -> ErrorEstimate:
+    """Estimate a history's errors by integrating it again, with half of the step and with half as many modes again.
+
+    Parameters
+    ----------
+    model : Model
+    load : the history's loads
+    history : Transient
+    options
+        Those that the history was made with (`scheme`, `start`, `contact`, `decimation`).
+    """
+    duration, decimation = history.time[-1], options.pop("decimation", 1)
+    halved = transient(model, load, duration, step=0.5 * history.step, reduction=history.reduction, decimation=2 * decimation, **options)
+    richer = transient(model, load, duration, step=history.step, modes=math.ceil(1.5 * len(history.reduction.omega)), decimation=decimation, **options)
+
+    def distance(other: Transient) -> float:
+        exact, found = (np.stack([h.displacement(p) for p in h.reduction.points]) for h in (other, history))
+        return float(np.linalg.norm(found - exact) / max(np.linalg.norm(exact), 1e-300))
+
+    return ErrorEstimate(distance(halved), distance(richer))
 
 
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
@@ -294,19 +333,24 @@ def _newmark(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     return np.array([row for k in (0, 1) for row in (s[:, k, 0], s[:, k, 1], s[:, k, 2], s[:, k, 2], s[:, k, 2])])
 
 
-def _start(r: Reduction, amplitude: np.ndarray, contact: bool, start: str):
+def _start(r: Reduction, amplitude: np.ndarray, contact: bool, start):
     """q, v, contact forces and active set at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
+    balanced = isinstance(start, str) and start == "equilibrium"
+    if not isinstance(start, str):
+        q, v = (np.array(part, dtype=float) for part in start)
+        if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
+            raise on_all_ranks(ValueError(f"transient: start must be two finite arrays of {len(r.omega)} modal values, not of shapes {q.shape} and {v.shape}"))
     if not contact:
-        if start == "equilibrium":
+        if balanced:
             q = r.load_modes @ amplitude / r.omega**2
         return q, v, np.zeros(0), np.zeros(0, dtype=bool)
-    flexibility, gap = r.gap_flexibility, r.gap_loads @ amplitude + r.initial_gap
-    if start == "equilibrium":
+    flexibility, gap = r.gap_flexibility, r.gap_loads @ amplitude + r.gap_modes @ q + r.initial_gap
+    if balanced:
         flexibility = flexibility + (r.gap_modes / r.omega**2) @ r.gap_modes.T
         gap = gap + (r.gap_modes / r.omega**2) @ (r.load_modes @ amplitude)
     found = solve_complementarity(flexibility, gap)
-    if start == "equilibrium":
+    if balanced:
         q = (r.load_modes @ amplitude + r.gap_modes.T @ found.force) / r.omega**2
     return q, v, found.force.copy(), found.active.copy()
 
@@ -378,6 +422,8 @@ def _check(duration, step, modes, scheme, start, decimation) -> None:
         if value is not None and (isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1):
             raise ValueError(f"transient: {name} = {value!r} must be a positive integer")
     for name, value, known in (("scheme", scheme, ("exact", "newmark", "paper")), ("start", start, ("rest", "equilibrium"))):
+        if name == "start" and isinstance(value, tuple) and len(value) == 2:
+            continue
         if value not in known:
             raise ValueError(f"transient: {name} = {value!r} is unknown; use one of {', '.join(map(repr, known))}")
 

@@ -9,7 +9,7 @@ import numbers
 import numpy as np
 
 from ..errors import UnknownName, on_all_ranks
-from ..loads import EdgeLoad, Loads, as_loads
+from ..loads import EdgeLoad, Loads, SupportMotion, as_loads
 from ..signals import Signal
 from ..material import Material, OrthotropicMaterial
 from ..parallel import collective
@@ -198,6 +198,8 @@ class Model:
         for item in loads.parts:
             if isinstance(item, EdgeLoad):
                 self._add_edge_load(vector, item)
+            elif isinstance(item, SupportMotion):
+                self._add_inertia(vector, item)
             elif self.comm.rank == 0:
                 for number, value in zip(self.points[item.point][1], (item.fx, item.fy)):
                     if number >= 0:
@@ -213,6 +215,8 @@ class Model:
                 if item.edge_set not in self.edge_set_names:
                     raise UnknownName(f"EdgeLoad: edge set {item.edge_set!r} does not exist; the mesh has {_listed(self.edge_set_names)}")
                 components = {"tx": item.tx, "ty": item.ty, "pressure": item.pressure}
+            elif isinstance(item, SupportMotion):
+                components = {"ax": item.ax, "ay": item.ay}
             else:
                 if item.point not in self.points:
                     raise UnknownName(f"PointForce: point {item.point!r} does not exist; the mesh has {_listed(self.points)}")
@@ -235,6 +239,14 @@ class Model:
         unknowns = self.part.unknowns[edges].ravel()
         keep = unknowns >= 0
         vector.setValues(unknowns[keep].astype(PETSc.IntType), forces.ravel()[keep], addv=True)
+
+    def _add_inertia(self, vector: PETSc.Vec, load: SupportMotion) -> None:
+        for group in self.groups:
+            acceleration = np.tile([load.ax, load.ay], len(group.shape))
+            forces = -self.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ acceleration)
+            unknowns = self.unknowns_of(group)
+            keep = unknowns >= 0
+            vector.setValues(unknowns[keep].astype(PETSc.IntType), forces[keep], addv=True)
 
     def contact_rows(self) -> list[tuple[np.ndarray, np.ndarray]]:
         """Row of G for each contact pair: (unknowns, coefficients), replicated on all ranks."""

@@ -104,6 +104,14 @@ class Pencil:
         inertia = np.concatenate([np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)])
         return self._auxiliary_stiffness - shift * inertia
 
+    def auxiliary_translation(self) -> np.ndarray:
+        """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of the structure couples to."""
+        parts = []
+        for piece in self._pieces:
+            translations = np.tile(np.eye(2), (len(piece.group.shape), 1))
+            parts.append(np.einsum("knr,ni->kri", piece.coupling, translations).reshape(-1, 2))
+        return np.concatenate(parts) if parts else np.zeros((0, 2))
+
     def destroy(self) -> None:
         """Free the PETSc matrices."""
         for matrix in [self.stiffness, self.mass] + ([self.coupling] if "coupling" in self.__dict__ else []):

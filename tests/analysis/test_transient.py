@@ -123,18 +123,17 @@ def thrown(elements, length, young, density, area, gap, speed, gravity=0.0):
     return r, vectors.T @ mass @ np.full(elements + 1, speed)
 
 
-def fly(monkeypatch, r, velocity, duration, step, scheme="exact"):
+def fly(r, velocity, duration, step, scheme="exact"):
     """History from a given modal velocity."""
-    monkeypatch.setattr(module, "_start", lambda *a: (np.zeros(len(velocity)), velocity.copy(), np.zeros(1), np.zeros(1, bool)))
-    return module.integrate(r, [sb.Constant(1.0)], round(duration / step), step, scheme=scheme)
+    return module.integrate(r, [sb.Constant(1.0)], round(duration / step), step, scheme=scheme, start=(np.zeros(len(velocity)), velocity))
 
 
 @pytest.mark.parametrize("scheme", ["exact", "newmark"])
-def test_bar_on_a_wall(monkeypatch, scheme):
+def test_bar_on_a_wall(scheme):
     """L = 10, E = 900, rho = 1, v = -10, gap 5: contact from 0.5 to 1.16667, force 300, impulse 200, energy 500."""
     elements, step = 400, 5e-4
     r, velocity = thrown(elements, 10.0, 900.0, 1.0, 1.0, 5.0, -10.0)
-    history = fly(monkeypatch, r, velocity, 2.0, step, scheme)
+    history = fly(r, velocity, 2.0, step, scheme)
     force, time = history.contact_force[:, 0], history.time
     touching = time[force > 0]
     if scheme == "exact":  # Newmark's waves are late by its period error: its last contact is five steps early
@@ -144,11 +143,11 @@ def test_bar_on_a_wall(monkeypatch, scheme):
     assert history.energy.total[-1] == pytest.approx(500.0, rel=1e-3)
 
 
-def test_bouncing_bar(monkeypatch):
+def test_bouncing_bar():
     """Doyen, Ern and Piperno (2011): g = 10, h0 = 5; contacts [1, 5/3] with 300 + 300 (t - 1) and [11/3, 13/3] with 500 - 300 (t - 11/3)."""
     r, velocity = thrown(400, 10.0, 900.0, 1.0, 1.0, 5.0, 0.0, gravity=10.0)
     step = 5e-4
-    history = fly(monkeypatch, r, velocity, 16 / 3, step)
+    history = fly(r, velocity, 16 / 3, step)
     force, time = history.contact_force[:, 0], history.time
     for start, end, law in ((1.0, 5 / 3, lambda t: 300 + 300 * (t - 1)), (11 / 3, 13 / 3, lambda t: 500 - 300 * (t - 11 / 3))):
         inside = (time > start + 0.06) & (time < end - 0.06)
@@ -157,14 +156,14 @@ def test_bouncing_bar(monkeypatch):
     assert force[(time > 5 / 3 + 0.1) & (time < 11 / 3 - 0.1)].max() == 0.0
 
 
-def test_code_aster_sdnv100(monkeypatch):
+def test_code_aster_sdnv100():
     """Shock of a bar in uniaxial strain, L = 0.2, a = 0.02, v0 = 100, gap 2 mm: 68.951 us and 1.8564 MN."""
     young, poisson, density, length = 2e11, 0.3, 8000.0, 0.2
     modulus = young * (1 - poisson) / ((1 + poisson) * (1 - 2 * poisson))
     assert np.sqrt(modulus / density) == pytest.approx(5801.19, rel=1e-5)
     r, velocity = thrown(400, length, modulus, density, 0.02**2, 0.002, -100.0)
     step = 5e-9
-    history = fly(monkeypatch, r, velocity, 1.1e-4, step)
+    history = fly(r, velocity, 1.1e-4, step)
     force, time = history.contact_force[:, 0], history.time
     touching = time[force > 0]
     assert touching[-1] - touching[0] == pytest.approx(68.951e-6, rel=0.005)
@@ -173,16 +172,15 @@ def test_code_aster_sdnv100(monkeypatch):
 
 
 @pytest.mark.parametrize("ratio, mean, second, third", [(0.9, 0.06704, 0.01488, 5.18e-4), (0.5, 0.43210, 1 / 11, 0.01920)])
-def test_bilinear_oscillator(monkeypatch, ratio, mean, second, third):
+def test_bilinear_oscillator(ratio, mean, second, third):
     """Free vibration of a mass with a spring and an elastic stop: frequency 2 w1 w2 / (w1 + w2) within 1e-4, harmonics within 1 %."""
     closed, opened = 1.0, ratio
     stop = closed**2 - opened**2
     r = reduce_matrices(np.eye(2), np.diag([opened**2, 1e6]), np.array([[1.0, 0.0]]), np.zeros(1), np.zeros((2, 1)), {"x": 0}, 1, compliance=np.array([1 / stop]))
     bilinear = 2 * closed * opened / (closed + opened)
     period = 2 * np.pi / bilinear
-    monkeypatch.setattr(module, "_start", lambda *a: (np.zeros(1), np.ones(1), np.zeros(1), np.zeros(1, bool)))
     steps = 4096
-    history = module.integrate(r, [sb.Constant(0.0)], 40 * steps, period / steps)
+    history = module.integrate(r, [sb.Constant(0.0)], 40 * steps, period / steps, start=(np.zeros(1), np.ones(1)))
     u = history.displacement("x")[:, 0]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
     cross = history.time[rising] - u[rising] * history.step / (u[rising + 1] - u[rising])
@@ -247,7 +245,7 @@ def test_unknown_sensor_and_coarse_step():
         history.displacement("Q")
 
 
-def test_contact_that_does_work_is_refused(monkeypatch):
+def test_contact_that_does_work_is_refused():
     """A bar with nearly all modes kept leaves the contact no flexibility: the wrong history is not returned."""
     mass, stiffness = bar(200, 10.0, 900.0, 1.0, 1.0)
     row = np.zeros((1, 201))
@@ -255,4 +253,46 @@ def test_contact_that_does_work_is_refused(monkeypatch):
     r = reduce_matrices(mass, stiffness, row, np.array([5.0]), np.zeros((201, 1)), {}, 199)
     velocity = linalg.eigh(stiffness, mass)[1][:, :199].T @ mass @ np.full(201, -10.0)
     with pytest.raises(sb.SolveError, match="contact forces have done work"):
-        fly(monkeypatch, r, velocity, 2.0, 1e-3)
+        fly(r, velocity, 2.0, 1e-3)
+
+
+def test_gravity_and_moving_support():
+    """Static weight against Euler's beam; the first mode's effective mass is 0.613 of the whole; a slow support motion is quasi-static."""
+    beam, mass = Beam(0.4, 0.005), 2700 * 0.4 * 0.005
+    model = sb.Model(beam.mesh(order=4), ALUMINIUM, damping=0.05)
+    weight = sb.static(model, sb.SupportMotion(ay=9.81)).displacement("A")[1]
+    assert -weight == pytest.approx(2700 * 9.81 * 0.005 * 0.4**4 / (8 * 70e9 * 0.005**3 / 12), rel=5e-4)
+    history = sb.transient(model, sb.SupportMotion(ay=sb.Step(9.81, rise=1.0)), 1.5, step=1e-3)
+    translation = history.reduction.translation
+    assert translation[0, 1] ** 2 / mass == pytest.approx(0.6131, rel=1e-3)
+    assert (translation**2).sum(axis=0) == pytest.approx([mass, mass], rel=0.02) and (translation**2).sum(axis=0).max() < mass
+    assert history.displacement("A")[-1, 1] == pytest.approx(weight, rel=1e-3)
+
+
+def test_support_motion_against_one_degree_of_freedom():
+    """Harmonic support acceleration at the first resonance: |u| = participation a / (2 zeta w^2), by the first mode alone within 1 %."""
+    model = sb.Model(Beam(0.1, 0.005).mesh(order=3), ALUMINIUM, damping=0.02)
+    frequency = sb.modal(model, 1).frequencies[0]
+    history = sb.transient(model, sb.SupportMotion(ay=sb.Harmonic(1.0, frequency)), 120 / frequency, step=1 / (100 * frequency))
+    r = history.reduction
+    amplitude = np.abs(history.displacement("A")[-200:, 1]).max()
+    expected = r.translation[0, 1] * r.sensor_modes[r.points.index("A"), 1, 0] / (2 * 0.02 * (2 * np.pi * frequency) ** 2)
+    assert amplitude == pytest.approx(abs(expected), rel=0.01)
+
+
+def test_error_estimate():
+    """The estimate by half of the step is that of the error itself: three quarters of it at second order."""
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
+    load = burst(1.0, 5)
+    coarse = sb.transient(model, load, 0.002, step=4e-6, scheme="newmark")
+    fine = sb.transient(model, load, 0.002, step=0.25e-6, scheme="newmark", reduction=coarse.reduction)
+    error = np.linalg.norm(coarse.displacement("A") - fine.displacement("A")[::16]) / np.linalg.norm(fine.displacement("A")[::16])
+    estimate = sb.estimate_error(model, load, coarse, scheme="newmark")
+    assert estimate.step == pytest.approx(0.75 * error, rel=0.1)
+    assert 0 < estimate.modes < 1e-3
+
+
+def test_start_of_wrong_length():
+    model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
+    with pytest.raises(ValueError, match="start must be two finite arrays"):
+        sb.transient(model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, start=(np.zeros(3), np.zeros(3)))
