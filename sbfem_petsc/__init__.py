@@ -19,7 +19,7 @@ _HOME = {
     "modal": "analysis.modal", "Modal": "analysis.modal",
     "static": "analysis.static", "Static": "analysis.static",
     "transient": "analysis.transient", "Transient": "analysis.transient", "estimate_error": "analysis.transient", "StepWarning": "analysis.transient",
-    "Reduction": "reduction",
+    "Reduction": "reduction", "read_history": "results.history", "write_animation": "results.animation",
     "Harmonic": "signals", "ToneBurst": "signals", "Chirp": "signals", "Step": "signals", "Samples": "signals", "Custom": "signals", "Constant": "signals",
     "on_root": "parallel",
 }

@@ -9,16 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
 
 from ..contact.complementarity import solve_complementarity
 from ..contact.marching import march
 from ..errors import SolveError, UnknownName, on_all_ranks
 from ..loads import separate
 from ..parallel import collective
+from ..progress import progress_bar
 from ..reduction import Reduction, reduce
 from ..system.model import Model
+from .energy import Energy, Ledger, guard
 from .full_transient import FullTransient, full_transient
+from .steps import step_coefficients
 
 # Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega h)^2 / 12 = 3e-5.
 STEPS_A_PERIOD = 320
@@ -27,42 +29,10 @@ COARSE = 20
 # Modes by default: all up to this multiple of the highest load frequency, and at least so many.
 BAND, LEAST_MODES = 8.0, 80
 CHUNK = 4096
-# Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
-WORK_LIMIT = 0.01
 
 
 class StepWarning(UserWarning):
     """The time step is coarse for the load's highest frequency."""
-
-
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """Energies and work since the start, (n,) arrays, J.
-
-    Attributes
-    ----------
-    kinetic, strain : (n,) arrays
-        The strain energy includes the residual flexibility's.
-    external, damping, contact : (n,) arrays
-        Work of the loads, energy dissipated by modal damping, work of the contact forces (zero but for the steps in which pairs close or open).
-    """
-
-    kinetic: np.ndarray
-    strain: np.ndarray
-    external: np.ndarray
-    damping: np.ndarray
-    contact: np.ndarray
-
-    @property
-    def total(self) -> np.ndarray:
-        """(n,): kinetic and strain energy."""
-        return self.kinetic + self.strain
-
-    @property
-    def balance(self) -> np.ndarray:
-        """(n,): what kinetic and strain energy gained beyond the work done; zero but for the integrator's error."""
-        gained = self.total - self.total[0]
-        return gained - (self.external + self.contact - self.damping)
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +118,8 @@ class Transient:
 
 
 def transient(model: Model, load, duration: float, step: float | None = None, modes: int | None = None, contact: bool = True, scheme: str = "exact",
-              start="rest", decimation: int = 1, reduction: Reduction | str | None = "modes", progress: Callable[[float], None] | None = None) -> Transient | FullTransient:
+              start="rest", decimation: int = 1, reduction: Reduction | str | None = "modes", progress: Callable[[float], None] | str | None = "auto",
+              file: str | None = None, restart: bool = False) -> Transient | FullTransient:
     """Integrate the equations of motion with unilateral contact.
 
     Parameters
@@ -178,15 +149,19 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
     reduction : "modes", Reduction or None
         "modes": lowest modes and residual flexibility; a Reduction of the same model and loads, from an earlier history; None: the
         unreduced model by Newmark's average acceleration with implicit contact, from rest (see `full_transient`; a `FullTransient` is returned).
-    progress : callable, optional
-        Called with the fraction done after each chunk of steps.
+    progress : callable, "auto" or None
+        Called with the fraction done after each chunk of steps; "auto": a bar on rank 0, on a terminal only.
+    file : str, optional
+        HDF5 file that records the history as it runs (`results.history.read_history` reads it, also after Ctrl-C or a kill).
+    restart : bool
+        Continue `file` if it exists, with the same model, loads and settings; the history is that of an uninterrupted run. False: replace it.
 
     Raises
     ------
     ValueError, TypeError, KeyError
         For input that makes no sense.
     SolveError
-        If a contact problem is not solved or the energy runs away.
+        If a contact problem is not solved, the energy runs away or `file` cannot be written any more.
 
     Warns
     -----
@@ -199,6 +174,10 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
         highest = max((s.highest_frequency or 0.0 for s in signals), default=0.0)
         _check(duration, step, modes, scheme, start, decimation)
         count, step = _steps(duration, step, highest)
+        if restart and file is None:
+            raise ValueError("transient: restart = True needs the file to continue, file = 'history.h5'")
+        if file is not None and (reduction is None or scheme == "paper"):
+            raise ValueError("transient: file is for the reduced model; write what is wanted of the unreduced history after it")
     if highest * step > 1.0 / COARSE:
         warnings.warn(f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load frequency {highest:g} Hz; at least {COARSE} are advisable", StepWarning, stacklevel=2)
     if reduction is None or scheme == "paper":
@@ -207,7 +186,13 @@ def transient(model: Model, load, duration: float, step: float | None = None, mo
         return full_transient(model, load, count, step, contact, "paper" if scheme == "paper" else "implicit", decimation)
     if reduction == "modes":
         reduction = reduce(model, unit_loads, modes or default_modes(model, highest))
-    return integrate(reduction, signals, count, step, contact, scheme, start, decimation, progress)
+    with progress_bar(model.comm, "transient", progress) as told:
+        if file is None:
+            return integrate(reduction, signals, count, step, contact, scheme, start, decimation, told)
+        from ..results.history import HistoryFile  # stands above this module
+
+        with HistoryFile(model.comm, file, restart, reduction, signals, count, step, contact, scheme, start, decimation) as record:
+            return integrate(record.reduction, signals, count, step, contact, scheme, start, decimation, told, record)
 
 
 def default_modes(model: Model, highest: float) -> int:
@@ -222,8 +207,8 @@ def default_modes(model: Model, highest: float) -> int:
 
 
 def integrate(reduction: Reduction, signals, count: int, step: float, contact: bool = True, scheme: str = "exact", start="rest", decimation: int = 1,
-              progress: Callable[[float], None] | None = None) -> Transient:
-    """Integrate a reduced model over `count` steps; see `transient`."""
+              progress: Callable[[float], None] | None = None, record=None) -> Transient:
+    """Integrate a reduced model over `count` steps, recorded in a `HistoryFile` if one is given; see `transient`."""
     r = reduction
     coefficients = step_coefficients(r.omega, r.damping, step, scheme)
     pairs = len(r.initial_gap)
@@ -231,10 +216,10 @@ def integrate(reduction: Reduction, signals, count: int, step: float, contact: b
     flexibility = (rows * coefficients[4]) @ rows.T + r.gap_flexibility[: len(rows), : len(rows)]
     amplitude = np.stack([s(np.zeros(1)) for s in signals], axis=-1) if signals else np.zeros((1, 0))
     q, v, force, active = _start(r, amplitude[0], contact, start)
-    ledger = _Ledger(r, step, smooth=scheme != "newmark")
+    ledger = Ledger(r, step, smooth=scheme != "newmark")
     keep = {"time": [np.zeros(1)], "q": [q[None].copy()], "v": [v[None].copy()], "s": [amplitude], "force": [_padded(force[None].copy(), pairs)]}
     energies = [ledger.start(q, v, amplitude[0], _padded(force[None], pairs)[0])]
-    done = exchanges = 0
+    done, exchanges = record.begin(keep, energies, q, v, force, active, ledger) if record is not None else (0, 0)
     while done < count:
         steps = min(CHUNK, count - done)
         time = (done + np.arange(steps + 1)) * step
@@ -246,12 +231,14 @@ def integrate(reduction: Reduction, signals, count: int, step: float, contact: b
             raise on_all_ranks(SolveError(f"transient: the contact problem at t = {time[reached + 1]:.6g} s was not solved; use a smaller step or more pairs of like size"))
         forces = _padded(forces, pairs)
         chunk = ledger.account(states, velocities, amplitude, forces)
-        _guard(chunk, ledger, time)
+        guard(chunk, ledger, time)
         chosen = np.flatnonzero((done + 1 + np.arange(steps)) % decimation == 0)
         for name, values in (("time", time[1:]), ("q", states), ("v", velocities), ("s", amplitude[1:]), ("force", forces)):
             keep[name].append(values[chosen])
         energies.append(chunk[:, chosen])
         done, exchanges = done + steps, exchanges + exchanged
+        if record is not None:
+            record.append(done, exchanges, keep, energies, q, v, force, active, ledger)
         if progress is not None:
             progress(done / count)
     whole = {name: np.concatenate(parts) for name, parts in keep.items()}
@@ -296,43 +283,6 @@ def estimate_error(model: Model, load, history: Transient, **options) -> ErrorEs
     return ErrorEstimate(distance(halved), distance(richer))
 
 
-def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
-    """(10, m) coefficients of one step of each mode, see `contact.marching`.
-
-    Parameters
-    ----------
-    omega, damping : (m,) arrays
-        rad/s and damping ratios.
-    step : float
-        s.
-    scheme : {"exact", "newmark"}
-    """
-    return (_exact if scheme == "exact" else _newmark)(omega, damping, step)
-
-
-def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
-    """Exact for loads linear over the step and contact forces held at the mean of its ends: exponential of [q, v, p, p'] of each mode."""
-    generator = np.zeros((len(omega), 4, 4))
-    generator[:, 0, 1] = generator[:, 1, 2] = generator[:, 2, 3] = step
-    generator[:, 1, 0], generator[:, 1, 1] = -(omega**2) * step, -2.0 * damping * omega * step
-    e = linalg.expm(generator)
-    rows = []
-    for k in (0, 1):
-        slope = e[:, k, 3] / step
-        rows += [e[:, k, 0], e[:, k, 1], e[:, k, 2] - slope, slope, 0.5 * e[:, k, 2]]
-    return np.array(rows)
-
-
-def _newmark(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
-    """Average acceleration (beta = 1/4, gamma = 1/2)."""
-    stiffness, friction = 0.25 * (step * omega) ** 2, 0.5 * step * damping * omega
-    one = np.ones_like(omega)
-    left = np.moveaxis(np.array([[one + stiffness, step * friction], [2.0 * stiffness / step, one + 2.0 * friction]]), 2, 0)
-    right = np.moveaxis(np.array([[one - stiffness, step * (one - friction), 0.25 * step**2 * one], [-2.0 * stiffness / step, one - 2.0 * friction, 0.5 * step * one]]), 2, 0)
-    s = np.linalg.solve(left, right)
-    return np.array([row for k in (0, 1) for row in (s[:, k, 0], s[:, k, 1], s[:, k, 2], s[:, k, 2], s[:, k, 2])])
-
-
 def _start(r: Reduction, amplitude: np.ndarray, contact: bool, start):
     """q, v, contact forces and active set at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
@@ -358,54 +308,6 @@ def _start(r: Reduction, amplitude: np.ndarray, contact: bool, start):
 def _padded(forces: np.ndarray, pairs: int) -> np.ndarray:
     """(n, pairs): zero forces where contact is switched off."""
     return forces if forces.shape[1] == pairs else np.zeros((len(forces), pairs))
-
-
-class _Ledger:
-    """Energies and work, carried from chunk to chunk."""
-
-    def __init__(self, reduction: Reduction, step: float, smooth: bool):
-        # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own work
-        self.r, self.step, self.smooth = reduction, step, smooth
-        self.flexibility = np.block([[reduction.load_flexibility, reduction.gap_loads.T], [reduction.gap_loads, reduction.gap_flexibility]])
-
-    def start(self, q, v, amplitude, force) -> np.ndarray:
-        """(5, 1) energies and work at t = 0."""
-        self.work = np.zeros(3)
-        self.last = self._instants(q[None], v[None], amplitude[None], force[None])
-        self.supplied = float(self.last[2].sum())
-        return np.concatenate([self.last[2].T, np.zeros((3, 1))])
-
-    def account(self, states, velocities, amplitudes, forces) -> np.ndarray:
-        """(5, n): kinetic, strain, external, damping, contact after each step; `amplitudes` (n + 1, loads) begins with the step before."""
-        now = self._instants(states, velocities, amplitudes[1:], forces)
-        drives, moves, _, losses, rates = (np.concatenate(pair) for pair in zip(self.last, now))
-        loads = amplitudes.shape[1]
-        # integral of the force over the displacement: the displacement's mean over a step from its ends and the rates there
-        increments = 0.5 * (drives[1:] + drives[:-1]) * np.diff(moves, axis=0)
-        if self.smooth:
-            increments[:, :loads] += np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (self.step / 12.0)
-        steps = np.stack([increments[:, :loads].sum(axis=1), 0.5 * self.step * (losses[1:] + losses[:-1]), increments[:, loads:].sum(axis=1)])
-        work = self.work[:, None] + np.cumsum(steps, axis=1)
-        self.work, self.last = work[:, -1], tuple(part[-1:] for part in now)
-        return np.concatenate([now[2].T, work])
-
-    def _instants(self, q, v, amplitudes, forces):
-        """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at the loads."""
-        r = self.r
-        drive = np.concatenate([amplitudes, forces], axis=1)
-        flexible = drive @ self.flexibility
-        moved = q @ np.concatenate([r.load_modes, r.gap_modes.T], axis=1) + flexible
-        stored = np.stack([0.5 * (v**2).sum(axis=1), 0.5 * ((r.omega * q) ** 2).sum(axis=1) + 0.5 * (drive * flexible).sum(axis=1)], axis=1)
-        return drive, moved, stored, (2.0 * r.damping * r.omega * v**2).sum(axis=1), v @ r.load_modes
-
-
-def _guard(chunk: np.ndarray, ledger: _Ledger, time: np.ndarray) -> None:
-    """Stop where contact has fed or taken energy: it may do no work, and what it does in steps that switch is the integration's error."""
-    total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
-    ledger.supplied = max(ledger.supplied, float(external.max()))
-    if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
-        raise on_all_ranks(SolveError(f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {contact[-1]:.3g} J beside {ledger.supplied:.3g} J supplied: "
-                                      "the history is wrong; use a smaller step, or fewer modes if hardly any flexibility is left to the contact"))
 
 
 def _check(duration, step, modes, scheme, start, decimation) -> None:

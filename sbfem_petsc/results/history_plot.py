@@ -99,7 +99,7 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def plot_spectra(spectra: dict[str, tuple[np.ndarray, np.ndarray]], path: str, quantity: str, window: tuple[float, float], lines: dict[str, float] | None = None,
-                 decades: float = 6.0, comm: MPI.Comm | None = None) -> str | None:
+                 decades: float = 6.0, harmonics: dict[str, Sequence[float]] | None = None, comm: MPI.Comm | None = None) -> str | None:
     """Draw amplitude spectra below each other on common axes, with named lines marked. Collective.
 
     Parameters
@@ -116,6 +116,8 @@ def plot_spectra(spectra: dict[str, tuple[np.ndarray, np.ndarray]], path: str, q
         Names and frequencies (Hz) marked in every panel.
     decades : float
         Below the largest amplitude shown.
+    harmonics : dict of str to sequence of float, optional
+        Families of frequencies (Hz) marked by triangles where there is a peak, named in a legend.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -123,10 +125,10 @@ def plot_spectra(spectra: dict[str, tuple[np.ndarray, np.ndarray]], path: str, q
     -------
     str on rank 0, None elsewhere
     """
-    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: save(_draw_spectra(spectra, quantity, window, lines or {}, decades), path))
+    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: save(_draw_spectra(spectra, quantity, window, lines or {}, decades, harmonics or {}), path))
 
 
-def _draw_spectra(spectra, quantity: str, window, lines, decades: float) -> Figure:
+def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmonics) -> Figure:
     if not spectra:
         raise ValueError("plot_spectra: no spectrum is given")
     drawing = figure(1.9 * len(spectra) + 0.45)
@@ -139,12 +141,18 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float) -> Figu
         for place in lines.values():
             axes.axvline(place, color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         axes.plot(frequency[shown], np.maximum(level, np.finfo(float).tiny), color=CYCLE[k % len(CYCLE)], linewidth=0.7)
+        for number, (family, places) in enumerate(harmonics.items()):
+            at = [int(np.abs(frequency[shown] - f).argmin()) for f in places if window[0] <= f <= window[1]]
+            at = [k for k in at if level[k] > 3.0 * np.median(level[max(k - 5, 0) : k + 6])]
+            axes.plot(frequency[shown][at], level[at], linestyle="none", marker="v", markersize=3.5, markeredgewidth=0, color=BLACK if number == 0 else CYCLE[-1 - number], label=family)
         axes.set_yscale("log")
         axes.set_xlim(window)
         axes.set_ylabel(quantity)
         axes.text(0.995, 0.95, name, transform=axes.transAxes, fontsize=8, color=BLACK, horizontalalignment="right", verticalalignment="top",
                   bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5})
         style(axes)
+    if harmonics:
+        grid[-1].legend(fontsize=7, frameon=False, loc="lower left")
     grid[0].set_ylim(top * 10.0**-decades, 4.0 * top)
     grid[0].yaxis.set_major_locator(LogLocator(numticks=6))
     grid[-1].set_xlabel("frequency (Hz)")
