@@ -16,3 +16,10 @@ def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True
     return error
+
+
+def at_point(table: dict, point: str):
+    """The entry of a named point, or an error that lists the points."""
+    if point not in table:
+        raise UnknownName(f"point {point!r} does not exist; the model has {', '.join(map(repr, table)) or 'none'}")
+    return table[point]

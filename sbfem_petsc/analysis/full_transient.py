@@ -15,7 +15,7 @@ import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.delassus import ContactRows
-from ..errors import SolveError, UnknownName, on_all_ranks
+from ..errors import SolveError, at_point, on_all_ranks
 from ..loads import separate
 from ..petsc import MPI
 from ..system.model import Model
@@ -59,22 +59,16 @@ class FullTransient:
 
     def displacement(self, point: str) -> np.ndarray:
         """(n, 2): displacement of a named point, m."""
-        return self._at(self.point_displacements, point)
+        return at_point(self.point_displacements, point)
 
     def velocity(self, point: str) -> np.ndarray:
         """(n, 2): velocity of a named point, m/s."""
-        return self._at(self.point_velocities, point)
+        return at_point(self.point_velocities, point)
 
     @property
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of the contact forces, N."""
         return self.contact_force.sum(axis=1)
-
-    @staticmethod
-    def _at(table: dict[str, np.ndarray], point: str) -> np.ndarray:
-        if point not in table:
-            raise UnknownName(f"point {point!r} does not exist; the model has {', '.join(map(repr, table))}")
-        return table[point]
 
     def __repr__(self) -> str:
         return f"FullTransient({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)"

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.delassus import ContactRows, delassus
+from ..errors import SolveError, at_point, on_all_ranks
 from ..loads import Loads, as_loads
 from ..petsc import check_ksp, make_ksp, solver_name
 from ..system.model import Model
@@ -53,7 +54,7 @@ class Static:
 
     def displacement(self, point: str) -> np.ndarray:
         """(2,): displacement of a named point, m."""
-        return self.point_displacements[point]
+        return at_point(self.point_displacements, point)
 
     @property
     def contact_resultant(self) -> float:

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..petsc import PETSc, check_ksp, make_ksp
+from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import assemble, block_triples
 from .model import Model
@@ -112,6 +112,28 @@ class Pencil:
             parts.append(np.einsum("knr,ni->kri", piece.coupling, translations).reshape(-1, 2))
         return np.concatenate(parts) if parts else np.zeros((0, 2))
 
+    def eigenvalues_below(self, shift: float) -> int | None:
+        """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver does not tell it (MUMPS does). Collective."""
+        if direct_solver(self.model.comm)[1] != "mumps":
+            return None
+        matrix = self.condensed(shift)
+        pc = PETSc.PC().create(self.model.comm)
+        pc.setOptionsPrefix("modal_inertia_")
+        pc.setOperators(matrix)
+        pc.setType(PETSc.PC.Type.CHOLESKY)
+        pc.setFactorSolverType("mumps")
+        pc.setFactorSetUpSolverType()
+        factor = pc.getFactorMatrix()
+        factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
+        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+        pc.setFromOptions()
+        pc.setUp()
+        negative = factor.getInertia()[0]
+        pc.destroy()
+        if shift != 0.0:
+            matrix.destroy()
+        return int(negative) + self.model.comm.allreduce(int((self.auxiliary_diagonal(shift) < 0.0).sum()))
+
     def destroy(self) -> None:
         """Free the PETSc matrices."""
         for matrix in [self.stiffness, self.mass] + ([self.coupling] if "coupling" in self.__dict__ else []):
@@ -128,7 +150,7 @@ class _Piece:
         self.unknowns = model.unknowns_of(self.group)
         coupling, inertia = group.solution.coupling, group.solution.inertia
         if tolerance > 0.0 and coupling.shape[1]:
-            coupling, inertia = _project(group.solution, highest**2 * self._inertia_scale / self.modulus, tolerance)
+            coupling, inertia = _project(group.solution, highest**2 * self._inertia_scale / self.modulus, tolerance, model.continued_fraction)
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
         self.mass = self._inertia_scale * self.group.turned_both(group.solution.mass)
@@ -150,15 +172,23 @@ def _pieces(model: Model, group: Group, highest: float, tolerance: float) -> lis
     return [_Piece(model, group, rows, highest, tolerance) for rows in np.split(order, breaks)]
 
 
-def _project(solution, w2: float, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
-    """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`."""
+def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`.
+
+    C touches the first term of the continued fraction alone; the later terms act through J. With w2 J = W the expansion
+    C (1 - W)^-1 C' = C C' + C W C' + ... reaches term k by W^(k-1) C', so that many blocks are stacked before the singular vectors are taken.
+    """
     lower = cholesky(solution.stiffness + w2 * solution.mass, "dynamic stiffness of an S-element")
-    weighted = w2 * lower_solve(lower, solution.coupling)
-    if (weighted**2).sum() <= tolerance:
+    block = w2 * lower_solve(lower, solution.coupling)
+    if terms == 1 and (block**2).sum() <= tolerance:
         return solution.coupling[:, :0], solution.inertia[:0]
-    values, vectors = symmetric_eigen(weighted.T @ weighted)
+    gram = block.T @ block
+    for _ in range(terms - 1):
+        block = block * (w2 * solution.inertia)
+        gram = gram + block.T @ block
+    values, vectors = symmetric_eigen(gram)
     basis = vectors[:, values > tolerance]
-    inertia, modes = symmetric_eigen((basis.T * solution.inertia) @ basis)
+    inertia, modes = symmetric_eigen((basis.T * solution.inertia) @ basis) if basis.shape[1] else (solution.inertia[:0], np.zeros((0, 0)))
     return solution.coupling @ (basis @ modes), inertia
 
 
