@@ -12,7 +12,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells import CellComplex, Curve, edge_key
 from meshing.crack_splitting import add_cracks
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.gmsh_model import drain_parser, find_crossing, gmsh_session, polygon_area
+from meshing.gmsh_model import drain_parser, find_crossing, find_meeting, gmsh_session, polygon_area
 from meshing.input_checks import checked_order, positive
 from meshing.polygons import build_mesh
 
@@ -85,6 +85,8 @@ class _Model:
 
 def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
     suffix = path.suffix.lower()
+    if suffix in (".geo", ".geo_unrolled") and not path.read_bytes().endswith((b"\n", b"\r")):
+        raise ValueError(f"{path}: its last line does not end with a newline, and gmsh may leave out what stands on it; add one.")
     try:
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")  # of a step file that a .geo file merges, too
         gmsh.merge(str(path))
@@ -108,6 +110,10 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
         raise ValueError(f"{path}: it has no surfaces; export the plane area as a face, and check that the file is complete.")
     if not groups[2]:
         raise ValueError(f"{path}: it has no physical surfaces; put every surface in a physical group, its name is the material's.")
+    named = {entity for entities in groups[2].values() for entity in entities}
+    nameless = [tag for _, tag in gmsh.model.getEntities(2) if tag not in named and len(gmsh.model.mesh.getElements(2, tag)[0])]
+    if nameless:
+        raise ValueError(f"{path}: surface {nameless[0]} belongs to no physical group and would be left out; add it to one, or delete it.")
     cells, vertex_of = CellComplex(), {}
     tags, positions, _ = gmsh.model.mesh.getNodes()
     positions = positions.reshape(-1, 3)
@@ -143,14 +149,20 @@ def _extract(gmsh, path: Path, order: int, size: float | None) -> _Model:
 def _refuse_crossing_outlines(gmsh, path: Path) -> None:
     """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever; needs the mesh of the curves."""
     for _, surface in gmsh.model.getEntities(2):
-        segments = []
+        segments, ends = [], []
         embedded = [(dimension, tag) for dimension, tag in gmsh.model.mesh.getEmbedded(2, surface) if dimension == 1]
         for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=False) + embedded:
             for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
                 count = gmsh.model.mesh.getElementProperties(kind)[3]
                 for element in np.asarray(nodes).reshape(-1, count):
-                    segments.append([gmsh.model.mesh.getNode(tag)[0][:2] for tag in element[:2]])
-        crossing = find_crossing(np.array(segments)) if segments else None
+                    segments.append([gmsh.model.mesh.getNode(tag)[0] for tag in element[:2]])
+                    ends.append(element[:2])
+        segments = np.array(segments).reshape(-1, 2, 3)
+        if not len(segments) or np.ptp(segments[..., 2]) > 1e-9 * np.ptp(segments.reshape(-1, 3), axis=0).max():
+            continue  # not plane: refused with its cells
+        crossing = find_crossing(segments[..., :2])
+        if crossing is None:
+            crossing = find_meeting(segments[..., :2], np.array(ends))
         if crossing is not None:
             raise ValueError(f"{path}: the curves of surface {surface} cross each other near ({crossing[0]:.6g}, {crossing[1]:.6g}) m; mend the geometry.")
 

@@ -26,6 +26,9 @@ class PointForce:
     def __add__(self, other: "Load | Loads") -> "Loads":
         return Loads((self,)) + other
 
+    def __radd__(self, other: int) -> "Loads":
+        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
+
 
 @dataclass(frozen=True)
 class EdgeLoad:
@@ -49,6 +52,9 @@ class EdgeLoad:
     def __add__(self, other: "Load | Loads") -> "Loads":
         return Loads((self,)) + other
 
+    def __radd__(self, other: int) -> "Loads":
+        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
+
 
 @dataclass(frozen=True)
 class SupportMotion:
@@ -68,6 +74,9 @@ class SupportMotion:
 
     def __add__(self, other: "Load | Loads") -> "Loads":
         return Loads((self,)) + other
+
+    def __radd__(self, other: int) -> "Loads":
+        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
 
 
 Load = PointForce | EdgeLoad | SupportMotion

@@ -110,9 +110,14 @@ class OrthotropicMaterial:
         _check_plane(self.plane)
         if self.young_3 is not None:
             positive("OrthotropicMaterial", "young_3", self.young_3, "Pa")
-        for name in ("poisson_12", "angle"):
-            if not math.isfinite(getattr(self, name)):
-                raise ValueError(f"OrthotropicMaterial: {name} = {getattr(self, name)!r} must be finite")
+        for name in ("poisson_12", "angle", "poisson_13", "poisson_23"):
+            value = getattr(self, name)
+            if value is None and name in ("poisson_13", "poisson_23"):
+                continue
+            if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+                raise TypeError(f"OrthotropicMaterial: {name} = {value!r} is not a number")
+            if not math.isfinite(value):
+                raise ValueError(f"OrthotropicMaterial: {name} = {value!r} must be finite")
         if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
             raise ValueError(f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an indefinite elasticity; poisson_12^2 < young_1 / young_2 is needed (and the like for axis 3)")
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from dataclasses import dataclass
 
 
@@ -28,7 +29,12 @@ class Support:
             raise TypeError(f"Support: where = {self.where!r} must be the name of an edge set or a point")
         for name in ("x", "y"):
             value = getattr(self, name)
-            if not isinstance(value, bool) and not (isinstance(value, (int, float)) and math.isfinite(value) and value >= 0):
+            if type(value).__name__ in ("bool", "bool_"):
+                object.__setattr__(self, name, bool(value))
+            elif isinstance(value, numbers.Real):
+                object.__setattr__(self, name, float(value))
+            value = getattr(self, name)
+            if not isinstance(value, bool) and not (isinstance(value, float) and math.isfinite(value) and value >= 0):
                 raise ValueError(f"Support({self.where!r}): {name} = {value!r} must be True (fixed), False (free) or a stiffness >= 0 (N/m^3 on edges, N/m on a point)")
 
     @property
@@ -44,9 +50,10 @@ class Support:
 
 def as_supports(clamped, supports) -> tuple[Support, ...]:
     """The supports of a model from its `clamped` names (a name, several, or None) and its further supports."""
-    names = () if clamped is None else (clamped,) if isinstance(clamped, str) else tuple(clamped)
-    further = (supports,) if isinstance(supports, Support) else tuple(supports)
-    for item in further:
-        if not isinstance(item, Support):
-            raise TypeError(f"supports: {item!r} is not a Support")
-    return tuple(Support(name) for name in names) + further
+    names = () if clamped is None else (clamped,) if isinstance(clamped, str) else clamped
+    if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
+        raise TypeError(f"clamped = {clamped!r} must be the name of an edge set or a point, several of them, or None; further supports go to supports=")
+    further = (supports,) if isinstance(supports, Support) else () if supports is None else supports
+    if not isinstance(further, (tuple, list)) or not all(isinstance(item, Support) for item in further):
+        raise TypeError(f"supports = {supports!r} must be a Support or a sequence of them")
+    return tuple(Support(name) for name in names) + tuple(further)

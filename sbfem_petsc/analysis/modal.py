@@ -96,6 +96,8 @@ def modal(model: Model, count: int | None = None, band: tuple[float, float] | No
     SolveError
         If SLEPc does not converge or a residual is too large.
     """
+    if not isinstance(model, Model):
+        raise TypeError(f"modal: model = {model!r} is not a Model")
     with collective(model.comm):
         _check_request(model, count, band, auxiliary_tolerance)
     if band is not None:

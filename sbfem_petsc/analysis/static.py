@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,15 @@ from ..errors import SolveError, at_point, on_all_ranks
 from ..loads import Loads, as_loads
 from ..petsc import check_ksp, make_ksp, solver_name
 from ..system.model import Model
+
+
+# Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned: displacements are
+# wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
+REFUSED, ROUND_OFF = 1e-2, 1e-5
+
+
+class RoundOffWarning(UserWarning):
+    """Round-off limits the digits of a result to less than is usual."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,8 +95,10 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     SolveError
         If the linear solve or the active set fails.
     """
+    if not isinstance(model, Model):
+        raise TypeError(f"static: model = {model!r} is not a Model")
     solvers = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
-    if method not in solvers:
+    if not isinstance(method, str) or method not in solvers:
         raise ValueError(f"static: method = {method!r} is unknown; use one of {', '.join(map(repr, solvers))}")
     model.require_support("static")
     forces = model.load_vector(load)
@@ -108,9 +120,19 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     model.stiffness.mult(solution, residual)
     residual.axpy(-1.0, right)
     scale = forces.norm()
+    _judge(residual.norm(), scale)
     field = model.nodal(solution)
     answer = Static(model.at_points(solution.array_r), contact_force, gap, active, field, iterations, solver_name(ksp),
                     residual.norm() / scale if scale > 0 else 0.0, model.tips.evaluate(field), as_loads(load), model)
     for item in (forces, solution, right, residual, ksp):
         item.destroy()
     return answer
+
+
+def _judge(residual: float, scale: float) -> None:
+    """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
+    relative = residual / scale if scale > 0 else 0.0
+    if not relative <= REFUSED:
+        raise on_all_ranks(SolveError(f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too badly conditioned, as where supports hardly hold the structure; stiffen them"))
+    if relative > ROUND_OFF:
+        warnings.warn(f"static: the forces are in balance to {relative:.2g} of the load; displacements of a structure as slender or as softly held as this one may be wrong by ten times as much", RoundOffWarning, stacklevel=3)

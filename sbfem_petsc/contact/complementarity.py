@@ -56,9 +56,11 @@ def solve_complementarity(flexibility: np.ndarray, free_gap: np.ndarray, start: 
         If neither ends.
     """
     n = len(free_gap)
-    active = free_gap < 0.0 if start is None else start.copy()
+    active = (free_gap < 0.0) & (np.diag(flexibility) > 0.0 if n else True) if start is None else start.copy()
     # Forces and gaps have different units: the diagonal of W weighs one against the other.
-    weight = 1.0 / np.diag(flexibility) if n else np.empty(0)
+    # A pair whose two nodes are held fixed has no flexibility and no say.
+    diagonal = np.diag(flexibility) if n else np.empty(0)
+    weight = np.divide(1.0, diagonal, out=np.zeros(n), where=diagonal > 0.0)
     seen = set()
     for iteration in range(1, maximum + 1):
         force = _forces(flexibility, free_gap, active)

@@ -126,6 +126,9 @@ def write_results(path: str, model: Model, modal: Modal | None = None, static: S
     path = os.fspath(path)
     with collective(comm):
         cases = _cases(static, loads)
+        for name, result in (("modal", modal), *((name, result) for name, (result, _) in cases.items())):
+            if result is not None and result.model is not model:
+                raise ValueError(f"write_results: {name!r} was computed with another model than the one given")
     temporary = os.path.join(os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.{os.getpid()}.part")
     file = None
     try:

@@ -46,7 +46,8 @@ def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bo
     crack tip for one, is that at a hundredth of the way to the boundary.
     """
     comm = model.comm
-    stem = os.path.splitext(os.fspath(path))[0]
+    stem, suffix = os.path.splitext(os.fspath(path))
+    stem = stem if suffix.lower() in (".vtu", ".pvtu") else stem + suffix
     piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
     with collective(comm):
         patches = sample(model, fields, subdivisions, stress)

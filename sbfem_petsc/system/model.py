@@ -8,6 +8,8 @@ import numbers
 
 import numpy as np
 
+from meshing.boundary_mesh import BoundaryMesh
+
 from ..errors import UnknownName, on_all_ranks
 from ..loads import EdgeLoad, Loads, SupportMotion, as_loads
 from ..signals import Signal
@@ -90,6 +92,8 @@ class Model:
         everywhere = all(comm.allgather(mesh is not None))
         parts = None
         with collective(comm):
+            if mesh is not None and not isinstance(mesh, BoundaryMesh):
+                raise TypeError(f"Model: mesh = {mesh!r} is not a BoundaryMesh; call its .mesh() or read_gmsh(path)")
             if comm.rank == 0 and mesh is None:
                 raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")
             if mesh is not None and (everywhere or comm.rank == 0):
@@ -212,19 +216,21 @@ class Model:
         loads = as_loads(load)
         for item in loads.parts:
             if isinstance(item, EdgeLoad):
-                if item.edge_set not in self.edge_set_names:
+                if not isinstance(item.edge_set, str) or item.edge_set not in self.edge_set_names:
                     raise UnknownName(f"EdgeLoad: edge set {item.edge_set!r} does not exist; the mesh has {_listed(self.edge_set_names)}")
                 components = {"tx": item.tx, "ty": item.ty, "pressure": item.pressure}
             elif isinstance(item, SupportMotion):
                 components = {"ax": item.ax, "ay": item.ay}
             else:
-                if item.point not in self.points:
+                if not isinstance(item.point, str) or item.point not in self.points:
                     raise UnknownName(f"PointForce: point {item.point!r} does not exist; the mesh has {_listed(self.points)}")
                 components = {"fx": item.fx, "fy": item.fy}
             for name, value in components.items():
                 if isinstance(value, Signal) and not constant:
                     continue
-                if not isinstance(value, numbers.Real) or isinstance(value, bool) or not math.isfinite(value):
+                if not isinstance(value, numbers.Real) or isinstance(value, bool):
+                    raise TypeError(f"{type(item).__name__}: {name} = {value!r} must be a number" + (" (signals are for transient and periodic)" if isinstance(value, Signal) else ""))
+                if not math.isfinite(value):
                     raise ValueError(f"{type(item).__name__}: {name} = {value!r} must be a finite number")
         return loads
 

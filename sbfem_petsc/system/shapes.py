@@ -98,7 +98,7 @@ def solve_groups(comm: MPI.Comm, part: Part, order: int, materials, terms: int) 
         outlines = np.stack([part.coordinates[part.chains[i]] - part.centres[i] for i in elements])
         for i, placement in zip(elements, placements(outlines, order, closed, materials[material].isotropic)):
             tolerance = 1e-11 + noise / placement.size
-            key = shape_key(placement.shape) + bytes((closed, material % 256))
+            key = shape_key(placement.shape) + bytes((closed,)) + material.to_bytes(4, "little")
             for bucket in members.setdefault(key, []):
                 if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
                     break

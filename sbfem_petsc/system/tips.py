@@ -32,13 +32,14 @@ class TipIntensities:
 
     def __init__(self, model):
         self.comm = model.comm
-        self.names = tuple(c.name for c in model.cracks)
+        cracks = [c for c in model.cracks if c.tip_element >= 0]
+        self.names = tuple(c.name for c in cracks)
         self._local: list[_TipRow] = []
         exponents = np.zeros((len(self.names), 2))
         place = {int(element): row for row, element in enumerate(model.part.elements)}
         with collective(self.comm):  # the rank that owns a tip must not fail alone
-            for index, crack in enumerate(model.cracks):
-                row = place.get(int(crack.tip_element), -1) if crack.tip_element >= 0 else -1
+            for index, crack in enumerate(cracks):
+                row = place.get(int(crack.tip_element), -1)
                 if row < 0:
                     continue
                 group, member = next((g, int(np.flatnonzero(g.elements == row)[0])) for g in model.groups if (g.elements == row).any())

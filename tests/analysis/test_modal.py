@@ -124,3 +124,64 @@ def test_bad_requests(arguments, sentence):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises(ValueError, match=sentence):
         sb.modal(model, **arguments)
+
+
+@pytest.mark.parametrize("terms", [2, 3, 4])
+def test_projection_keeps_the_later_terms(terms):
+    """Free unit square, one S-element of order 10: the default is the whole continued fraction within 1e-5; four terms give the printed digits."""
+    model = sb.Model(Beam(1.0, 1.0).mesh(order=10, size=1.0, corners=()), sb.Material(1.0, 0.3, 1.0), clamped=None, continued_fraction=terms)
+    reduced, whole = (2 * np.pi * sb.modal(model, 15, auxiliary_tolerance=t).frequencies[3:] for t in (1e-5, 0))
+    np.testing.assert_allclose(reduced, whole, rtol=1e-5)
+    if terms == 4:
+        expected = [2.43265, 2.59096, 2.59096, 2.75536, 3.13163, 3.61893, 3.90289, 3.90289, 4.51085, 5.20854, 5.20854, 5.28911]
+        np.testing.assert_allclose(reduced, expected, atol=8e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 6, 7, 8, 9, 10, 14, 15, 16])
+def test_multiple_frequencies_are_all_found(count):
+    """A clamped square has many double frequencies: every count gives the lowest of a dense solution."""
+    from scipy import linalg, sparse
+
+    from sbfem_petsc.system.pencil import Pencil
+
+    edges = ["left", "right", "top", "bottom"]
+    model = sb.Model(Beam(1.0, 1.0).mesh(order=3, size=0.25, corners=()), sb.Material(1.0, 0.3, 1.0), clamped=edges)
+    pencil = Pencil(model, 1.0, 0.0)
+    dense = [sparse.csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()).toarray() for m in (pencil.stiffness, pencil.mass)]
+    exact = np.sqrt(linalg.eigh(*dense, eigvals_only=True, subset_by_index=(0, 19))) / (2 * np.pi)
+    np.testing.assert_allclose(sb.modal(model, count, auxiliary_tolerance=0).frequencies, exact[:count], rtol=1e-8)
+    low, high = 0.99 * exact[count], 1.01 * exact[count + 2]
+    inside = exact[(exact >= low) & (exact <= high)]
+    if high < exact[-1]:
+        np.testing.assert_allclose(sb.modal(model, band=(low, high), auxiliary_tolerance=0).frequencies, inside, rtol=1e-8)
+
+
+def test_inertia_counts():
+    """The law of inertia counts the eigenvalues below a shift, auxiliary unknowns eliminated."""
+    from sbfem_petsc.petsc import PETSc
+    from sbfem_petsc.system.pencil import Pencil
+
+    if not PETSc.Sys.hasExternalPackage("mumps"):
+        pytest.skip("only MUMPS tells the inertia")
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
+    pencil = Pencil(model, 1e6, 0.0)
+    found = sb.modal(model, 12, auxiliary_tolerance=0).frequencies
+    middles = 0.5 * (found[1:] + found[:-1])
+    assert [pencil.eigenvalues_below((2 * np.pi * f) ** 2) for f in middles] == list(range(1, 12))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 5])
+def test_rigid_modes_alone(count):
+    """Few modes of a free structure, and of one held at a point, are no failure."""
+    free = sb.modal(sb.Model(Beam(1.0, 0.3).mesh(order=4), ALUMINIUM, clamped=None), count).frequencies
+    assert (free[:3] < 1e-2).all()
+    held = sb.modal(sb.Model(Beam(1.0, 0.3).mesh(order=4), ALUMINIUM, clamped=None, supports=[sb.Support("A")]), count).frequencies
+    assert held[0] < 1e-2
+
+
+@pytest.mark.parametrize("slenderness, tolerance", [(300, 1e-4), (1000, 5e-4)])
+def test_very_slender_beams(slenderness, tolerance):
+    """Round-off in K is no reason to refuse: f1 is Euler's within what the condition number leaves."""
+    model = sb.Model(Beam(0.01 * slenderness, 0.01).mesh(), ALUMINIUM)
+    euler = 1.87510407**2 / (2 * np.pi * (0.01 * slenderness) ** 2) * np.sqrt(70e9 * 1e-4 / 12 / 2700)
+    assert sb.modal(model, 3).frequencies[0] == pytest.approx(euler, rel=tolerance)

@@ -193,3 +193,27 @@ def test_statics_without_support(clamped, supports):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM, clamped=clamped, supports=supports)
     with pytest.raises(ValueError, match="rigid-body motion"):
         sb.static(model, sb.PointForce("A", fy=1.0))
+
+
+def test_softly_held_structure_is_refused_or_warned_about():
+    """Springs of 1 N/m^3 leave no digits: refused; of 1e3: a warning with the number."""
+    mesh = Beam(1.0, 0.1).mesh(order=3)
+    for stiffness, expected in ((1.0, "refused"), (1e3, "warned")):
+        model = sb.Model(mesh, ALUMINIUM, clamped=None, supports=[sb.Support("left", stiffness, stiffness)])
+        if expected == "refused":
+            with pytest.raises(sb.SolveError, match="badly conditioned"):
+                sb.static(model, sb.PointForce("A", fx=1.0))
+        else:
+            with pytest.warns(UserWarning, match="in balance to"):
+                sb.static(model, sb.PointForce("A", fx=1.0))
+
+
+def test_no_stress_intensity_without_a_tip_element():
+    model = sb.Model(paper_beam().mesh(order=3, layout="vertex"), ALUMINIUM)
+    assert sb.static(model, sb.PointForce("A", fy=-1.0)).stress_intensity == {}
+
+
+def test_unknown_point_of_a_solution():
+    solution = sb.static(sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM), sb.PointForce("A", fy=1.0))
+    with pytest.raises(KeyError, match="point 'Z' does not exist; the model has 'A'"):
+        solution.displacement("Z")

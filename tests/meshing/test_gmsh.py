@@ -236,3 +236,22 @@ def test_missing_and_truncated_files(tmp_path):
 def test_order_out_of_range(tmp_path, order):
     with pytest.raises(ValueError, match=f"order is {order}"):
         read_gmsh(write(tmp_path, PLATE), order=order)
+
+
+def test_geometry_that_gmsh_would_hang_on(tmp_path):
+    """Curves that meet in separate nodes at one place: a bow tie, and a crack whose mouth is no point of the outline."""
+    bow = "\n".join(["Point(1)={0,0,0,.2};", "Point(2)={1,1,0,.2};", "Point(3)={1,0,0,.2};", "Point(4)={0,1,0,.2};", "Line(1)={1,2};", "Line(2)={2,3};", "Line(3)={3,4};", "Line(4)={4,1};",
+                     "Curve Loop(1)={1,2,3,4};", "Plane Surface(1)={1};", 'Physical Surface("s")={1};', ""])
+    (tmp_path / "bow.geo").write_text(bow)
+    with pytest.raises(ValueError, match="cross each other near"):
+        read_gmsh(tmp_path / "bow.geo")
+
+
+def test_geometry_files_that_would_lose_a_part(tmp_path):
+    """A last line without newline, of which gmsh drops statements, and a surface in no physical group."""
+    (tmp_path / "cut.geo").write_text('SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};')
+    with pytest.raises(ValueError, match="does not end with a newline"):
+        read_gmsh(tmp_path / "cut.geo")
+    (tmp_path / "two.geo").write_text('SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\nPhysical Surface("a")={1};\n')
+    with pytest.raises(ValueError, match="belongs to no physical group"):
+        read_gmsh(tmp_path / "two.geo")
