@@ -44,9 +44,14 @@ def assemble(comm: MPI.Comm, ranges: np.ndarray, triples: list[Triples], symmetr
     first, last = ranges[comm.rank], ranges[comm.rank + 1]
     local = sparse.coo_matrix((values, (rows - first, columns)), shape=(last - first, column_ranges[-1])).tocsr()
     local.sort_indices()
-    sizes = ((int(last - first), int(ranges[-1])), (int(column_ranges[comm.rank + 1] - column_ranges[comm.rank]), int(column_ranges[-1])))
-    integer = PETSc.IntType
-    matrix = PETSc.Mat().createAIJ(size=sizes, bsize=block_size, csr=(local.indptr.astype(integer), local.indices.astype(integer), local.data), comm=comm)
+    return from_rows(comm, ranges, column_ranges, (local.indptr, local.indices, local.data), symmetric, block_size)
+
+
+def from_rows(comm: MPI.Comm, ranges: np.ndarray, column_ranges: np.ndarray, rows: Triples, symmetric: bool, block_size: int = 1) -> PETSc.Mat:
+    """Distributed matrix from this rank's compressed rows (starts, global columns, values)."""
+    sizes = tuple((int(r[comm.rank + 1] - r[comm.rank]), int(r[-1])) for r in (ranges, column_ranges))
+    starts, columns, values = rows
+    matrix = PETSc.Mat().createAIJ(size=sizes, bsize=block_size, csr=(starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values), comm=comm)
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SPD, True)

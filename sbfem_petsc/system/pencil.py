@@ -9,7 +9,7 @@ import numpy as np
 
 from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
-from .assembly import assemble, block_triples
+from .assembly import assemble, block_triples, from_rows
 from .model import Model
 from .shapes import Group
 
@@ -45,7 +45,6 @@ class Pencil:
         self.ranges = model.ranges + self.auxiliary_ranges
         self.unknowns = int(self.ranges[-1])
         self.owned = int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank])
-        stiffness = [self._full(t) for t in model.stiffness_triples()]
         mass = []
         first = int(self.ranges[model.comm.rank]) + self.owned
         self._auxiliary_stiffness = np.empty(local)
@@ -58,10 +57,9 @@ class Pencil:
                 mass.append(block_triples(numbers, unknowns, piece.coupling.transpose(0, 2, 1)))
                 flat = numbers.ravel()
                 mass.append((flat, flat, np.tile(piece.inertia, len(piece.group_rows))))
-                stiffness.append((flat, flat, np.full(flat.size, piece.modulus)))
                 self._auxiliary_stiffness[flat - (self.ranges[model.comm.rank] + self.owned)] = piece.modulus
             first += numbers.size
-        self.stiffness = assemble(model.comm, self.ranges, stiffness)
+        self.stiffness = self._bordered()
         self.mass = assemble(model.comm, self.ranges, mass)
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
@@ -72,9 +70,14 @@ class Pencil:
         owner = np.clip(np.searchsorted(model.ranges, unknowns, side="right") - 1, 0, model.comm.size - 1)
         return np.where(unknowns >= 0, unknowns + self.auxiliary_ranges[owner], -1)
 
-    def _full(self, triples):
-        rows, columns, values = triples
-        return self.numbers(rows), self.numbers(columns), values
+    def _bordered(self) -> PETSc.Mat:
+        """diag(K_b, E t I): the model's own stiffness with renumbered columns, then the auxiliary rows."""
+        starts, columns, values = self.model.stiffness.getValuesCSR()
+        count = len(self._auxiliary_stiffness)
+        own = self.ranges[self.model.comm.rank] + self.owned + np.arange(count)
+        rows = (np.concatenate([starts, starts[-1] + 1 + np.arange(count)]), np.concatenate([self.numbers(columns.astype(np.int64)), own]),
+                np.concatenate([values, self._auxiliary_stiffness]))
+        return from_rows(self.model.comm, self.ranges, self.ranges, rows, symmetric=True)
 
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
