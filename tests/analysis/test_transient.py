@@ -73,7 +73,7 @@ def test_energy_after_the_load_has_ended(fine):
 
 
 def test_reduced_history_converges_with_modes():
-    """40 and 80 modes against 160: 1.6e-4 and 3e-5 for THEORY's prototype on a like mesh."""
+    """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against 250."""
     model = sb.Model(paper_beam().mesh(), ALUMINIUM)
     u = [sb.transient(model, burst(300.0, 20), 0.01, step=1e-6, modes=modes).displacement("A")[:, 1] for modes in (40, 80, 160)]
     errors = [np.linalg.norm(v - u[-1]) / np.linalg.norm(u[-1]) for v in u[:-1]]
