@@ -109,8 +109,8 @@ def as_loads(load) -> Loads:
     return Loads(items)
 
 
-def separate(load) -> tuple[list[Load], list[Signal]]:
-    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero."""
+def separate(load, number=as_signal) -> tuple[list[Load], list[Signal]]:
+    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero; `number` makes a signal of a plain number."""
     units, signals = [], []
     for item in as_loads(load).parts:
         names = [f.name for f in fields(item)]
@@ -120,5 +120,5 @@ def separate(load) -> tuple[list[Load], list[Signal]]:
             if isinstance(value, (int, float)) and value == 0:
                 continue
             units.append(type(item)(**place, **{name: 1.0}))
-            signals.append(as_signal(value))
+            signals.append(number(value) if isinstance(value, (int, float)) else as_signal(value))
     return units, signals

@@ -75,6 +75,11 @@ class Reduction:
         return f"Reduction({len(self.omega)} modes up to {self.frequencies[-1]:.6g} Hz, {len(self.initial_gap)} contact pairs, {self.load_modes.shape[1]} unit loads)"
 
 
+def communicator(model: Model | Reduction) -> MPI.Comm:
+    """Ranks that work on a model together; a Reduction is each rank's own."""
+    return MPI.COMM_SELF if isinstance(model, Reduction) else model.comm
+
+
 def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     """Reduce a model to its lowest modes and the residual flexibility of its contact pairs and loads.
 
@@ -148,14 +153,17 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     gap_columns, sensor_columns, tip_columns = residual(gap_columns, gap_modes), residual(sensor_columns, sensor_modes), residual(tip_columns, tip_modes)
     work = residual(work, load_modes.T)
     flexibility = gap_columns[:, :pairs]
-    return Reduction(found.frequencies, omega, np.full(modes, model.damping), gap_modes, 0.5 * (flexibility + flexibility.T), gap_columns[:, pairs:], load_modes,
+    return Reduction(found.frequencies, omega, model.damping_ratios(omega), gap_modes, 0.5 * (flexibility + flexibility.T), gap_columns[:, pairs:], load_modes,
                      0.5 * (work[:, pairs:] + work[:, pairs:].T), model.pairs.gap.copy(), tuple(model.points), sensor_modes, sensor_columns[..., pairs:],
                      sensor_columns[..., :pairs], translation, model.tips.names, tip_modes, tip_columns[..., pairs:], tip_columns[..., :pairs])
 
 
 def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.ndarray, gap: np.ndarray, loads: np.ndarray, sensors: dict[str, int],
-                    modes: int, damping: float = 0.0, compliance: np.ndarray | None = None) -> Reduction:
-    """Reduce a system given by its matrices: textbook oscillators, bars, other codes' examples.
+                    modes: int | None = None, damping: float | np.ndarray = 0.0, compliance: np.ndarray | None = None) -> Reduction:
+    """A system given by its matrices: textbook oscillators, bars, other codes' examples.
+
+    `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model, with a number or a signal
+    for each unit load.
 
     Parameters
     ----------
@@ -167,38 +175,59 @@ def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.nd
     loads : (n, k) array
         Unit loads.
     sensors : dict of str to int
-        Names of unknowns; each is the x displacement of a point.
-    modes : int
-        Lowest modes kept; the others act by their flexibility.
-    damping : float
-        Modal damping ratio.
+        Names of unknowns; each is the y displacement of a point.
+    modes : int, optional
+        Lowest modes kept; the others act by their flexibility. Default: all.
+    damping : float or (n, n) array
+        Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
     compliance : (pairs,) array, optional
         Of elastic stops, m/N.
 
     Raises
     ------
     ValueError
-        If a contact row has no compliance at all: a rigid stop on an unknown whose mass is kept in full has no law in this form.
+        If shapes do not fit, if a damping matrix couples the modes, or if a contact row has no compliance at all: a rigid stop on an unknown
+        whose mass is kept in full has no law in this form.
     """
+    mass, stiffness, contact_rows, gap, loads = (np.asarray(item, dtype=float) for item in (mass, stiffness, contact_rows, gap, loads))
+    n, pairs = len(mass), len(gap)
+    for name, array, shape in (("mass", mass, (n, n)), ("stiffness", stiffness, (n, n)), ("contact_rows", contact_rows, (pairs, n)), ("loads", loads, (n, *loads.shape[1:2]))):
+        if array.shape != shape or not np.isfinite(array).all():
+            raise ValueError(f"reduce_matrices: {name} has shape {array.shape}; finite values of shape {shape} are expected")
+    modes = n if modes is None else modes
     values, vectors = linalg.eigh(stiffness, mass)
     # rigid-body modes come out at round-off's level
     values = np.where(values < 1e-12 * values[-1], 0.0, values)
     kept, left = vectors[:, :modes], vectors[:, modes:]
+    omega = np.sqrt(values[:modes])
     columns = np.concatenate([contact_rows.T, loads], axis=1)
     flexibility = (left / values[modes:]) @ (left.T @ columns)
-    pairs = len(gap)
     gap_flexibility = contact_rows @ flexibility[:, :pairs] + np.diag(np.zeros(pairs) if compliance is None else compliance)
     weak = np.flatnonzero(np.diag(gap_flexibility) <= 0.0)
     if len(weak):
         raise ValueError(f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer modes than unknowns or give the stop a compliance")
-    omega = np.sqrt(values[:modes])
     index = list(sensors.values())
 
     def at_sensors(array):
         result = np.zeros((len(index), 2, array.shape[1]))
-        result[:, 0] = array[index]
+        result[:, 1] = array[index]
         return result
 
-    return Reduction(omega / (2.0 * np.pi), omega, np.full(modes, damping), contact_rows @ kept, gap_flexibility, contact_rows @ flexibility[:, pairs:], kept.T @ loads,
-                     loads.T @ flexibility[:, pairs:], np.asarray(gap, dtype=float), tuple(sensors), at_sensors(kept), at_sensors(flexibility[:, pairs:]),
+    return Reduction(omega / (2.0 * np.pi), omega, _ratios(damping, kept, omega), contact_rows @ kept, gap_flexibility, contact_rows @ flexibility[:, pairs:], kept.T @ loads,
+                     loads.T @ flexibility[:, pairs:], gap, tuple(sensors), at_sensors(kept), at_sensors(flexibility[:, pairs:]),
                      at_sensors(flexibility[:, :pairs]), np.zeros((modes, 2)), (), np.zeros((0, 2, modes)), np.zeros((0, 2, loads.shape[1])), np.zeros((0, 2, pairs)))
+
+
+def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Modal damping ratios from one number or a damping matrix."""
+    if np.ndim(damping) == 0:
+        return np.full(len(omega), float(damping))
+    modal = modes.T @ np.asarray(damping, dtype=float) @ modes
+    own = np.diag(modal)
+    coupling = np.abs(modal - np.diag(own)).max(initial=0.0)
+    if coupling > 1e-9 * np.abs(own).max():
+        raise ValueError(f"reduce_matrices: the damping matrix couples the modes (up to {coupling / np.abs(own).max():.2g} of the largest modal damping); give modal damping ratios, or a matrix such as a M + b K")
+    rigid = omega == 0.0
+    if (np.abs(own[rigid]) > 1e-9 * np.abs(own).max()).any():
+        raise ValueError("reduce_matrices: the damping matrix damps a rigid-body motion, which has no damping ratio; hold the system by a weak spring")
+    return np.where(rigid, 0.0, own / (2.0 * np.where(rigid, 1.0, omega)))

@@ -1,4 +1,4 @@
-"""Energies of a reduced model's history, and the guard that refuses a history in which contact does work."""
+"""Energies of a history, their account for a reduced model, and the guard that refuses a history in which contact does work."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Energy:
     Attributes
     ----------
     kinetic, strain : (n,) arrays
-        The strain energy includes the residual flexibility's.
+        The strain energy includes a reduced model's residual flexibility.
     external, damping, contact : (n,) arrays
-        Work of the loads, energy dissipated by modal damping, work of the contact forces (zero but for the steps in which pairs close or open).
+        Work of the loads, energy dissipated by damping, work of the contact forces (zero but for the steps in which pairs close or open).
     """
 
     kinetic: np.ndarray

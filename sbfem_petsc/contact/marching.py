@@ -10,10 +10,13 @@ from __future__ import annotations
 
 import numpy as np
 from numba import njit
+from scipy import linalg
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index take over;
 # Judice and Pires (1994) show that this ends for every positive definite W.
 PATIENCE = 5
+# Singular values of C below this share of the largest are those of rounding.
+ROUND_OFF = 1e-15
 
 
 @njit(cache=True)
@@ -94,16 +97,25 @@ def contact_forces(flexibility, gap, active, factor, members, count, force):
     return -1, -1
 
 
+def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U (pairs, r) and V (m, r) with rows = U V^T to round-off; V's columns are orthonormal."""
+    if rows.size == 0:
+        return np.zeros((rows.shape[0], 0)), np.zeros((rows.shape[1], 0))
+    left, values, right = linalg.svd(rows, full_matrices=False)
+    rank = int((values > ROUND_OFF * values[:1]).sum())
+    return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
+
+
 @njit(cache=True)
-def march(coefficients, rows, flexibility, external, free_gap, q, v, force, active, states, velocities, forces):
+def march(coefficients, left, right, flexibility, external, free_gap, q, v, force, active, states, velocities, forces):
     """Advance a reduced model over several steps.
 
     Parameters
     ----------
     coefficients : (10, m) array
         aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode.
-    rows : (pairs, m) array
-        C, gaps of the modes.
+    left, right : (pairs, r), (m, r) arrays
+        C = left right^T, gaps of the modes, see `thin_factors`.
     flexibility : (pairs, pairs) array
         W.
     external : (n + 1, m) array
@@ -125,40 +137,52 @@ def march(coefficients, rows, flexibility, external, free_gap, q, v, force, acti
         Steps done (fewer than n: a contact problem was not solved) and exchanges of active sets in all.
     """
     steps, m = states.shape
-    pairs = force.size
+    pairs, rank = left.shape
     aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv = coefficients
     factor = np.empty((pairs, pairs))
     members = np.empty(pairs, dtype=np.int64)
     gap = np.empty(pairs)
-    pull = np.zeros(m)
+    # with the long index last, inner loops run on vector registers
+    left_rows, right_rows = np.ascontiguousarray(left.T), np.ascontiguousarray(right.T)
+    thin = np.zeros(rank)
     for i in range(pairs):
+        for k in range(rank):
+            thin[k] += left[i, k] * force[i]
+    pull = np.zeros(m)
+    for k in range(rank):
         for j in range(m):
-            pull[j] += rows[i, j] * force[i]
+            pull[j] += right_rows[k, j] * thin[k]
     count, exchanges = -1, 0
     for step in range(steps):
+        thin[:] = 0.0
         for j in range(m):
             before, following = external[step, j], external[step + 1, j]
             position = aqq[j] * q[j] + aqv[j] * v[j] + bq[j] * before + dq[j] * following + cq[j] * pull[j]
             v[j] = avq[j] * q[j] + avv[j] * v[j] + bv[j] * before + dv[j] * following + cv[j] * pull[j]
             q[j] = position
-        touching = count > 0 or count < 0
+            for k in range(rank):
+                thin[k] += right[j, k] * position
+        touching = count != 0
+        gap[:] = free_gap[step + 1]
+        for k in range(rank):
+            for i in range(pairs):
+                gap[i] += left_rows[k, i] * thin[k]
         for i in range(pairs):
-            total = free_gap[step + 1, i]
-            for j in range(m):
-                total += rows[i, j] * q[j]
-            gap[i] = total
-            if total < 0.0:
-                touching = True
+            touching |= gap[i] < 0.0
         if touching:
             count, exchange = contact_forces(flexibility, gap, active, factor, members, count, force)
             if exchange < 0:
                 return step, exchanges
             exchanges += exchange
+            thin[:] = 0.0
+            for i in range(count):
+                value = force[members[i]]
+                for k in range(rank):
+                    thin[k] += left[members[i], k] * value
             pull[:] = 0.0
-            for k in range(count):
-                value = force[members[k]]
+            for k in range(rank):
                 for j in range(m):
-                    pull[j] += rows[members[k], j] * value
+                    pull[j] += right_rows[k, j] * thin[k]
             for j in range(m):
                 q[j] += cq[j] * pull[j]
                 v[j] += cv[j] * pull[j]

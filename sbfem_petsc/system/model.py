@@ -38,7 +38,10 @@ class Model:
     continued_fraction : int
         Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix alone.
     damping : float
-        Modal damping ratio of every dynamic analysis.
+        Modal damping ratio of every dynamic analysis. An unreduced model meets it in its computed modes, and has none beyond them
+        (see `full_transient`).
+    rayleigh : (float, float)
+        a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio of a mode; see `rayleigh_factors`.
     thickness : float
         m.
     supports : sequence of Support
@@ -64,11 +67,12 @@ class Model:
     """
 
     def __init__(self, mesh, material, clamped="left", continued_fraction: int = 1, damping: float = 0.0, thickness: float = 1.0,
-                 supports=(), comm: MPI.Comm | None = None):
+                 supports=(), comm: MPI.Comm | None = None, rayleigh: tuple[float, float] = (0.0, 0.0)):
         self.comm = MPI.COMM_WORLD if comm is None else comm
         with collective(self.comm):
             self.continued_fraction = _integer("continued_fraction", continued_fraction, 0, 20)
             self.damping = _real("damping", damping, lower=0.0, below=1.0)
+            self.rayleigh = _rayleigh(rayleigh)
             self.thickness = _real("thickness", thickness, above=0.0)
             self.supports = as_supports(clamped, supports)
         mesh, numbering, self.part = self._distribute(mesh)
@@ -341,10 +345,23 @@ class Model:
                 if isinstance(item, PETSc.Object):
                     item.destroy()
 
+    def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
+        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a / (2 omega) + b omega / 2."""
+        a, b = self.rayleigh
+        return self.damping + 0.5 * (np.divide(a, omega, out=np.zeros(len(omega)), where=omega > 0.0) + b * omega)
+
     def __repr__(self) -> str:
+        rayleigh = f", Rayleigh damping {self.rayleigh[0]:g} 1/s M + {self.rayleigh[1]:g} s K" if any(self.rayleigh) else ""
         return (f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, {self.boundary_unknowns} boundary unknowns, "
-                f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} contact pairs, damping ratio {self.damping:g}, "
+                f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} contact pairs, damping ratio {self.damping:g}{rayleigh}, "
                 f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})")
+
+
+def rayleigh_factors(ratio: float, low: float, high: float) -> tuple[float, float]:
+    """a (1/s) and b (s) of a M + b K that give a damping ratio at two frequencies (Hz); it is smaller between them and larger outside."""
+    low, high = 2.0 * math.pi * _real("low", low, above=0.0), 2.0 * math.pi * _real("high", high, above=0.0)
+    ratio = _real("ratio", ratio, lower=0.0, below=1.0)
+    return 2.0 * ratio * low * high / (low + high), 2.0 * ratio / (low + high)
 
 
 def _measures(mesh) -> tuple[float, float]:
@@ -384,6 +401,12 @@ def _integer(name: str, value, lower: int, upper: int) -> int:
     if not lower <= value <= upper:
         raise ValueError(f"Model: {name} = {value!r} must be between {lower} and {upper}")
     return int(value)
+
+
+def _rayleigh(value) -> tuple[float, float]:
+    if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 2:
+        raise TypeError(f"Model: rayleigh = {value!r} must be two numbers, a in 1/s and b in s of a M + b K")
+    return tuple(_real(f"rayleigh[{k}]", part, lower=0.0) for k, part in enumerate(value))
 
 
 def _real(name: str, value, above: float | None = None, lower: float | None = None, below: float = math.inf) -> float:

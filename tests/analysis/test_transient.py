@@ -1,6 +1,7 @@
 """Time histories against the independent reference, exact solutions and their own energy."""
 
 import pathlib
+import warnings
 
 import numpy as np
 import pytest
@@ -54,6 +55,34 @@ def test_default_mesh_burst():
     assert (history.contact_force >= 0).all() and history.gap.min() > -1e-12
 
 
+@pytest.mark.parametrize("frequency, duration", [(30.0, 0.07), (3000.0, 0.005)])
+def test_default_step(frequency, duration):
+    """However slow the load, contact is resolved: 3e-4 against a step 8 times finer; at 30 Hz a step by the load alone, 15 times as long, is at 5e-3."""
+    model = sb.Model(paper_beam().mesh(), ALUMINIUM)
+    load = sb.PointForce("A", fy=sb.Harmonic(300.0, frequency))
+    history = sb.transient(model, load, duration)
+    fine = sb.transient(model, load, duration, step=history.step / 8, decimation=8, reduction=history.reduction)
+    assert history.step == pytest.approx(min(1 / (320 * frequency), 0.8 / history.reduction.frequencies[-1]), rel=0.01)
+    assert history.contact_resultant.max() > 1000
+    for found, exact in ((history.displacement("A")[:, 1], fine.displacement("A")[:, 1]), (history.contact_resultant, fine.contact_resultant)):
+        assert np.linalg.norm(found - exact) < 3e-4 * np.linalg.norm(exact)
+    if frequency == 30.0:
+        with pytest.warns(sb.StepWarning):
+            coarse = sb.transient(model, load, duration, step=1 / (320 * frequency), reduction=history.reduction)
+        exact = np.interp(coarse.time, fine.time, fine.contact_resultant)
+        assert np.linalg.norm(coarse.contact_resultant - exact) > 1e-3 * np.linalg.norm(exact)
+
+
+def test_default_step_without_contact():
+    """Nothing but the load sets it where no faces can touch; the unreduced model's is the same with contact."""
+    plain, cracked = (sb.Model(beam.mesh(order=2), ALUMINIUM) for beam in (Beam(0.4, 0.005), paper_beam()))
+    load = sb.PointForce("A", fy=sb.Harmonic(1.0, 30.0))
+    for model, contact in ((plain, True), (cracked, False)):
+        assert sb.transient(model, load, 0.01, contact=contact).step == pytest.approx(1 / (320 * 30.0), rel=0.01)
+    found = [sb.transient(cracked, load, 2e-4, modes=30, reduction=r).step for r in ("modes", None)]
+    assert found[0] < 1e-4 and found[1] == found[0]
+
+
 def test_period_error_of_newmark(fine):
     """Second order in the step: a factor of 4 from 4 to 2 microseconds, and far behind the exact scheme."""
     model, reduction = fine
@@ -96,7 +125,7 @@ def test_damped_linear_response_against_closed_form():
         history = module.integrate(r, [sb.Constant(omega**2)], int(10 / step), step)
         wd = omega * np.sqrt(1 - zeta**2)
         exact = 1 - np.exp(-zeta * omega * history.time) * (np.cos(wd * history.time) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * history.time))
-        np.testing.assert_allclose(history.displacement("x")[:, 0], exact, atol=1e-12)
+        np.testing.assert_allclose(history.displacement("x")[:, 1], exact, atol=1e-12)
         assert np.abs(history.energy.balance[-1]) < 0.05 * omega**2 * step
 
 
@@ -181,7 +210,7 @@ def test_bilinear_oscillator(ratio, mean, second, third):
     period = 2 * np.pi / bilinear
     steps = 4096
     history = module.integrate(r, [sb.Constant(0.0)], 40 * steps, period / steps, start=(np.zeros(1), np.ones(1)))
-    u = history.displacement("x")[:, 0]
+    u = history.displacement("x")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
     cross = history.time[rising] - u[rising] * history.step / (u[rising + 1] - u[rising])
     assert 2 * np.pi / np.diff(cross).mean() == pytest.approx(bilinear, rel=1e-4)
@@ -245,6 +274,17 @@ def test_unknown_sensor_and_coarse_step():
         history.displacement("Q")
 
 
+def test_step_too_coarse_for_contact():
+    """Longer than the highest mode's period: a warning with the step to take, if pairs close."""
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
+    with pytest.warns(sb.StepWarning, match="longer than the period of the highest mode .* use a step of"):
+        sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0)), 0.01, step=2e-5)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0)), 0.005)
+        sb.transient(model, sb.PointForce("A", fy=sb.Step(-300.0, rise=0.1)), 0.01, step=2e-5)
+
+
 def test_contact_that_does_work_is_refused():
     """A bar with nearly all modes kept leaves the contact no flexibility: the wrong history is not returned."""
     mass, stiffness = bar(200, 10.0, 900.0, 1.0, 1.0)
@@ -290,6 +330,17 @@ def test_error_estimate():
     estimate = sb.estimate_error(model, load, coarse, scheme="newmark")
     assert estimate.step == pytest.approx(0.75 * error, rel=0.1)
     assert 0 < estimate.modes < 1e-3
+
+
+def test_error_estimate_with_contact():
+    """At the default step, where more modes would need a finer one: no warning, and both estimates are small."""
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
+    load = sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0))
+    history = sb.transient(model, load, 0.01, modes=40)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        estimate = sb.estimate_error(model, load, history)
+    assert history.contact_resultant.max() > 100 and estimate.step < 1e-4 and 0 < estimate.modes < 1e-3
 
 
 def test_start_of_wrong_length():

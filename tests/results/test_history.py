@@ -156,12 +156,51 @@ with HistoryFile(MPI.COMM_SELF, sys.argv[1], False, r, signals, 10**5, 0.01, Tru
         assert len(found.time) > 1 and np.array_equal(found.time, np.arange(len(found.time)) * 0.01)
 
 
+@pytest.mark.parametrize("step", [1e-6, None])
+def test_a_longer_run(model, whole, small_chunks, tmp_path, step):
+    """A complete history of half of the time goes on to the whole, at its own step; a shorter one is not made of it."""
+    path = tmp_path / "h.h5"
+    half = sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00512})
+    assert read_history(path).complete
+    found = sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "step": step})
+    same(found, whole)
+    same(read_history(path), whole)
+    assert len(half.time) == 1025 and read_history(path).complete and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
+    with pytest.raises(ValueError, match="run of 0.01024 s, longer than 0.00512 s"):
+        sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00512})
+
+
+def test_a_killed_run_made_longer(model, whole, small_chunks, tmp_path):
+    """The shorter run's step, 0.005 s / 5000, is another number in its last digit, and stays."""
+    path = tmp_path / "h.h5"
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.6), **{**RUN, "duration": 0.005})
+    found = sb.transient(model, LOAD, file=path, restart=True, **RUN)
+    for values, exact in ((found.displacement("A"), whole.displacement("A")), (found.contact_force, whole.contact_force), (found.time, whole.time)):
+        np.testing.assert_allclose(values, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
+
+
+def test_rows_left_in_the_file(model, whole, small_chunks, tmp_path):
+    """in_memory=False: the same history, its arrays read from the file; stopped, continued and made longer as well."""
+    path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00512, "in_memory": False}
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
+    half = sb.transient(model, LOAD, file=path, restart=True, **short)
+    assert all(isinstance(values, np.memmap) for values in (half.modal_displacement, half.contact_force, half.time))
+    np.testing.assert_array_equal(half.displacement("A"), whole.displacement("A")[:1025])
+    found = sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN)
+    same(found, whole)
+    np.testing.assert_array_equal(half.displacement("A"), whole.displacement("A")[:1025])  # of the file before
+    with pytest.raises(ValueError, match="in_memory = False needs a file"):
+        sb.transient(model, LOAD, in_memory=False, **RUN)
+
+
 def test_another_models_file_is_refused(model, whole, small_chunks, tmp_path):
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.1), **RUN)
     content = path.read_bytes()
-    for options, words in (({"model": make(0.002)}, "another model"), ({"step": 2e-6}, "count"), ({"decimation": 2}, "decimation"), ({"scheme": "newmark"}, "scheme"),
+    for options, words in (({"model": make(0.002)}, "another model"), ({"step": 2e-6}, "step"), ({"decimation": 2}, "decimation"), ({"scheme": "newmark"}, "scheme"),
                            ({"modes": 12}, "another model"), ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 5))}, "other load signals"),
                            ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 5))}, "another model"), ({"start": "equilibrium"}, "start")):
         given = {"model": model, "load": LOAD, **RUN, **options}

@@ -1,0 +1,204 @@
+"""Files of the unreduced model's histories: restarts after kills on one and several ranks, longer runs, other runs' files."""
+
+import errno
+import os
+import pathlib
+import signal
+import subprocess
+import sys
+
+import h5py
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.analysis import full_transient as module
+from sbfem_petsc.results.history import IncompleteHistory, RecordedTransient, read_history
+from tests.parallel import ROOT, answer, on_ranks
+
+PROGRAM = """
+import json, os, signal, sys, time
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from sbfem_petsc.analysis import full_transient as module
+from tests.results.test_full_history import make, LOAD, RUN
+module.CHUNK = 64
+path, pause, restart, kill = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart", len(sys.argv) > 4
+def tell(done):
+    if MPI.COMM_WORLD.rank == 0:
+        print(f"done {done}", flush=True)
+        if kill and done > 0.4:
+            os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(pause)
+found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"u": found.displacement("A").tolist(), "force": found.contact_resultant.tolist(), "complete": True}))
+"""
+LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 3))
+RUN = {"duration": 0.00128, "step": 2e-6, "modes": 12, "decimation": 5, "reduction": None}
+COUNT = 640
+
+
+def make(damping=0.01):
+    from meshing import Beam, VNotch
+
+    beam = Beam(length=0.05, height=0.005, notches=[VNotch(x=0.02, depth=0.0025, opening=0.0458366)])
+    return sb.Model(beam.mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=damping, rayleigh=(5.0, 0.0))
+
+
+@pytest.fixture(scope="module")
+def model():
+    return make()
+
+
+@pytest.fixture(autouse=True)
+def small_chunks(monkeypatch):
+    monkeypatch.setattr(module, "CHUNK", 64)
+
+
+@pytest.fixture(scope="module")
+def whole(model):
+    """The uninterrupted history, not recorded."""
+    previous, module.CHUNK = module.CHUNK, 64
+    try:
+        return sb.transient(model, LOAD, **RUN)
+    finally:
+        module.CHUNK = previous
+
+
+def close(found, whole, rows=None, slopes=1e-10):
+    """Within 1e-10 of the uninterrupted history, accelerations within `slopes`."""
+    rows = len(whole.time) if rows is None else rows
+    for values, exact in ((found.time, whole.time), (found.contact_force, whole.contact_force), (found.gap, whole.gap), (found.energy.damping, whole.energy.damping),
+                          (found.energy.kinetic, whole.energy.kinetic), (found.stress_intensity(), whole.stress_intensity()),
+                          (found.displacement("A"), whole.displacement("A")), (found.velocity("A"), whole.velocity("A"))):
+        assert len(values) == rows
+        np.testing.assert_allclose(values, exact[:rows], rtol=0, atol=1e-10 * np.abs(exact).max())
+    slope, exact = found.acceleration("A"), whole.acceleration("A")[:rows]
+    np.testing.assert_allclose(slope, exact, rtol=0, atol=slopes * np.abs(whole.acceleration("A")).max())
+
+
+def stopped(fraction):
+    def tell(done):
+        if done >= fraction:
+            raise KeyboardInterrupt
+
+    return tell
+
+
+def test_recorded_history_is_the_same(model, whole, tmp_path):
+    path = tmp_path / "h.h5"
+    close(sb.transient(model, LOAD, file=path, **RUN), whole)
+    found = read_history(path)
+    assert found.complete and not isinstance(found, RecordedTransient) and whole.contact_resultant.max() > 100
+    close(found, whole)
+    assert found.damping == 0.01 and found.damped_modes == 12 and found.rayleigh == (5.0, 0.0)
+    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
+    with h5py.File(path) as file:
+        assert file["velocity"].attrs["unit"] == "m/s" and file["displacement"].shape == (1 + COUNT // 5, len(model.points), 2)
+
+
+@pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
+def test_killed_and_restarted(model, whole, tmp_path, kind):
+    path = tmp_path / "h.h5"
+    run = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), "0.1", "new"], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+                           env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])})
+    for _ in range(3):
+        assert run.stdout.readline().startswith("done"), run.stderr.read()
+    run.send_signal(kind)
+    run.communicate(timeout=30)
+    assert run.returncode != 0
+    with pytest.warns(IncompleteHistory, match="restart=True"):
+        part = read_history(path)
+    assert not part.complete and 3 * 64 // 5 < len(part.time) < COUNT // 5
+    close(part, whole, len(part.time))
+    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    assert read_history(path).complete
+
+
+@pytest.mark.slow
+def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
+    """Each rank continues from its own part; another number of ranks is refused with a sentence."""
+    path = tmp_path / "h.h5"
+    assert on_ranks(2, PROGRAM, str(path), "0", "new", "kill", check=False, timeout=120).returncode != 0
+    with pytest.warns(IncompleteHistory):
+        part = read_history(path)
+    assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5
+    with pytest.raises(ValueError, match="written with ranks = 2, not 1"):
+        sb.transient(model, LOAD, file=path, restart=True, **RUN)
+    continued, straight = (answer(on_ranks(2, PROGRAM, str(where), "0", mode)) for where, mode in ((path, "restart"), (tmp_path / "other.h5", "new")))
+    for name in ("u", "force"):
+        np.testing.assert_allclose(continued[name], straight[name], rtol=0, atol=1e-10 * np.abs(straight[name]).max())
+    # MUMPS on two ranks does not add in the same order every time: two uninterrupted runs differ by 1e-11, their accelerations by 1e-10
+    close(read_history(path), read_history(tmp_path / "other.h5"), slopes=1e-8)
+    np.testing.assert_allclose(continued["u"], whole.displacement("A"), rtol=0, atol=1e-6 * np.abs(whole.displacement("A")).max())
+
+
+def test_a_part_half_written(model, whole, tmp_path):
+    """A kill while a state is written leaves the one before (384 steps; row 385 takes its slope): unknowns without their checksum are not used."""
+    path = tmp_path / "h.h5"
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.7), **RUN)
+    with h5py.File(path, "r+") as file:
+        newer = max("AB", key=lambda slot: file["state"][slot][0])
+        file["state"][newer][-20:] = 0.0
+    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+
+
+@pytest.mark.parametrize("step", [2e-6, None])
+def test_a_longer_run(model, whole, tmp_path, step):
+    """A complete history of half of the time goes on to the whole; a shorter one is not made of it."""
+    path = tmp_path / "h.h5"
+    sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00064})
+    assert read_history(path).complete
+    close(sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "step": step}), whole)
+    close(read_history(path), whole)
+    assert read_history(path).complete and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
+    with pytest.raises(ValueError, match="longer than 0.00064 s"):
+        sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00064})
+
+
+def test_rows_left_in_the_file(model, whole, tmp_path):
+    path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00064, "in_memory": False}
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
+    half = sb.transient(model, LOAD, file=path, restart=True, **short)
+    assert isinstance(half.contact_force, np.memmap)
+    close(half, whole, 65)
+    close(sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN), whole)
+
+
+def test_another_runs_file_is_refused(model, tmp_path):
+    path = tmp_path / "h.h5"
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
+    content = path.read_bytes()
+    for options, words in (({"model": make(0.02)}, "damping"), ({"step": 1e-6}, "another step"), ({"decimation": 2}, "decimation"), ({"scheme": "paper"}, "another model|scheme"),
+                           ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 3))}, "other load signals"), ({"start": (None, lambda x, y: (0.0, x))}, "start"),
+                           ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"), ({"reduction": "modes"}, "another kind"), ({"start": "equilibrium"}, "start")):
+        with pytest.raises(ValueError, match=words):
+            sb.transient(**{"model": model, "load": LOAD, "file": path, "restart": True, **RUN, **options})
+    assert path.read_bytes() == content
+
+
+def test_full_disk(model, whole, tmp_path, monkeypatch):
+    path, real, left = tmp_path / "h.h5", os.pwrite, [100_000]
+
+    def full(handle, data, place):
+        if left[0] <= 0:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written = real(handle, data[: left[0]], place)
+        left[0] -= written
+        return written
+
+    monkeypatch.setattr(os, "pwrite", full)
+    with pytest.raises(sb.SolveError, match="No space left.*stays readable"):
+        sb.transient(model, LOAD, file=path, **RUN)
+    monkeypatch.setattr(os, "pwrite", real)
+    with pytest.warns(IncompleteHistory):
+        part = read_history(path)
+    close(part, whole, len(part.time))
+    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    with pytest.raises(ValueError, match="cannot be written"):
+        sb.transient(model, LOAD, file=pathlib.Path(tmp_path) / "missing" / "h.h5", **RUN)
