@@ -7,7 +7,9 @@ import sys
 
 PREFIXES = {"modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., -modal_st_pc_... (its linear solves)",
             "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
-            "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_..."}
+            "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
+            "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., -shooting_pc_... (its linear solves)",
+            "floquet_": "Floquet multipliers: -floquet_eps_..."}
 # PETSc's own options for a whole run
 GENERAL = ("log_", "info", "malloc", "on_error", "options_", "start_in_debugger", "citations", "memory", "mat_", "vec_", "fp_trap", "use_gpu", "version", "help")
 

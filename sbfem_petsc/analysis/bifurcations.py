@@ -1,0 +1,163 @@
+"""Folds, period doublings, Neimark-Sacker and grazing points between the points of a branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..errors import SolveError
+from .continuation import Station, Trace
+from .shooting import shoot_along
+from .stability import Multipliers, multipliers
+
+# How far along the arc between two points a bifurcation is located.
+FINE = 5e-3
+# A multiplier that passes the unit circle without coming near it, relative to its distance at the points on either side, has jumped.
+JUMP = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A point where the number of unstable multipliers changes, or where the branch turns back.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point", "grazing"}
+        "grazing": multipliers jump where a pair begins or ceases to touch.
+    value : float
+        Frequency (Hz) or load factor.
+    multiplier : complex
+        The one that passes the unit circle.
+    state : (2 m,) array
+        x(0).
+    direction : (2 m,) complex array
+        Its Floquet direction.
+    after : int
+        Index of the point of the branch behind it.
+    """
+
+    kind: str
+    value: float
+    multiplier: complex
+    state: np.ndarray
+    direction: np.ndarray
+    after: int
+
+    def __repr__(self) -> str:
+        return f"Bifurcation({self.kind} at {self.value:.7g}, multiplier {self.multiplier:.6g})"
+
+
+def unstable(found: Multipliers, margin: float = 0.0) -> int:
+    """Number of multipliers outside the unit circle by more than a margin."""
+    return int((np.abs(found.values) > 1.0 + margin).sum())
+
+
+def between(trace: Trace, one: Station, other: Station, fraction: float) -> Station:
+    """A point of the branch in the plane across the chord of two others."""
+    size = max(np.linalg.norm(one.shot.state), np.linalg.norm(other.shot.state), 1e-300)
+    chord = np.append((other.shot.state - one.shot.state) / size, (other.value - one.value) / trace.range)
+    heading = chord / np.linalg.norm(chord)
+    guess, value = one.shot.state + fraction * (other.shot.state - one.shot.state), one.value + fraction * (other.value - one.value)
+
+    def condition(state, parameter):
+        return float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * (parameter - value)), heading[:-1], size / trace.range * heading[-1]
+
+    shot = shoot_along(trace.period, guess, value, trace.driven, trace.name, condition)
+    return Station(shot, float(shot.parameters[0]))
+
+
+def locate(trace: Trace, found: list[Multipliers]) -> list[Bifurcation]:
+    """All bifurcations of a branch in the order of its points.
+
+    Parameters
+    ----------
+    trace : Trace
+        Gone through.
+    found : list of Multipliers
+        Of all its points.
+    """
+    result = []
+    stations = trace.stations
+    for k in range(1, len(stations)):
+        if k + 1 < len(stations) and (stations[k].value - stations[k - 1].value) * (stations[k + 1].value - stations[k].value) < 0.0:
+            result.append(_fold(trace, k))
+        one, other = unstable(found[k - 1]), unstable(found[k])
+        if one != other:
+            crossing = _crossing(trace, k, max(one, other) - 1)
+            # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
+            if crossing is not None and not (crossing.kind == "branch point" and _turns(stations, k)):
+                result.append(crossing)
+    return result
+
+
+def _turns(stations: list[Station], k: int) -> bool:
+    steps = np.diff([s.value for s in stations[max(0, k - 2):k + 2]])
+    return bool((steps[1:] * steps[:-1] < 0.0).any())
+
+
+def _fold(trace: Trace, k: int) -> Bifurcation:
+    """Where the branch turns: the parameter's extremum between the neighbours of point k."""
+    stations = trace.stations
+
+    def slope(station: Station) -> float:
+        """The parameter's part of the branch's direction."""
+        shot, m2 = station.shot, len(station.shot.state)
+        carried = shot.driven.carried(shot.motion, np.eye(m2), (trace.name,))
+        bordered = np.zeros((m2 + 1, m2 + 1))
+        bordered[:m2] = carried
+        bordered[:m2, :m2] -= np.eye(m2)
+        chord = np.append(stations[k + 1].shot.state - stations[k - 1].shot.state, 0.0)
+        bordered[m2] = chord / np.linalg.norm(chord)
+        # the unit in which the parameter is solved for must not make the border small
+        scale = np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2)
+        bordered[:, m2] /= max(scale, 1e-300)
+        direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
+        return float(direction[m2])
+
+    for first, second in ((stations[k - 1], stations[k]), (stations[k], stations[k + 1])):
+        ends = slope(first), slope(second)
+        if ends[0] * ends[1] > 0.0:
+            continue
+        station = _root(trace, first, second, slope, ends)
+        values = multipliers(station.shot.driven, station.shot.motion)
+        nearest = int(np.argmin(np.abs(values.values - 1.0)))
+        return Bifurcation("fold", station.value, complex(values.values[nearest]), station.shot.state, values.vectors[:, nearest], k if second is stations[k] else k + 1)
+    values = multipliers(stations[k].shot.driven, stations[k].shot.motion)
+    nearest = int(np.argmin(np.abs(values.values - 1.0)))
+    return Bifurcation("fold", stations[k].value, complex(values.values[nearest]), stations[k].shot.state, values.vectors[:, nearest], k + 1)
+
+
+def _crossing(trace: Trace, k: int, rank: int) -> Bifurcation | None:
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k."""
+    def excess(station: Station) -> float:
+        return float(np.abs(multipliers(station.shot.driven, station.shot.motion).values[rank]) - 1.0)
+
+    first, second = trace.stations[k - 1], trace.stations[k]
+    ends = excess(first), excess(second)
+    if ends[0] * ends[1] > 0.0:
+        return None
+    station = _root(trace, first, second, excess, ends)
+    found = multipliers(station.shot.driven, station.shot.motion)
+    value = complex(found.values[rank])
+    jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
+    kind = "grazing" if jump else "Neimark-Sacker" if value.imag != 0.0 else "period doubling" if value.real < 0.0 else "branch point"
+    return Bifurcation(kind, station.value, value, station.shot.state, found.vectors[:, rank], k)
+
+
+def _root(trace: Trace, first: Station, second: Station, test, ends: tuple[float, float]) -> Station:
+    """The point between two others at which a test function of points vanishes."""
+    known = {0.0: (first, ends[0]), 1.0: (second, ends[1])}
+
+    def value(fraction: float) -> float:
+        if fraction not in known:
+            station = between(trace, first, second, fraction)
+            known[fraction] = station, test(station)
+        return known[fraction][1]
+
+    try:
+        brentq(value, 0.0, 1.0, xtol=FINE, rtol=1e-8)
+    except SolveError:  # the nearer of the points that were found stands for it
+        pass
+    return min(known.values(), key=lambda pair: abs(pair[1]))[0]
