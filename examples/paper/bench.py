@@ -1,0 +1,113 @@
+"""Beams, materials, models and reductions that the parts share, made when first asked for; reference data."""
+
+from __future__ import annotations
+
+import functools
+import json
+import pathlib
+
+import numpy as np
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from meshing import Beam, Hole, VNotch
+from sbfem_petsc.reduction import reduce
+
+REFERENCE = pathlib.Path(__file__).resolve().parents[1] / "reference"
+
+# Meshes: the default, one that is refined towards the tip for histories, and one whose own error is below the reference's.
+REFINED = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
+CONVERGED = {"order": 8, "grading": 1.8, "tip_size": 1e-6}
+
+OPENING = 0.0458366  # degrees, a mouth of 2.000 um over 2.5 mm
+
+
+def _slender(notches=(), holes=()) -> Beam:
+    return Beam(length=0.400, height=0.005, notches=notches, holes=holes)
+
+
+def _aluminium(poisson: float):
+    return sb.Material(young=70e9, poisson=poisson, density=2700)
+
+
+_STEEL = {"young": 206e9, "poisson": 0.3, "density": 7850}
+
+# Name: beam and material. "tables" is what the paper's tables contain, "printed" what its text says.
+CASES = {
+    "tables": lambda: (_slender([VNotch(0.080, 0.0025, OPENING)]), _aluminium(0.33)),
+    "printed": lambda: (_slender([VNotch(0.100, 0.0025, 0.06)]), _aluminium(0.30)),
+    "100 mm": lambda: (_slender([VNotch(0.100, 0.0025, OPENING)]), _aluminium(0.33)),
+    "healthy": lambda: (_slender(), _aluminium(0.33)),
+    "Long, cracked": lambda: (Beam(0.406, 0.012, [VNotch(0.176, 0.0038, 0.0)]), sb.Material(**_STEEL)),
+    "Long, healthy": lambda: (Beam(0.406, 0.012), sb.Material(**_STEEL)),
+    "hole, cracked": lambda: (_slender([VNotch(0.080, 0.0015, OPENING)], [Hole(0.065, 0.0025, 0.0025)]), _aluminium(0.33)),
+    "hole, healthy": lambda: (_slender((), [Hole(0.065, 0.0025, 0.0025)]), _aluminium(0.33)),
+}
+
+
+class Bench:
+    """Models of this rank alone: parts, not unknowns, are shared out among ranks."""
+
+    comm = MPI.COMM_SELF
+
+    def __init__(self):
+        self._models, self._results = {}, {}
+
+    @functools.cached_property
+    def reference(self) -> dict:
+        """Converged values of an independent hp finite element code, and the paper's tables."""
+        return json.loads((REFERENCE / "reference.json").read_text())
+
+    @functools.cached_property
+    def histories(self) -> dict[str, np.ndarray]:
+        """Reference histories of the tone bursts."""
+        return dict(np.load(REFERENCE / "transient_paper.npz"))
+
+    def once(self, key, work):
+        """`work()`, or what it gave before under the same key: results that several parts use."""
+        if key not in self._results:
+            self._results[key] = work()
+        return self._results[key]
+
+    def model(self, case: str, damping: float = 0.0, continued_fraction: int = 1, **mesh):
+        """The model of a case on a mesh; the keywords are those of `Beam.mesh`."""
+        key = (case, damping, continued_fraction, *sorted(mesh.items()))
+        if key not in self._models:
+            beam, material = CASES[case]()
+            self._models[key] = sb.Model(beam.mesh(**mesh), material, clamped="left", continued_fraction=continued_fraction, damping=damping, comm=self.comm)
+        return self._models[key]
+
+    def reduction(self, case: str, damping: float = 0.0, modes: int = 80, **mesh):
+        """Lowest modes and residual flexibility of a case under a force at A in y."""
+        return self.once(("reduction", case, damping, modes, *sorted(mesh.items())), lambda: reduce(self.model(case, damping, **mesh), [push(1.0)], modes))
+
+    @staticmethod
+    def beam(case: str) -> Beam:
+        """The beam of a case."""
+        return CASES[case]()[0]
+
+    def other(self, notch: VNotch | None, poisson: float, **mesh):
+        """A model of the 400 x 5 mm beam with another notch, not kept."""
+        beam = _slender([notch] if notch else ())
+        return sb.Model(beam.mesh(**mesh), _aluminium(poisson), clamped="left", comm=self.comm)
+
+
+def closed_frequencies(reduction) -> np.ndarray:
+    """Natural frequencies with all contact pairs tied along their normal, Hz: the forces that hold the gaps at zero are -R^-1 G Phi q."""
+    stiffness = np.diag(reduction.omega**2) + reduction.gap_modes.T @ np.linalg.solve(reduction.gap_flexibility, reduction.gap_modes)
+    return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2.0 * np.pi)
+
+
+def push(force: float):
+    """A constant or harmonic force at A, N."""
+    return sb.PointForce("A", fy=force)
+
+
+def burst(force: float):
+    """Eq. (39) at A."""
+    return sb.PointForce("A", fy=sb.ToneBurst(force, frequency=3000.0, cycles=100))
+
+
+def distance(found, exact) -> float:
+    """Relative L2 distance."""
+    return float(np.linalg.norm(np.subtract(found, exact)) / np.linalg.norm(exact))
