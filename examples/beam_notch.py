@@ -16,7 +16,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, begin, run  # noqa: E402
 
 REFERENCE = pathlib.Path(__file__).parent / "reference" / "reference.json"
 
@@ -29,32 +29,26 @@ def options():
     parser.add_argument("--tip-size", type=float, help="half-size of the S-element at the crack tip, m (default 5e-5)")
     parser.add_argument("--layout", choices=("tip", "vertex"), default="tip", help='"vertex": the paper\'s layout with the tip as a corner of four S-elements')
     parser.add_argument("--continued-fraction", type=int, default=1, help="terms of the continued fraction (default 1)")
-    parser.add_argument("--output", default="output/beam_notch", help="folder for files and pictures (default output/beam_notch)")
-    parser.add_argument("--no-pictures", action="store_true", help="write the HDF5 and VTU files only")
+    parser.add_output("beam_notch", "files and pictures", "write the HDF5 and VTU files only")
     return parser.parse()
 
 
 def main():
     """Run the example."""
     own = options()
-    from mpi4py import MPI
-
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
-    from sbfem_petsc.petsc import version_line
-    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+    from sbfem_petsc.results.hdf5 import write_results
     from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.vtu import write_vtu
 
-    comm = MPI.COMM_WORLD
-    out = console(comm)
-    folder = check_output_folder(own.output, comm)
+    comm, out, folder = begin(own.output)
     reference = json.loads(REFERENCE.read_text())
 
     beam = Beam(length=0.400, height=0.005, notches=[VNotch(x=0.080, depth=0.0025, opening=0.0458366)])
     mesh = sb.on_root(comm, lambda: beam.mesh(order=own.order, size=own.size, tip_size=own.tip_size, layout=own.layout))
     model = sb.Model(mesh, sb.Material(young=70e9, poisson=0.33, density=2700), clamped="left", continued_fraction=own.continued_fraction)
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}\n{model}\n")
+    out.print(f"{model}\n")
 
     modes = sb.modal(model, count=46)
     forces = (1, 100, 300)

@@ -17,7 +17,7 @@ import sys
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, begin, run  # noqa: E402
 
 GEOMETRY = pathlib.Path(__file__).parent / "bracket.geo"
 ORDERS = (3, 4, 5, 6)
@@ -30,28 +30,22 @@ def options():
     parser = Parser("A bracket from a gmsh model: two materials, curved edges, a crack; frequencies 1-10 and static contact at 4 kN.")
     parser.add_argument("--order", type=int, default=5, help="polynomial order of the edges (default 5)")
     parser.add_argument("--size", type=float, help="largest size of the cells, m (default: the sizes in bracket.geo, at most 0.020)")
-    parser.add_argument("--output", default="output/gmsh_bracket", help="folder for files and pictures (default output/gmsh_bracket)")
-    parser.add_argument("--no-pictures", action="store_true", help="write the HDF5 and VTU files only")
+    parser.add_output("gmsh_bracket", "files and pictures", "write the HDF5 and VTU files only")
     return parser.parse()
 
 
 def main():
     """Run the example."""
     own = options()
-    from mpi4py import MPI
-
     import sbfem_petsc as sb
-    from sbfem_petsc.petsc import version_line
-    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+    from sbfem_petsc.results.hdf5 import write_results
     from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.vtu import write_vtu
 
-    comm = MPI.COMM_WORLD
-    out = console(comm)
-    folder = check_output_folder(own.output, comm)
+    comm, out, folder = begin(own.output)
 
     mesh, model, modes, cases = solve(sb, comm, own.order, own.size)
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}\n{model}\n")
+    out.print(f"{model}\n")
     measured = {own.order: summary(model, modes, cases)}
     for order in ORDERS:
         if order not in measured:

@@ -21,7 +21,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, begin, run  # noqa: E402
 
 
 def options():
@@ -32,8 +32,7 @@ def options():
     parser.add_argument("--duration", type=float, default=8.0, help="s; its first and its second half are the early and the late record (default 8)")
     parser.add_argument("--step", type=float, help="time step, s (default: 0.8 of the highest mode's period, about 5e-6)")
     parser.add_argument("--order", type=int, default=5, help="polynomial order of the edges (default 5)")
-    parser.add_argument("--output", default="output/long_beam", help="folder for spectra and the picture (default output/long_beam)")
-    parser.add_argument("--no-pictures", action="store_true", help="write the spectra only")
+    parser.add_output("long_beam", "spectra and the picture", "write the spectra only")
     return parser.parse()
 
 
@@ -41,19 +40,13 @@ def main():
     """Run the example."""
     own = options()
     import numpy as np
-    from mpi4py import MPI
 
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
     from sbfem_petsc import indicators
-    from sbfem_petsc.petsc import version_line
-    from sbfem_petsc.results.hdf5 import check_output_folder
     from sbfem_petsc.results.history_plot import plot_spectra
 
-    comm = MPI.COMM_WORLD
-    out = console(comm)
-    folder = check_output_folder(own.output, comm)
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}")
+    comm, out, folder = begin(own.output)
 
     models = {}
     for name, notches in (("cracked", [VNotch(x=0.176, depth=0.0038, opening=0.0)]), ("healthy", [])):

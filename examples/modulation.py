@@ -20,7 +20,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, begin, run  # noqa: E402
 
 LOW, HIGH = 433.0, 3000.0
 RECORD, SAMPLING = 1.0, 2e-5
@@ -37,8 +37,7 @@ def options():
     parser.add_argument("--settle", type=float, default=0.5, help="time held before the record of 1 s, s (default 0.5)")
     parser.add_argument("--step", type=float, default=4e-6, help="time step, s; a divisor of the sampling interval 2e-5 (default 4e-6)")
     parser.add_argument("--order", type=int, default=5, help="polynomial order of the edges (default 5)")
-    parser.add_argument("--output", default="output/modulation", help="folder for spectra and the picture (default output/modulation)")
-    parser.add_argument("--no-pictures", action="store_true", help="write the spectra only")
+    parser.add_output("modulation", "spectra and the picture", "write the spectra only")
     return parser.parse()
 
 
@@ -46,18 +45,13 @@ def main():
     """Run the example."""
     own = options()
     import numpy as np
-    from mpi4py import MPI
 
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
     from sbfem_petsc import indicators
-    from sbfem_petsc.petsc import version_line
-    from sbfem_petsc.results.hdf5 import check_output_folder
     from sbfem_petsc.results.history_plot import plot_spectra
 
-    comm = MPI.COMM_WORLD
-    out = console(comm)
-    folder = check_output_folder(own.output, comm)
+    comm, out, folder = begin(own.output)
     decimation = round(SAMPLING / own.step) if own.step > 0.0 else 0
     if decimation < 1 or abs(decimation * own.step - SAMPLING) > 1e-9 * SAMPLING:
         raise ValueError(f"--step {own.step:g} s must divide the sampling interval of {SAMPLING:g} s")
@@ -72,7 +66,6 @@ def main():
 
         return sb.Custom(rising, highest_frequency=frequency)
 
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}")
     load = sb.PointForce("A", fy=tone(own.pump, LOW) + tone(own.probe, HIGH))
     spectra, found = {}, {}
     for name, notches in (("healthy", []), ("cracked", [VNotch(x=0.080, depth=0.0025, opening=0.0458366)])):

@@ -18,7 +18,7 @@ import time
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-from sbfem_petsc.command_line import Parser, console, run  # noqa: E402
+from sbfem_petsc.command_line import Parser, begin, run  # noqa: E402
 
 REFERENCE = pathlib.Path(__file__).parent / "reference"
 DURATION, LATE = 0.033, (0.030, 0.033)
@@ -37,8 +37,7 @@ def options():
     parser.add_argument("--grading", type=float, default=REFINED["grading"], help="ratio of successive rings around its tip (default 1.8)")
     parser.add_argument("--tip-size", type=float, default=REFINED["tip_size"], help="half-size of its S-element at the tip, m (default 5e-6)")
     parser.add_argument("--convergence", action="store_true", help="tables of errors over modes, steps and meshes, with observed rates")
-    parser.add_argument("--output", default="output/tone_burst", help="folder for histories and pictures (default output/tone_burst)")
-    parser.add_argument("--no-pictures", action="store_true", help="write the histories only")
+    parser.add_output("tone_burst", "histories and pictures", "write the histories only")
     return parser.parse()
 
 
@@ -46,18 +45,12 @@ def main():
     """Run the example."""
     own = options()
     import numpy as np
-    from mpi4py import MPI
 
     import sbfem_petsc as sb
-    from sbfem_petsc.petsc import version_line
-    from sbfem_petsc.results.hdf5 import check_output_folder
 
-    comm = MPI.COMM_WORLD
-    out = console(comm)
-    folder = check_output_folder(own.output, comm)
+    comm, out, folder = begin(own.output)
     reference = dict(np.load(REFERENCE / "transient_paper.npz"))
     frequencies = np.array(json.loads((REFERENCE / "reference.json").read_text())["modes"]["crack80_nu33"]["frequency_Hz"])
-    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}")
 
     meshes = {"refined": {"order": own.order, "grading": own.grading, "tip_size": own.tip_size}, "default": {}}
     rows, histories = [], {}

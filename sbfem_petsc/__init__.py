@@ -15,7 +15,7 @@ _HOME = {
     "PointForce": "loads", "EdgeLoad": "loads", "SupportMotion": "loads", "Loads": "loads",
     "Support": "supports",
     "SolveError": "errors", "UnknownName": "errors",
-    "Model": "system.model",
+    "Model": "system.model", "rayleigh_factors": "system.model",
     "modal": "analysis.modal", "Modal": "analysis.modal",
     "static": "analysis.static", "Static": "analysis.static",
     "transient": "analysis.transient", "Transient": "analysis.transient", "estimate_error": "analysis.transient", "StepWarning": "analysis.transient",

@@ -28,6 +28,11 @@ class Parser(argparse.ArgumentParser):
         # no short options: argparse would read -nep_tol as -n
         self.add_argument("--help", action="help", help="show this help and exit")
 
+    def add_output(self, name: str, what: str, without: str) -> None:
+        """Options --output (default output/NAME) for the folder of `what`, and --no-pictures to `without`."""
+        self.add_argument("--output", default=f"output/{name}", help=f"folder for {what} (default output/{name})")
+        self.add_argument("--no-pictures", action="store_true", help=without)
+
     def parse(self, arguments: list[str] | None = None) -> argparse.Namespace:
         """The program's own options; starts PETSc with the rest.
 
@@ -73,6 +78,20 @@ def console(comm):
 
     plain = comm.size > 1 or not sys.stdout.isatty()
     return Console(quiet=comm.rank > 0, highlight=False, force_terminal=False if plain else None, width=max(120, shutil.get_terminal_size((120, 24)).columns))
+
+
+def begin(output: str):
+    """Communicator, console and checked output folder of a program that has read its options; prints the versions."""
+    from mpi4py import MPI
+
+    from .petsc import version_line
+    from .results.hdf5 import check_output_folder
+
+    comm = MPI.COMM_WORLD
+    out = console(comm)
+    folder = check_output_folder(output, comm)
+    out.print(f"{version_line()}, {comm.size} rank{'s' if comm.size > 1 else ''}")
+    return comm, out, folder
 
 
 def run(main) -> None:

@@ -61,8 +61,8 @@ def between(trace: Trace, one: Station, other: Station, fraction: float) -> Stat
     heading = chord / np.linalg.norm(chord)
     guess, value = one.shot.state + fraction * (other.shot.state - one.shot.state), one.value + fraction * (other.value - one.value)
 
-    def condition(state, parameter):
-        return float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * (parameter - value)), heading[:-1], size / trace.range * heading[-1]
+    def condition(state, change):
+        return float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * change), heading[:-1], size / trace.range * heading[-1]
 
     shot = shoot_along(trace.period, guess, value, trace.driven, trace.name, condition)
     return Station(shot, float(shot.parameters[0]))

@@ -50,7 +50,7 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
     for share in SIZES if size is None else (size,):
         target = direction @ bifurcation.state + share * norm
 
-        def condition(state, value):
+        def condition(state, change):
             return float(direction @ state - target), direction, 0.0
 
         try:

@@ -156,7 +156,12 @@ class Trace:
             beyond = self._tangent(driven.carried(motion, np.eye(len(last.shot.state)), (self.name,)), heading)
         except (SolveError, ValueError):
             return None
-        return self._step(beyond, length, behind=-heading)
+        # a stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets there
+        for reach in (1.0, 8.0, 64.0):
+            station = self._step(beyond, min(reach * length, CORNER), behind=-heading)
+            if station is not None:
+                return station
+        return None
 
     def _step(self, heading: np.ndarray, length: float, behind: np.ndarray | None = None) -> Station | None:
         """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the length of the step after it."""
@@ -167,12 +172,12 @@ class Trace:
         if outside:  # land on the end of the range: the condition is then the parameter's value
             end = self.upper if target >= self.upper else self.lower
             length = (end - last.value) / (unit * heading[-1])
-        guess, value = last.shot.state + length * size * heading[:-1], last.value + length * unit * heading[-1]
+        guess, value = last.shot.state + length * size * heading[:-1], end if outside else target
 
-        def condition(state, parameter):
+        def condition(state, change):
             if outside:
-                return size / unit * (parameter - end), np.zeros(len(state)), size / unit
-            return float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * (parameter - value)), heading[:-1], size / unit * heading[-1]
+                return size / unit * change, np.zeros(len(state)), size / unit
+            return float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change), heading[:-1], size / unit * heading[-1]
 
         try:
             shot = shoot_along(self.period, guess, value, self.driven, self.name, condition)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from ..loads import separate
+from ..loads import PointForce, separate
 from ..material import positive
 from ..parallel import collective
 from ..reduction import Reduction, communicator, reduce
@@ -18,7 +18,7 @@ from ..system.model import Model
 from .continuation import Station, Trace
 from .harmonic import Drive
 from .modal_history import ModalHistory
-from .shooting import DrivenPeriod, Motion, Period, Shot, shoot
+from .shooting import JACOBIANS, DrivenPeriod, Motion, Period, Shot, shoot
 from .stability import multipliers
 from .transient import CONTACT_STEP, default_modes
 
@@ -107,7 +107,7 @@ class Orbit(ModalHistory):
 
 
 def periodic(model: Model | Reduction, load, frequency: float, periods: int | None = None, steps: int | None = None, modes: int | None = None, contact: bool = True,
-             reduction: Reduction | str | None = "modes", start: Orbit | None = None, jacobian: str = "dense", stability: bool = True, longest: int = LONGEST,
+             reduction: Reduction | str | None = "modes", start: Orbit | None = None, jacobian: str = "auto", stability: bool = True, longest: int = LONGEST,
              tolerance: float | None = None) -> Orbit | FullOrbit:
     """Find the periodic response to periodic loads by shooting.
 
@@ -134,7 +134,7 @@ def periodic(model: Model | Reduction, load, frequency: float, periods: int | No
         a `FullOrbit` is returned).
     start : Orbit, optional
         First guess, of the same reduction. Default: the response without contact.
-    jacobian : {"dense", "matrix-free", "differences"}
+    jacobian : {"auto", "dense", "matrix-free", "differences"}
         See `shooting.shoot`.
     stability : bool
         Compute the Floquet multipliers.
@@ -156,7 +156,7 @@ def periodic(model: Model | Reduction, load, frequency: float, periods: int | No
     if reduction is None:
         from .full_shooting import full_periodic  # needs this module
 
-        if start is not None or jacobian != "dense":
+        if start is not None or jacobian not in ("auto", "matrix-free"):
             raise on_all_ranks(ValueError("periodic: start and jacobian are for the reduced model; the unreduced one starts from its linear response, without a matrix"))
         return full_periodic(model, load, frequency, periods, steps or STEPS, modes or FULL_MODES, contact, longest)
     period, path = prepare(model, load, frequency, periods, steps, modes, contact, reduction, start, jacobian, longest), "Newton"
@@ -196,15 +196,15 @@ def prepare(model: Model | Reduction, load, frequency, periods, steps, modes, co
                 raise TypeError(f"periodic: {name} = {value!r} must be an integer")
             if value < least:
                 raise ValueError(f"periodic: {name} = {value!r} must be at least {least}")
-        if jacobian not in ("dense", "matrix-free", "differences"):
-            raise ValueError(f"periodic: jacobian = {jacobian!r} must be 'dense', 'matrix-free' or 'differences'")
+        if jacobian not in JACOBIANS:
+            raise ValueError(f"periodic: jacobian = {jacobian!r} must be one of {', '.join(map(repr, JACOBIANS))}")
 
         def tone(value):
             return Harmonic(value, frequency)
 
         if isinstance(model, Reduction):
             unit_loads = load if isinstance(load, (list, tuple)) else (load,)
-            signals = [tone(value) if isinstance(value, (int, float)) else as_signal(value) for value in unit_loads]
+            signals = [tone(value) if isinstance(value, numbers.Real) else as_signal(value) for value in unit_loads]
             reduction = model
         else:
             model.checked_loads(load, constant=False)
@@ -218,6 +218,12 @@ def prepare(model: Model | Reduction, load, frequency, periods, steps, modes, co
             raise TypeError(f"periodic: reduction = {reduction!r} must be 'modes' or a Reduction")
         if reduction.load_modes.shape[1] != len(unit_loads):
             raise ValueError(f"periodic: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has {len(unit_loads)}; reduce the model again, or give a value for each")
+        for k, unit in enumerate(unit_loads):
+            # a force at a point acts on the modes as they move that point
+            if isinstance(unit, PointForce) and not isinstance(model, Reduction):
+                moved = reduction.sensor_modes[reduction.points.index(unit.point), 0 if unit.fx else 1] if unit.point in reduction.points else np.inf
+                if np.abs(reduction.load_modes[:, k] - moved).max() > 1e-6 * np.abs(reduction.load_modes[:, k]).max():
+                    raise ValueError(f"periodic: the reduction was made for other loads than {unit!r}; reduce the model again, with reduction = 'modes'")
         if start is not None and len(start.state) != 2 * len(reduction.omega):
             raise ValueError(f"periodic: start has {len(start.state) // 2} modes, the reduction {len(reduction.omega)}; give the start's own reduction")
     if steps is None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import numbers
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -16,9 +17,9 @@ from ..progress import progress_bar
 from ..reduction import Reduction, communicator
 from ..signals import Constant, Signal
 from ..system.model import Model
-from .bifurcations import Bifurcation, locate
+from .bifurcations import Bifurcation, between, locate
 from .continuation import Station, Trace
-from .periodic import FLOOR, LONGEST, Orbit, make_orbit, modal_motion, multiplier_error, one_sided, periodic, prepare
+from .periodic import FLOOR, LONGEST, Orbit, make_orbit, modal_motion, multiplier_error, one_sided, periodic, prepare, _axis
 from .shooting import Period, Shot
 from .stability import multipliers
 
@@ -26,6 +27,8 @@ from .stability import multipliers
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
 EVEN, ABOUT = 201, 41
+# A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the shortest chord that is divided, times.
+BEND, SHORT, PASSES = 0.3, 0.01, 3
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
 
@@ -114,11 +117,11 @@ class Curve:
 
     def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
-        return self.point_harmonics[:, self._index(point), "xy".index(direction)]
+        return self.point_harmonics[:, self._index(point), _axis(direction)]
 
     def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
-        return self.point_subharmonics[:, self._index(point), "xy".index(direction)]
+        return self.point_subharmonics[:, self._index(point), _axis(direction)]
 
     def peak(self, point: str) -> "Peak":
         """The curve's highest resonance at a point."""
@@ -247,16 +250,16 @@ def frequency_response(model: Model | Reduction, load, start: float, stop: float
         if first is not None and periods not in (None, first.periods):
             raise ValueError(f"frequency_response: first takes {first.periods} forcing periods, not periods = {periods}")
     if first is not None:
-        periods, steps = first.periods, steps or len(first.time) // first.periods
-    periods = periods or 1
+        periods, steps = first.periods, len(first.time) // first.periods if steps is None else steps
+    periods = 1 if periods is None else periods
     highest = max(start, stop)
     if not contact:
-        period = prepare(model, load, highest, periods, INSTANTS, modes, False, reduction, None, "dense", LONGEST)
+        period = prepare(model, load, highest, periods, INSTANTS, modes, False, reduction, None, "auto", LONGEST)
         return _linear(period, start, stop)
     if first is None:
         # the mode count is that of the highest frequency
-        reduction = prepare(model, load, highest, periods, steps, modes, True, reduction, None, "dense", LONGEST).reduction
-    period = prepare(model, load, start, periods, steps, modes, True, first.reduction if first else reduction, first, "dense", LONGEST)
+        reduction = prepare(model, load, highest, periods, steps, modes, True, reduction, None, "auto", LONGEST).reduction
+    period = prepare(model, load, start, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
 
     def begin() -> np.ndarray:
         return (first or periodic(model, load, start, periods, steps, reduction=period.reduction, stability=False)).state
@@ -278,12 +281,12 @@ def load_response(model: Model | Reduction, load, frequency: float, start: float
     """
     with collective(communicator(model)):
         for name, value in (("start", start), ("stop", stop)):
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not (math.isfinite(value) and value >= 0.0):
+            if isinstance(value, bool) or not isinstance(value, numbers.Real) or not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"load_response: {name} = {value!r} must be a factor, 0 or more")
         if start == stop:
             raise ValueError(f"load_response: start and stop are both {start:g}; give a range, or use periodic")
         _check_step("load_response", largest_step)
-    period = prepare(model, load, frequency, periods, steps, modes, True, first.reduction if first else reduction, first, "dense", LONGEST)
+    period = prepare(model, load, frequency, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
 
     def begin() -> np.ndarray:
         from .shooting import shoot
@@ -311,12 +314,14 @@ def _amplitudes_only(what: str, load, model) -> None:
 
 def _follow(model: Model | Reduction, period: Period, name: str, start: float, stop: float, begin, most: int, largest_step: float, stability: bool, file, resume: bool, progress, frequency) -> Curve:
     """Trace a branch, with a record of it in a file."""
+    if not period.drive.orders.any():
+        raise on_all_ranks(ValueError(f"{name}_response: no load oscillates; give a number, the amplitude of sin(2 pi f t)"))
     from ..results.curves import CurveFile  # stands above this module
 
     record = CurveFile(communicator(model), file, resume, period, name, start, stop, frequency) if file is not None else None
     if record is not None and record.former is not None:
         period = Period(record.reduction, period.drive, period.steps, period.pairs > 0)
-    found, rows = [], _Rows(period, stability)
+    rows = _Rows(period, stability)
 
     def driven(value: float):
         return period.at(value) if name == "frequency" else period.at(frequency, value)
@@ -333,23 +338,25 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
     if former is not None:
         trace.length = former[2]
     for item in stations:
-        found.append(rows.add(item))
+        rows.add(item)
 
     def curve(finished: bool) -> Curve:
         ends = len(trace.stations) > 1 and not trace.lower < trace.stations[-1].value < trace.upper
-        bifurcations = tuple(locate(trace, found)) if finished and stability else ()
-        error = _uncertainty(trace, found, frequency) if finished and stability else np.full(len(trace.stations), np.nan)
+        bifurcations = tuple(locate(trace, rows.found)) if finished and stability else ()
+        error = _uncertainty(trace, rows.found, frequency) if finished and stability else np.full(len(trace.stations), np.nan)
         return Curve(name, np.array([s.value for s in trace.stations]), np.array([s.shot.state for s in trace.stations]), *rows.arrays(), error,
                      np.array([len(s.shot.residuals) - 1 for s in trace.stations]), bifurcations, trace.reason or "unfinished", ends, period.drive.periods, period, frequency)
 
     with progress_bar(communicator(model), f"{name} response", progress) as told:
         if not (len(stations) > 1 and not trace.lower < stations[-1].value < trace.upper):
             for item in trace:
-                found.append(rows.add(item))
+                rows.add(item)
                 if record is not None:
                     record.update(lambda: curve(False), trace.length)
                 if told is not None:
                     told(min(1.0, abs(item.value - start) / abs(stop - start)))
+            if not trace.lower < trace.stations[-1].value < trace.upper:
+                _refine(trace, rows)
     result = curve(True)
     if record is not None:
         record.update(lambda: result, trace.length, last=True)
@@ -365,27 +372,50 @@ class _Rows:
 
     def __init__(self, period: Period, stability: bool):
         self.period, self.stability = period, stability
-        self.harmonics, self.amplitudes, self.subharmonics, self.peaks, self.values = [], [], [], [], []
+        self.rows, self.found = [], []
 
-    def add(self, station: Station):
-        """Note a point; its multipliers."""
+    def add(self, station: Station, place: int | None = None) -> None:
+        """Note a point, at the end or before another one."""
         r, shot = self.period.reduction, station.shot
         q, _ = modal_motion(shot.driven, shot.motion)
         forces, pairs = shot.motion.forces[:-1], self.period.pairs
-        u = (np.einsum("pim,nm->npi", r.sensor_modes, q[:-1]) + np.einsum("pil,nl->npi", r.sensor_loads, shot.driven.loads[:-1])
-             + np.einsum("pic,nc->npi", r.sensor_pairs[..., :pairs], forces))
+        u = (np.einsum("pim,nm->npi", r.sensor_modes, q[:-1], optimize=True) + np.einsum("pil,nl->npi", r.sensor_loads, shot.driven.loads[:-1], optimize=True)
+             + np.einsum("pic,nc->npi", r.sensor_pairs[..., :pairs], forces, optimize=True))
         spectrum, periods = one_sided(u), self.period.drive.periods
-        self.harmonics.append(np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1))
-        self.subharmonics.append(np.moveaxis(spectrum[:periods], 0, -1))
-        self.amplitudes.append(0.5 * np.ptp(u[..., 1], axis=0))
-        self.peaks.append(forces.sum(axis=1).max(initial=0.0))
         found = multipliers(shot.driven, shot.motion) if self.stability else None
-        self.values.append(found.values if found is not None else np.zeros(0, dtype=complex))
-        return found
+        row = (np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1), 0.5 * np.ptp(u[..., 1], axis=0), np.moveaxis(spectrum[:periods], 0, -1),
+               forces.sum(axis=1).max(initial=0.0), found.values if found is not None else np.zeros(0, dtype=complex))
+        place = len(self.rows) if place is None else place
+        self.rows.insert(place, row)
+        self.found.insert(place, found)
 
     def arrays(self):
         """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
-        return np.array(self.harmonics), np.array(self.amplitudes), np.array(self.subharmonics), np.array(self.peaks), np.array(self.values)
+        return tuple(np.array(column) for column in zip(*self.rows))
+
+
+def _refine(trace: Trace, rows: _Rows) -> None:
+    """Points between those where the amplitude of a named point bends sharply over the parameter, so that peaks stand where they are."""
+    for _ in range(PASSES):
+        stations = trace.stations
+        value, amplitude = np.array([s.value for s in stations]) / trace.range, rows.arrays()[1]
+        bent = set()
+        for k in range(amplitude.shape[1]):
+            if not amplitude[:, k].any():
+                continue
+            steps = np.diff(np.stack([value, amplitude[:, k] / amplitude[:, k].max()], axis=1), axis=0)
+            angle = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+            length = np.hypot(*steps.T)
+            bent |= {m for i in np.flatnonzero(angle > BEND) for m in (i, i + 1) if length[m] > SHORT}
+        for k in sorted(bent, reverse=True):
+            try:
+                station = between(trace, stations[k], stations[k + 1], 0.5)
+            except SolveError:  # a corner of the branch: the curve is left as it is there
+                continue
+            rows.add(station, k + 1)
+            stations.insert(k + 1, station)
+        if not bent:
+            break
 
 
 def _uncertainty(trace: Trace, found, frequency: float | None) -> np.ndarray:

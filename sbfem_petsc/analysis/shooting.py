@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.marching import contact_forces, march, thin_factors
-from ..contact.tangent import carry, contact_operators, switch_shares
+from ..contact.tangent import carry, contact_operators, located_operators
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc
 from ..reduction import Reduction
@@ -19,8 +19,11 @@ from .harmonic import Drive
 from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
-RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-13, 30
+RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
 PREFIX = "shooting_"
+JACOBIANS = ("auto", "dense", "matrix-free", "differences")
+# Unknowns up to which matrices of the period map are made whole.
+WHOLE = 1200
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +121,7 @@ class DrivenPeriod:
     def carried(self, motion: Motion, columns: np.ndarray, parameters: tuple[str, ...] = (), located: bool = False) -> np.ndarray:
         """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters, "frequency" or "load", at fixed x(0).
 
-        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside a step (see `switch_shares`).
+        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside a step (see `located_operators`); without parameters.
         """
         p, m, steps = self.period, self.period.modes, self.period.steps
         sources, speed_sources = np.zeros((steps, m, len(parameters))), np.zeros((steps, m, len(parameters)))
@@ -126,7 +129,11 @@ class DrivenPeriod:
         for k, name in enumerate(parameters):
             gap_rates[:, :, k], shift = self._frequency_rates(motion, sources[:, :, k], speed_sources[:, :, k]) if name == "frequency" else self._load_rates()
             starts[:, k], ends[:, k] = -shift, shift
-        runs, operators, shifts = contact_operators(p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates, self._shares(motion) if located else np.ones_like(motion.forces))
+        if located:
+            gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+            runs, operators, shifts = located_operators(p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces)
+        else:
+            runs, operators, shifts = contact_operators(p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates)
         columns = np.concatenate([columns, starts], axis=1)
         q, v = columns[:m] / p.weights[:, None], np.ascontiguousarray(columns[m:])
         carry(self.coefficients, p.right, runs, operators, shifts, sources, speed_sources, q, v)
@@ -137,11 +144,6 @@ class DrivenPeriod:
     def monodromy(self, motion: Motion) -> np.ndarray:
         """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
         return self.carried(motion, np.eye(2 * self.period.modes), located=True)
-
-    def _shares(self, motion: Motion) -> np.ndarray:
-        p = self.period
-        gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
-        return switch_shares(gaps, motion.forces, p.residual_flexibility)
 
     def _frequency_rates(self, motion: Motion, sources: np.ndarray, speed_sources: np.ndarray):
         """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose length changes, are filled in."""
@@ -201,7 +203,7 @@ class Shot:
     residuals: tuple[float, ...]
 
 
-def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "dense") -> Shot:
+def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto") -> Shot:
     """Fixed point of a period near a state, by SNES.
 
     Parameters
@@ -222,6 +224,8 @@ def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1
     SolveError
         If Newton's method does not converge; the message gives the residual.
     """
+    if jacobian == "auto":
+        jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
     return _Newton(period, jacobian, (), None).solve(state, lambda _: period.at(frequency, factor), np.zeros(0))
 
 
@@ -239,7 +243,7 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
         DrivenPeriod of a parameter's value.
     name : {"frequency", "load"}
     condition : callable
-        (state, value) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
+        (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
     """
     return _Newton(period, "dense", (name,), condition).solve(state, lambda p: driven(float(p[0])), np.array([value]))
 
@@ -253,13 +257,13 @@ class _Newton:
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> Shot:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
-        self.driven = driven
-        # the parameter's unit is its first value, so that all unknowns of the linear system are of one order with the state
+        # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes all unknowns of one order
+        self.driven, self.first = driven, values
         self.scale = max(np.linalg.norm(state), np.linalg.norm(driven(values).linear_state), 1e-300) / max(abs(float(values[0])), 1e-300) if len(values) else 1.0
         snes = PETSc.SNES().create(PETSc.COMM_SELF)
         snes.setOptionsPrefix(PREFIX)
         x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
-        x.array = np.concatenate([state, self.scale * values])
+        x.array = np.concatenate([state, np.zeros(len(values))])
         snes.setFunction(self._function, f)
         ksp = snes.getKSP()
         if self.jacobian == "matrix-free":
@@ -281,9 +285,12 @@ class _Newton:
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
         snes.setFromOptions()
         try:
-            snes.solve(None, x)
+            try:
+                snes.solve(None, x)
+            except PETSc.Error as error:
+                raise on_all_ranks(SolveError(f"periodic: the linear system of Newton's method cannot be solved (PETSc's error {error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the periodic motion undetermined")) from None
             self._check(snes, size_of_state)
-            state, values = x.array_r[:m2].copy(), x.array_r[m2:] / self.scale
+            state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
             driven, motion = self._motion(x.array_r)
         finally:
             for item in (snes, x, f, matrix):
@@ -294,7 +301,7 @@ class _Newton:
         key = array.tobytes()
         if key != self.key:
             m2 = 2 * self.period.modes
-            driven = self.driven(array[m2:] / self.scale)
+            driven = self.driven(self.first + array[m2:] / self.scale)
             self.key, self.kept = key, (driven, driven.run(array[:m2]))
         return self.kept
 

@@ -8,11 +8,9 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc
-from .shooting import DrivenPeriod, Motion
+from .shooting import WHOLE, DrivenPeriod, Motion
 
 PREFIX = "floquet_"
-# Monodromy matrices up to this size are made, and all their multipliers computed; beyond, the largest ones by products.
-WHOLE = 1200
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the largest modulus.
 LARGEST, SUBSPACE = 6, 400
 

@@ -13,8 +13,8 @@ from numba import njit
 
 
 @njit(cache=True)
-def _condense(flexibility, left, touching, share):
-    """U_A^T W_AA^-1 spread over all pairs, (r, pairs); each pair acts by its share, a half of it on either side."""
+def _condense(flexibility, left, touching):
+    """U_A^T W_AA^-1 spread over all pairs, (r, pairs)."""
     pairs, rank = left.shape
     members = np.flatnonzero(touching)
     spread = np.zeros((rank, pairs))
@@ -22,17 +22,17 @@ def _condense(flexibility, left, touching, share):
         block = np.empty((members.size, members.size))
         sides = np.empty((members.size, rank))
         for i in range(members.size):
-            sides[i] = left[members[i]] * np.sqrt(share[members[i]])
+            sides[i] = left[members[i]]
             for j in range(members.size):
                 block[i, j] = flexibility[members[i], members[j]]
         solved = np.linalg.solve(block, sides)
         for i in range(members.size):
-            spread[:, members[i]] = solved[i] * np.sqrt(share[members[i]])
+            spread[:, members[i]] = solved[i]
     return spread
 
 
 @njit(cache=True)
-def contact_operators(left, flexibility, residual, forces, gap_rates, shares):
+def contact_operators(left, flexibility, residual, forces, gap_rates):
     """What contact contributes to the derivative of each step.
 
     Parameters
@@ -44,8 +44,6 @@ def contact_operators(left, flexibility, residual, forces, gap_rates, shares):
         Contact forces at the steps' ends; a pair touches where its force is not zero.
     gap_rates : (n + 1, pairs, e) array
         Rates of the free gaps with e parameters.
-    shares : (n + 1, pairs) array
-        Ones for the derivative of the steps as they are; see `switch_shares`.
 
     Returns
     -------
@@ -63,19 +61,18 @@ def contact_operators(left, flexibility, residual, forces, gap_rates, shares):
     shifts = np.zeros((instants, rank, parameters))
     count = 0
     touching = np.zeros(pairs, dtype=np.bool_)
-    share = np.ones(pairs)
     spread = np.zeros((rank, pairs))
     for n in range(instants):
         changed, some = n < 2, False
         for i in range(pairs):
             now = forces[n, i] != 0.0
-            changed |= now != touching[i] or (now and shares[n, i] != share[i])
+            changed |= now != touching[i]
             some |= now
-            touching[i], share[i] = now, shares[n, i]
+            touching[i] = now
         if not some:
             continue
         if changed or runs[n - 1] < 0:
-            spread = _condense(residual if n == 0 else flexibility, left, touching, share)
+            spread = _condense(residual if n == 0 else flexibility, left, touching)
             operators[count] = spread @ left
             count += 1
         runs[n] = count - 1
@@ -85,39 +82,88 @@ def contact_operators(left, flexibility, residual, forces, gap_rates, shares):
 
 
 @njit(cache=True)
-def switch_shares(gaps, forces, residual):
-    """Shares with which pairs act in the variational equation at the instants before and after they close or open.
+def _overlap(residual, force, pair):
+    """By how much a pair would overlap without its own force, the others that touch remaining closed."""
+    members = np.flatnonzero(force)
+    block, unit = np.empty((members.size, members.size)), np.zeros(members.size)
+    for i in range(members.size):
+        unit[i] = members[i] == pair
+        for j in range(members.size):
+            block[i, j] = residual[members[i], members[j]]
+    return force[pair] / (unit @ np.linalg.solve(block, unit))
 
-    The steps hold a pair's force at the mean of their ends, so a pair acts over whole steps and the multipliers jump when a switch passes an instant
-    of the grid. With the switch located inside its step, linearly between the gap before it and the overlap that the force stands for
-    behind it, a pair acts as long as it touches; what is left of the jumps is of second order in the step.
+
+@njit(cache=True)
+def located_operators(left, right, coefficients, residual, gaps, forces):
+    """As `contact_operators` without parameters, for the variational equation with each switch located inside its step.
+
+    The steps hold a pair's force at the mean of their ends, so a pair acts over whole steps, and multipliers jump where a switch passes an instant
+    of the grid. Here a switch stands where the gap without the pair's own force, linear over the step, vanishes; a step acts by the mean of
+    K_R = U_A^T R_AA^-1 U_A over the sets A that it passes through, an instant by the mean of the steps beside it. What is left of the jumps is of
+    second order in the step.
 
     Parameters
     ----------
-    gaps, forces : (n + 1, pairs) arrays
+    left, right : (pairs, r), (m, r) arrays
+    coefficients : (10, m) array
+        See `marching`.
     residual : (pairs, pairs) array
         R.
+    gaps, forces : (n + 1, pairs) arrays
 
     Returns
     -------
-    (n + 1, pairs) array
+    runs, operators, shifts
+        The last of size 0.
     """
     instants, pairs = forces.shape
-    shares = np.ones((instants, pairs))
+    rank = left.shape[1]
+    cq = coefficients[4]
+    motion = np.zeros((rank, rank))
+    for j in range(cq.size):
+        for k in range(rank):
+            for i in range(rank):
+                motion[k, i] += right[j, k] * cq[j] * right[j, i]
+    touching = forces[0] != 0.0
+    now = _condense(residual, left, touching) @ left
+    before, before_number, number = np.zeros((rank, rank)), -1, 0
+    runs, operators, count = np.full(instants, -1), np.empty((instants, rank, rank)), 0
+    last = (-2, -2)
     for n in range(instants):
-        for i in range(pairs):
-            if forces[n, i] == 0.0:
-                continue
-            overlap = residual[i, i] * forces[n, i]
-            before = 0.5
-            if n > 0 and forces[n - 1, i] == 0.0:
-                before = overlap / (overlap + max(gaps[n - 1, i], 0.0))
-            after = 0.5
-            if n < instants - 1 and forces[n + 1, i] == 0.0:
-                after = overlap / (overlap + max(gaps[n + 1, i], 0.0))
-            # the first and the last instant belong to one step each
-            shares[n, i] = 2.0 * after if n == 0 else 2.0 * before if n == instants - 1 else before + after
-    return shares
+        step, step_number = now, number
+        if n < instants - 1:
+            moments, which = np.empty(pairs), np.empty(pairs, dtype=np.int64)
+            events = 0
+            for i in range(pairs):
+                if (forces[n + 1, i] != 0.0) != touching[i]:
+                    at = n if touching[i] else n + 1
+                    overlap, gap = _overlap(residual, forces[at], i), max(gaps[2 * n + 1 - at, i], 0.0)
+                    moments[events] = overlap / (overlap + gap) if touching[i] else gap / (overlap + gap)
+                    which[events] = i
+                    events += 1
+            if events:
+                step, passed = np.zeros((rank, rank)), 0.0
+                for k in np.argsort(moments[:events]):
+                    step += (moments[k] - passed) * now
+                    passed = moments[k]
+                    touching[which[k]] = not touching[which[k]]
+                    now = _condense(residual, left, touching) @ left
+                step += (1.0 - passed) * now
+                step_number, number = number + 1, number + 2
+        if n == 0:
+            acting = step
+        elif n == instants - 1:
+            acting = before
+        else:
+            acting = 0.5 * (before + step)
+        if np.any(acting != 0.0):
+            if n < 2 or n == instants - 1 or last != (before_number, step_number):
+                operators[count] = acting if n == 0 else np.linalg.solve(np.eye(rank) + acting @ motion, acting)
+                count += 1
+            runs[n] = count - 1
+        last = (before_number, step_number)
+        before, before_number = step, step_number
+    return runs, operators[:count].copy(), np.zeros((instants, rank, 0))
 
 
 @njit(cache=True)

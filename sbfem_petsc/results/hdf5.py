@@ -229,6 +229,7 @@ def _write_head(file: h5py.File) -> None:
 def _write_inputs(group: h5py.Group, model: Model) -> None:
     _put(group, "thickness", model.thickness, "m", "thickness of the structure")
     _put(group, "damping", model.damping, "1", "modal damping ratio of dynamic analyses")
+    _put(group, "rayleigh", model.rayleigh, "1/s, s", "factors a, b of the damping a M + b K beside it")
     _put(group, "continued_fraction", model.continued_fraction, "1", "terms of the continued fraction")
     _put(group, "order", model.order, "1", "polynomial order of the edges")
     _put(group, "ranks", model.comm.size, "1", "MPI ranks that computed this file")

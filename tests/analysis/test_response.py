@@ -1,0 +1,272 @@
+"""Response curves over frequency and load: folds and corners from both sides, peaks, the beam's five curves, refusals."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.analysis import continuation
+from sbfem_petsc.analysis.response import find_peak
+from sbfem_petsc.reduction import reduce_matrices
+from tests.parallel import answer, on_ranks
+from tests.reference import paper_beam
+
+TURN = 2 * np.pi
+
+
+def two_masses(damping=0.03):
+    """The published example of two masses and an elastic stop, in rad/s."""
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    return reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"1": 0, "2": 1}, damping=damping * stiffness, compliance=np.array([0.01]))
+
+
+def with_a_stop(gap=1.0, zeta=0.05, compliance=2.0):
+    """One mode (1 rad/s) and a soft stop."""
+    return reduce_matrices(np.eye(2), np.diag([1.0, 1e6]), np.array([[1.0, 0.0]]), np.array([gap]), np.array([[1.0], [0.0]]), {"x": 0}, 1, damping=zeta, compliance=np.array([compliance]))
+
+
+@pytest.fixture(scope="module")
+def curves():
+    """Upwards and downwards."""
+    return [sb.frequency_response(two_masses(), [0.1], start / TURN, stop / TURN, steps=2048, stability=False) for start, stop in ((0.5, 0.9), (0.9, 0.5))]
+
+
+def crossings(curve, omega):
+    """Amplitudes of the second mass where a curve passes a frequency, in order of size."""
+    x, a = TURN * curve.frequency, curve.amplitude("2")
+    k = np.flatnonzero((x[:-1] - omega) * (x[1:] - omega) <= 0)
+    return np.sort(a[k] + (a[k + 1] - a[k]) * (omega - x[k]) / (x[k + 1] - x[k]))
+
+
+def test_the_same_branch_from_both_ends(curves):
+    """Up and down, through two folds and the corner at 0.653 rad/s where the stop is met: one curve, complete both ways."""
+    up, down = curves
+    assert up.complete and down.complete and up.converged.all() and down.converged.all()
+    assert TURN * up.value[[0, -1]] == pytest.approx([0.5, 0.9]) and TURN * down.value[[0, -1]] == pytest.approx([0.9, 0.5])
+    for curve in curves:
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(curve.value))))
+        assert len(turns) == 2
+    for omega, count in ((0.55, 1), (0.64, 1), (0.70, 3), (0.74, 3), (0.80, 1)):
+        found = [crossings(curve, omega) for curve in curves]
+        assert len(found[0]) == len(found[1]) == count
+        # linear between points that are up to 0.02 rad/s apart
+        np.testing.assert_allclose(found[0], found[1], rtol=0.01)
+
+
+def test_points_are_periodic_motions(curves):
+    """Each point is the orbit that `periodic` finds from it; harmonics and amplitudes are that orbit's."""
+    up = curves[0]
+    for k in (3, 20, 45, len(up.value) - 4):
+        orbit = up.orbit(k)
+        again = sb.periodic(up.reduction, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
+        assert np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k]) and again.iterations <= 1
+        np.testing.assert_allclose(again.harmonics("2")[:21], up.harmonics("2")[k], atol=1e-8 * again.amplitude("2"))
+        assert again.amplitude("2") == pytest.approx(up.amplitude("2")[k], rel=1e-8)
+        assert again.contact_resultant.max() == pytest.approx(up.contact_peak[k], rel=1e-6, abs=1e-9)
+
+
+def test_open_part_is_linear(curves):
+    """Where the stop is not met: (K - w^2 M + 0.03 i w K)^-1 f to 1e-10."""
+    up, k = curves[0], np.array([[1.0, -1.0], [-1.0, 2.0]])
+    away = np.flatnonzero(up.contact_peak == 0)
+    assert len(away) > 20
+    for n in away:
+        omega = TURN * up.frequency[n]
+        exact = np.linalg.solve(k - omega**2 * np.eye(2) + 0.03j * omega * k, [0.0, -0.1j])
+        np.testing.assert_allclose([up.harmonics(p)[n, 1] for p in "12"], exact, rtol=1e-10)
+
+
+def test_smaller_steps_are_the_same_curve(curves):
+    """`largest_step` bounds the change of the frequency; the branch is the same."""
+    fine = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.6 / TURN, steps=2048, stability=False, largest_step=0.004 / TURN)
+    assert np.abs(np.diff(fine.value)).max() <= 0.004 / TURN * 1.2 and len(fine.value) > 25
+    np.testing.assert_allclose(crossings(fine, 0.55), crossings(curves[0], 0.55), rtol=0.01)
+
+
+def test_load_response_from_nothing():
+    """Linear in the factor until the stop is met, at the factor gap / linear amplitude; at factor 1 the orbit of `periodic`."""
+    r, omega = with_a_stop(), 0.9
+    linear = 3.0 / abs(1 - omega**2 + 0.1j * omega)
+    curve = sb.load_response(r, [3.0], omega / TURN)
+    assert curve.parameter == "load" and curve.complete and curve.value[0] == 0.0 and curve.value[-1] == 1.0 and (np.diff(curve.value) > 0).all()
+    assert curve.amplitude("x")[0] == 0.0 and curve.frequency == pytest.approx(np.full(len(curve.value), omega / TURN))
+    away = curve.value < 1.0 / linear
+    # the largest displacement lies between two of 512 instants
+    np.testing.assert_allclose(np.abs(curve.harmonics("x")[:, 1])[away], linear * curve.value[away], rtol=1e-9, atol=1e-14)
+    assert not curve.contact_peak[curve.value < 0.999 / linear].any() and curve.contact_peak[curve.value > 1.01 / linear].all()
+    orbit = sb.periodic(r, [3.0], omega / TURN, start=curve.orbit(len(curve.value) - 1))
+    assert curve.amplitude("x")[-1] == pytest.approx(orbit.amplitude("x"), rel=1e-8) and orbit.iterations <= 1
+    back = sb.load_response(r, [3.0], omega / TURN, start=1.0, stop=0.0, first=orbit)
+    assert back.value[-1] == 0.0 and back.amplitude("x")[-1] < 1e-9 * orbit.amplitude("x")
+
+
+def test_load_response_past_a_corner():
+    """0.1 Hz: the stop, stiff as it is, is met at 0.3269 of the load, from where the branch turns back, and later forth to the full load."""
+    curve = sb.load_response(two_masses(), [0.1], 0.1, steps=2048, stability=False)
+    k, omega = np.array([[1.0, -1.0], [-1.0, 2.0]]), 0.2 * np.pi
+    corner = 1 / abs(np.linalg.solve(k - omega**2 * np.eye(2) + 0.03j * omega * k, [0.0, 0.1])[0])
+    assert curve.complete and curve.value[-1] == 1.0
+    touching = np.flatnonzero(curve.contact_peak > 0)
+    assert curve.value[touching[0] - 1] == pytest.approx(corner, rel=1e-3) and curve.value[touching].min() < 0.9 * corner
+    assert (np.diff(touching) == 1).all()
+
+
+def test_load_response_keeps_the_preload():
+    """Only what oscillates is scaled: at factor 0 the static deflection is left."""
+    curve = sb.load_response(with_a_stop(gap=10.0), [sb.Harmonic(1.0, 0.1) + 0.5], 0.1, stop=2.0)
+    np.testing.assert_allclose(curve.harmonics("x")[:, 0], 0.5, rtol=1e-9)
+    assert curve.amplitude("x")[-1] == pytest.approx(2.0 / abs(1 - (0.2 * np.pi) ** 2 + 0.1j * 0.2 * np.pi), rel=1e-4)
+
+
+def test_peak_of_a_known_resonance():
+    """A parabola's top, bandwidth and skewness; order of arc length also where the curve turns back."""
+    f = np.linspace(9, 11, 401)
+    a = 1 / np.abs(1 - (f / 10) ** 2 + 0.02j * f / 10)
+    for order in (slice(None), slice(None, None, -1)):
+        peak = find_peak(f[order], a[order])
+        assert peak.frequency == pytest.approx(10 * np.sqrt(1 - 2 * 0.01**2), rel=1e-4) and peak.amplitude == pytest.approx(50.0, rel=1e-3)
+        assert peak.bandwidth == pytest.approx(0.2, rel=0.01) and abs(peak.skewness) < 0.02 and peak.lower < peak.frequency < peak.upper
+    leaning = find_peak(f + 0.004 * a, a)
+    assert leaning.skewness > 0.2 and leaning.frequency == pytest.approx(10.2, rel=1e-3)
+    assert np.isnan(find_peak(f[:200], a[:200]).upper)
+
+
+@pytest.fixture(scope="module")
+def case_p():
+    return sb.Model(paper_beam().mesh(), sb.Material(70e9, 0.33, 2700), damping=0.002)
+
+
+def test_response_of_the_beam(case_p):
+    """13.9-14.6 kHz: the open crack's peak at mode 17 (14.144 kHz), moved up and leaning by 300 N; every verdict is one multiplier's."""
+    load = sb.PointForce("A", fy=300.0)
+    linear = sb.frequency_response(case_p, load, 13900.0, 14600.0, contact=False)
+    mode = sb.modal(case_p, 46).frequencies
+    resonance = mode[np.argmin(abs(mode - 14144))]
+    assert linear.peak("A").frequency == pytest.approx(resonance, rel=1e-4) and linear.peak("A").bandwidth == pytest.approx(0.004 * resonance, rel=0.03)
+    curve = sb.frequency_response(case_p, load, 13900.0, 14600.0)
+    assert curve.complete and (np.diff(curve.value) > 0).all() and len(curve.value) < 60
+    peak = curve.peak("A")
+    assert resonance + 10 < peak.frequency < resonance + 60 and peak.amplitude < linear.peak("A").amplitude
+    for k in range(len(curve.value)):
+        error = curve.multiplier_error[k]
+        assert curve.stable[k] == (abs(curve.multipliers[k, 0]) <= 1 + (1e-9 if np.isnan(error) else error))
+    changes = np.count_nonzero(curve.stable[1:] != curve.stable[:-1])
+    # 36 points, a short unstable part beyond the peak: nothing flips
+    assert changes == 2 and curve.stable[[0, -1]].all()
+    # light load: the linear curve
+    light = sb.frequency_response(case_p, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, reduction=linear.reduction, stability=False)
+    exact = [sb.periodic(case_p, sb.PointForce("A", fy=0.01), f, reduction=linear.reduction, contact=False, stability=False).harmonics("A")[1] for f in light.value[::4]]
+    np.testing.assert_allclose(light.harmonics("A")[::4, 1], exact, rtol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("force", [500.0, 1500.0])
+def test_curves_of_the_paper(case_p, force):
+    """Complete, without a failed point, the peak rising in frequency with the force."""
+    curve = sb.frequency_response(case_p, sb.PointForce("A", fy=force), 13900.0, 14600.0)
+    assert curve.complete and curve.converged.all()
+    assert curve.peak("A").frequency == pytest.approx({500.0: 14193.8, 1500.0: 14234.5}[force], abs=3.0)
+
+
+@pytest.mark.slow
+def test_verdicts_do_not_depend_on_the_grid(case_p):
+    """700 N at 512 and 1024 steps: the same bifurcations within 1e-5, one for each change of the number of unstable multipliers, and four changes of the verdict."""
+    found = [sb.frequency_response(case_p, sb.PointForce("A", fy=700.0), 14080.0, 14250.0, steps=steps) for steps in (512, 1024)]
+    kinds = [[b.kind for b in curve.bifurcations] for curve in found]
+    assert kinds[0] == kinds[1] and len(kinds[0]) >= 4
+    np.testing.assert_allclose(*([b.value for b in curve.bifurcations] for curve in found), rtol=1e-5)
+    for curve in found:
+        assert np.count_nonzero(curve.stable[1:] != curve.stable[:-1]) == 4
+        outside = (np.abs(curve.multipliers) > 1).sum(axis=1)
+        assert set(np.flatnonzero(np.diff(outside)) + 1) == {b.after for b in curve.bifurcations if b.kind != "fold"}
+
+
+@pytest.mark.slow
+def test_three_motions_with_little_damping():
+    """Damping 0.0005: the branch folds, and between the folds three motions are found at one frequency."""
+    model = sb.Model(paper_beam().mesh(), sb.Material(70e9, 0.33, 2700), damping=0.0005)
+    curve = sb.frequency_response(model, sb.PointForce("A", fy=300.0), 13900.0, 14600.0, stability=False)
+    assert curve.complete
+    at = [np.count_nonzero(np.diff(np.sign(curve.value - f))) for f in (14150.0, 14210.0, 14300.0)]
+    assert at == [2, 6, 2] or at == [1, 3, 1]
+
+
+# ---------------------------------------------------------------- refusals and hard cases
+
+@pytest.mark.parametrize("arguments, sentence", [
+    ({"start": 0.0}, "start = 0.0"), ({"stop": -1.0}, "stop"), ({"stop": 0.08}, "both 0.08 Hz"), ({"start": "low"}, "start"), ({"steps": 10}, "steps = 10 must be at least 48"),
+    ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"), ({"load": [sb.ToneBurst(0.1, 0.08, 3)]}, "does not follow the swept frequency"),
+    ({"load": [0.0]}, "no load oscillates"), ({"load": [sb.Constant(1.0)]}, "no load oscillates"), ({"largest_step": 0.0}, "largest_step"), ({"periods": 0}, "periods"), ({"load": [0.1, 0.2]}, "the reduction has 1 unit loads, the load has 2"),
+])
+def test_bad_sweeps(arguments, sentence):
+    given = {"load": [0.1], "start": 0.08, "stop": 0.1, **arguments}
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.frequency_response(two_masses(), given.pop("load"), given.pop("start"), given.pop("stop"), **given)
+
+
+@pytest.mark.parametrize("arguments, sentence", [({"start": -0.1}, "start = -0.1"), ({"stop": float("inf")}, "stop = inf"), ({"start": 1.0}, "start and stop are both 1"), ({"frequency": 0.0}, "frequency")])
+def test_bad_ramps(arguments, sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.load_response(two_masses(), [0.1], **{"frequency": 0.1, **arguments})
+
+
+def test_first_orbit_elsewhere(curves):
+    with pytest.raises(ValueError, match="first is at .* Hz, not at start"):
+        sb.frequency_response(two_masses(), [0.1], 0.09, 0.1, first=curves[0].orbit(3))
+
+
+def test_unknown_point_of_a_curve(curves):
+    for ask in (curves[0].amplitude, curves[0].harmonics, curves[0].peak):
+        with pytest.raises(KeyError, match="point 'A' does not exist; the model has '1', '2'"):
+            ask("A")
+    with pytest.raises(ValueError, match="direction = 'z' must be"):
+        curves[0].harmonics("1", "z")
+
+
+def test_harmonic_load_on_a_beam_is_refused_in_a_sweep(case_p):
+    with pytest.raises(ValueError, match="fy = Harmonic.* does not follow the swept frequency"):
+        sb.frequency_response(case_p, sb.PointForce("A", fy=sb.Harmonic(300.0, 14000.0)), 13900.0, 14600.0)
+
+
+def test_a_curve_that_stops(monkeypatch):
+    """Newton's method fails beyond 0.65 rad/s: where and why in the message, and the points so far with it."""
+    whole = continuation.shoot_along
+
+    def fails(period, state, value, *rest):
+        if value > 0.65 / TURN:
+            raise sb.SolveError("no")
+        return whole(period, state, value, *rest)
+
+    monkeypatch.setattr(continuation, "shoot_along", fails)
+    with pytest.raises(sb.SolveError, match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a step") as caught:
+        sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024)
+    curve = caught.value.curve
+    assert not curve.complete and 10 < len(curve.value) < 100 and curve.value.max() < 0.65 / TURN and curve.stable.any()
+    assert "no further point" in repr(curve)
+
+
+def test_points_at_most():
+    curve = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024, points=7, stability=False)
+    assert len(curve.value) == 7 and not curve.complete and curve.reason == "7 points"
+
+
+RANKS = """
+import json
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.reference import paper_beam
+model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.002)
+curve = sb.frequency_response(model, sb.PointForce("A", fy=300.0), 2950.0, 3050.0, modes=20, stability=False)
+same = all(np.array_equal(v, curve.value) for v in MPI.COMM_WORLD.allgather(curve.value))
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"value": curve.value.tolist(), "amplitude": curve.amplitude("A").tolist(), "same": same}))
+"""
+
+
+@pytest.mark.slow
+def test_ranks():
+    """The same points on 1 and 2 ranks: the branch within 1e-6, since points depend on steps that round-off may change."""
+    one, two = (answer(on_ranks(n, RANKS)) for n in (1, 2))
+    assert one["same"] and two["same"]
+    np.testing.assert_allclose(two["value"], one["value"], rtol=1e-7)
+    np.testing.assert_allclose(two["amplitude"], one["amplitude"], rtol=1e-5)

@@ -1,0 +1,232 @@
+"""Curves in files: what is read is what was found, interrupted runs are continued, and foreign files are refused."""
+
+import os
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.analysis import continuation
+from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.results import curves as module
+from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
+
+TURN = 2 * np.pi
+START, STOP = 0.5 / TURN, 0.9 / TURN
+
+
+def two_masses(damping=0.03, compliance=0.01, force=1.0):
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    return reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [force]]), {"1": 0, "2": 1}, damping=damping * stiffness, compliance=np.array([compliance]))
+
+
+def follow(**options):
+    return sb.frequency_response(two_masses(), [0.1], START, STOP, **{"steps": 2048, **options})
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory):
+    path = str(tmp_path_factory.mktemp("curves") / "whole.h5")
+    return follow(file=path), path
+
+
+def same(found, expected):
+    """Every array and name of two curves."""
+    for name in module._ARRAYS:
+        np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
+    for name in ("parameter", "reason", "complete", "periods", "fixed_frequency", "points"):
+        assert getattr(found, name) == getattr(expected, name), name
+    assert len(found.bifurcations) == len(expected.bifurcations)
+    for one, other in zip(found.bifurcations, expected.bifurcations):
+        assert (one.kind, one.value, one.multiplier, one.after) == (other.kind, other.value, other.multiplier, other.after)
+        np.testing.assert_array_equal(one.state, other.state)
+        np.testing.assert_array_equal(one.direction, other.direction)
+
+
+def test_what_is_read_is_what_was_found(whole):
+    curve, path = whole
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read_curve(path)
+    same(found, curve)
+    assert found.complete and len(found.bifurcations) >= 5 and repr(found) == repr(curve)
+    np.testing.assert_array_equal(found.stable, curve.stable)
+    np.testing.assert_array_equal(found.harmonics("2"), curve.harmonics("2"))
+    assert found.peak("2") == curve.peak("2")
+    # orbits come back from their states
+    for k in (2, 30, -3):
+        np.testing.assert_array_equal(found.orbit(k).displacement("2"), curve.orbit(k).displacement("2"))
+
+
+def test_the_file_explains_itself(whole):
+    _, path = whole
+    with h5py.File(path) as file:
+        assert file.attrs["format"] == "sbfem-petsc response curve" and file.attrs["parameter"] == "frequency" and bool(file.attrs["complete"])
+        for name in module._ARRAYS:
+            assert file[name].attrs["description"], name
+        assert file["point_amplitudes"].attrs["unit"] == "m"
+    assert [name for name in os.listdir(os.path.dirname(path)) if "part" in name] == []
+
+
+def test_save_and_read_a_load_curve(tmp_path):
+    curve = sb.load_response(two_masses(), [0.1], 0.1, stop=0.2, steps=512, stability=False)
+    path = str(tmp_path / "load.h5")
+    save_curve(curve, path)
+    found = read_curve(path)
+    same(found, curve)
+    assert found.parameter == "load" and found.fixed_frequency == 0.1 and found.multipliers.shape == (len(curve.value), 0)
+
+
+@pytest.mark.parametrize("after", [17, 60])
+def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
+    """Ctrl-C after some points, on every part of the branch: the file is readable and marked, and the continued curve has the same points to 1e-8."""
+    monkeypatch.setattr(module, "PAUSE", 0.0)
+    curve, _ = whole
+    path = str(tmp_path / "curve.h5")
+    count = [0]
+
+    def interrupt(fraction):
+        count[0] += 1
+        if count[0] == after:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        follow(file=path, progress=interrupt)
+    with pytest.warns(IncompleteCurve, match="is incomplete: it ends at .* of 0.143.*; resume=True continues it"):
+        part = read_curve(path)
+    assert not part.complete and len(part.value) == after + 1
+    # the whole curve has further points where it bends, added at the end
+    beside = np.searchsorted(np.cumsum(np.isin(curve.value, part.value)), np.arange(1, after + 2))
+    np.testing.assert_array_equal(part.states, curve.states[beside])
+    np.testing.assert_array_equal(part.multipliers, curve.multipliers[beside])
+    resumed = follow(file=path, resume=True)
+    assert resumed.complete and len(resumed.value) == len(curve.value)
+    np.testing.assert_allclose(resumed.value, curve.value, rtol=1e-8)
+    assert np.abs(resumed.states - curve.states).max() < 1e-7 * np.abs(curve.states).max()
+    np.testing.assert_array_equal(resumed.stable, curve.stable)
+    assert [b.kind for b in resumed.bifurcations] == [b.kind for b in curve.bifurcations]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        same(read_curve(path), resumed)
+
+
+def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
+    curve, path = whole
+
+    def no(*arguments):
+        raise AssertionError("a point was sought")
+
+    monkeypatch.setattr(continuation, "shoot_along", no)
+    np.testing.assert_array_equal(follow(file=path, resume=True, stability=False).value, curve.value)
+
+
+def test_resume_without_a_file_begins(tmp_path):
+    path = str(tmp_path / "new.h5")
+    assert len(follow(file=path, resume=True, points=5, stability=False, steps=512).value) == 5
+    with pytest.warns(IncompleteCurve):
+        assert len(read_curve(path).value) == 5
+    # more points are allowed: it goes on
+    assert len(follow(file=path, resume=True, points=9, stability=False, steps=512).value) == 9
+    # without resume the file is replaced
+    follow(file=path, points=3, stability=False, steps=512)
+    with pytest.warns(IncompleteCurve):
+        assert len(read_curve(path).value) == 3
+
+
+def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
+    """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
+    whole = continuation.shoot_along
+
+    def fails(period, state, value, *rest):
+        if value > 0.65 / TURN:
+            raise sb.SolveError("no")
+        return whole(period, state, value, *rest)
+
+    path = str(tmp_path / "failed.h5")
+    with monkeypatch.context() as patch:
+        patch.setattr(continuation, "shoot_along", fails)
+        with pytest.raises(sb.SolveError, match="the curve stops at") as caught:
+            follow(file=path, stability=False)
+    with pytest.warns(IncompleteCurve):
+        part = read_curve(path)
+    np.testing.assert_array_equal(part.value, caught.value.curve.value)
+    assert "no further point" in part.reason
+    assert follow(file=path, resume=True, stability=False).complete
+
+
+@pytest.mark.parametrize("change, sentence", [
+    ({"steps": 1024}, "was written with steps = 2048, not 1024"), ({"stop": 0.1}, "was written with stop"), ({"start": 0.081}, "was written with start"),
+    ({"load": [0.2]}, "was written for other loads"), ({"model": two_masses(damping=0.02)}, "another model .*damping"), ({"model": two_masses(compliance=0.02)}, "another model .*compliance"),
+    ({"model": two_masses(force=2.0)}, "another model .*load"),
+])
+def test_another_run_is_not_continued(whole, change, sentence):
+    _, path = whole
+    given = {"model": two_masses(), "load": [0.1], "start": START, "stop": STOP, "steps": 2048, **change}
+    before = open(path, "rb").read()
+    with pytest.raises(ValueError, match=sentence):
+        sb.frequency_response(given["model"], given["load"], given["start"], given["stop"], steps=given["steps"], file=path, resume=True)
+    assert open(path, "rb").read() == before
+
+
+def test_a_load_curve_does_not_continue_a_frequency_curve(whole):
+    _, path = whole
+    with pytest.raises(ValueError, match="was written with parameter = frequency, not load"):
+        sb.load_response(two_masses(), [0.1], 0.1, steps=2048, file=path, resume=True)
+
+
+def test_files_that_are_no_curves(tmp_path, whole):
+    _, path = whole
+    with pytest.raises(ValueError, match="does not exist"):
+        read_curve(str(tmp_path / "none.h5"))
+    text = tmp_path / "text.h5"
+    text.write_text("not a curve")
+    with pytest.raises(ValueError, match="truncated or no HDF5 file"):
+        read_curve(str(text))
+    other = tmp_path / "other.h5"
+    with h5py.File(other, "w") as file:
+        file.attrs["format"] = "something"
+    with pytest.raises(ValueError, match="HDF5 file of another kind"):
+        read_curve(str(other))
+    data = open(path, "rb").read()
+    cut = tmp_path / "cut.h5"
+    for length in (len(data) // 3, len(data) - 100):
+        cut.write_bytes(data[:length])
+        with pytest.raises(ValueError, match="truncated or no HDF5 file"):
+            read_curve(str(cut))
+    newer = tmp_path / "newer.h5"
+    newer.write_bytes(data)
+    with h5py.File(newer, "a") as file:
+        file.attrs["format_version"] = 99
+    with pytest.raises(ValueError, match="newer than this program"):
+        read_curve(str(newer))
+    missing = tmp_path / "missing.h5"
+    missing.write_bytes(data)
+    with h5py.File(missing, "a") as file:
+        del file["states"]
+    with pytest.raises(ValueError, match="truncated or no HDF5 file"):
+        read_curve(str(missing))
+
+
+def test_a_folder_that_does_not_exist(tmp_path):
+    """Found before the first point is sought."""
+    with pytest.raises(ValueError, match="cannot be written"):
+        follow(file=str(tmp_path / "nowhere" / "curve.h5"))
+
+
+def test_a_full_disk(tmp_path, monkeypatch):
+    """The run ends with a sentence; what was written before stays readable and no half file is left."""
+    path = str(tmp_path / "full.h5")
+    follow(file=path, points=4, stability=False, steps=512)
+
+    def refuse(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(h5py.Group, "create_dataset", refuse)
+        with pytest.raises(sb.SolveError, match="cannot be written any more .No space left on device"):
+            follow(file=path, points=9, resume=True, stability=False, steps=512)
+    with pytest.warns(IncompleteCurve):
+        assert len(read_curve(path).value) == 4
+    assert os.listdir(tmp_path) == ["full.h5"]
