@@ -20,7 +20,7 @@ _HOME = {
     "static": "analysis.static", "Static": "analysis.static",
     "transient": "analysis.transient", "Transient": "analysis.transient", "estimate_error": "analysis.transient", "StepWarning": "analysis.transient",
     "periodic": "analysis.periodic", "Orbit": "analysis.periodic",
-    "frequency_response": "analysis.response", "load_response": "analysis.response", "Curve": "analysis.response", "doubled": "analysis.branching",
+    "frequency_response": "analysis.response", "load_response": "analysis.response", "Curve": "analysis.response", "CurveWarning": "analysis.response", "doubled": "analysis.branching",
     "Reduction": "reduction", "reduce_matrices": "reduction", "read_history": "results.history", "save_curve": "results.curves", "read_curve": "results.curves", "save_orbit": "results.orbits", "read_orbit": "results.orbits", "write_animation": "results.animation",
     "Harmonic": "signals", "ToneBurst": "signals", "Chirp": "signals", "Step": "signals", "Samples": "signals", "Custom": "signals", "Constant": "signals",
     "on_root": "parallel",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from numbers import Real
 
 from .signals import Signal, as_signal
 
@@ -117,8 +118,8 @@ def separate(load, number=as_signal) -> tuple[list[Load], list[Signal]]:
         place = {} if isinstance(item, SupportMotion) else {names[0]: getattr(item, names.pop(0))}
         for name in names:
             value = getattr(item, name)
-            if isinstance(value, (int, float)) and value == 0:
+            if isinstance(value, Real) and value == 0:
                 continue
             units.append(type(item)(**place, **{name: 1.0}))
-            signals.append(number(value) if isinstance(value, (int, float)) else as_signal(value))
+            signals.append(number(value) if isinstance(value, Real) else as_signal(value))
     return units, signals

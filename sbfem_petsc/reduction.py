@@ -9,7 +9,7 @@ from scipy import linalg
 
 from .analysis.modal import modal
 from .contact.delassus import ContactRows
-from .loads import SupportMotion
+from .loads import PointForce, SupportMotion
 from .petsc import MPI, check_ksp, make_ksp
 from .system.model import Model
 
@@ -76,8 +76,30 @@ class Reduction:
 
 
 def communicator(model: Model | Reduction) -> MPI.Comm:
-    """Ranks that work on a model together; a Reduction is each rank's own."""
+    """Ranks that work on a model together; a Reduction is each rank's own.
+
+    Raises
+    ------
+    TypeError
+        If it is neither.
+    """
+    if not isinstance(model, (Model, Reduction)):
+        raise TypeError(f"model = {model!r} must be a Model or a Reduction")
     return MPI.COMM_SELF if isinstance(model, Reduction) else model.comm
+
+
+def check_reduction(model: Model, reduction: Reduction, unit_loads, what: str) -> None:
+    """Raise ValueError if a reduction was made for another model or other loads, as far as it tells."""
+    if reduction.load_modes.shape[1] != len(unit_loads):
+        raise ValueError(f"{what}: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has {len(unit_loads)}; reduce the model again")
+    if len(reduction.initial_gap) != len(model.pairs) or not np.allclose(reduction.damping, model.damping_ratios(reduction.omega), rtol=1e-6, atol=0.0):
+        raise ValueError(f"{what}: the reduction was made for a model of other contact pairs or damping; reduce the model again, with reduction = 'modes'")
+    for k, unit in enumerate(unit_loads):
+        # a force at a point acts on the modes as they move that point
+        if isinstance(unit, PointForce):
+            moved = reduction.sensor_modes[reduction.points.index(unit.point), 0 if unit.fx else 1] if unit.point in reduction.points else np.inf
+            if np.abs(reduction.load_modes[:, k] - moved).max() > 1e-6 * np.abs(reduction.load_modes[:, k]).max():
+                raise ValueError(f"{what}: the reduction was made for other loads than {unit!r}; reduce the model again, with reduction = 'modes'")
 
 
 def reduce(model: Model, unit_loads, modes: int) -> Reduction:

@@ -85,7 +85,7 @@ def locate(trace: Trace, found: list[Multipliers]) -> list[Bifurcation]:
             result.append(_fold(trace, k))
         one, other = unstable(found[k - 1]), unstable(found[k])
         if one != other:
-            crossing = _crossing(trace, k, max(one, other) - 1)
+            crossing = _crossing(trace, k, max(one, other) - 1, found[k - 1], found[k])
             # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
             if crossing is not None and not (crossing.kind == "branch point" and _turns(stations, k)):
                 result.append(crossing)
@@ -129,17 +129,20 @@ def _fold(trace: Trace, k: int) -> Bifurcation:
     return Bifurcation("fold", stations[k].value, complex(values.values[nearest]), stations[k].shot.state, values.vectors[:, nearest], k + 1)
 
 
-def _crossing(trace: Trace, k: int, rank: int) -> Bifurcation | None:
-    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k."""
+def _crossing(trace: Trace, k: int, rank: int, before: Multipliers, after: Multipliers) -> Bifurcation | None:
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k, whose multipliers are known."""
+    known = {}
+
     def excess(station: Station) -> float:
-        return float(np.abs(multipliers(station.shot.driven, station.shot.motion).values[rank]) - 1.0)
+        known[id(station)] = multipliers(station.shot.driven, station.shot.motion)
+        return float(np.abs(known[id(station)].values[rank]) - 1.0)
 
     first, second = trace.stations[k - 1], trace.stations[k]
-    ends = excess(first), excess(second)
+    ends = tuple(float(np.abs(item.values[rank]) - 1.0) for item in (before, after))
     if ends[0] * ends[1] > 0.0:
         return None
     station = _root(trace, first, second, excess, ends)
-    found = multipliers(station.shot.driven, station.shot.motion)
+    found = known.get(id(station)) or (before if station is first else after)
     value = complex(found.values[rank])
     jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
     kind = "grazing" if jump else "Neimark-Sacker" if value.imag != 0.0 else "period doubling" if value.real < 0.0 else "branch point"

@@ -75,6 +75,20 @@ class FullOrbit:
         return self.contact_force.sum(axis=1)
 
     @property
+    def converged(self) -> bool:
+        """A motion that has not converged is not returned."""
+        return True
+
+    @property
+    def multipliers(self) -> np.ndarray:
+        """(0,): the unreduced model's multipliers are not computed."""
+        return np.zeros(0, dtype=complex)
+
+    def amplitude(self, point: str) -> float:
+        """Half the peak-to-peak of the y displacement of a point, m."""
+        return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
+
+    @property
     def iterations(self) -> int:
         """Newton iterations."""
         return len(self.residuals) - 1

@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from ..loads import PointForce, separate
+from ..loads import separate
 from ..material import positive
 from ..parallel import collective
-from ..reduction import Reduction, communicator, reduce
+from ..reduction import Reduction, check_reduction, communicator, reduce
 from ..signals import Harmonic, as_signal
 from ..system.model import Model
 from .continuation import Station, Trace
@@ -27,6 +27,10 @@ STEPS, LONGEST = 512, 64
 FULL_MODES = 40
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
+# Periods of a history after which Newton's method is tried again.
+SETTLING = (1, 3, 10, 30)
+# Bytes that the arrays of one period may take.
+MEMORY = 8e9
 # Factor on the oscillating loads from which a ramp starts where Newton's method does not converge at full load.
 RAMP = 0.02
 # Uncertainty of multipliers below which rounding is all there is.
@@ -52,7 +56,7 @@ class Orbit(ModalHistory):
     residuals : tuple of float
         Norm of x(T) - x(0) at each Newton iterate.
     path : str
-        How it was reached: "Newton", "ramp of the load", "point of a curve" or "period doubling".
+        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load", "point of a curve" or "period doubling".
     converged : bool
     step_error : float
         Relative change of the displacements from half as many steps; nan unless a tolerance was given.
@@ -148,14 +152,19 @@ def periodic(model: Model | Reduction, load, frequency: float, periods: int | No
     ValueError, TypeError, KeyError
         For input that makes no sense, tones without a common period, an undamped mode driven at its own frequency.
     SolveError
-        If neither Newton's method at full load nor a ramp of the load converges, or the tolerance is not met.
+        If Newton's method converges neither from the first guess nor after some periods of a history nor along a ramp of the load, or the tolerance is not met.
     """
     if tolerance is not None:
         positive("periodic", "tolerance", tolerance, "relative")
+        if reduction is None:
+            raise on_all_ranks(ValueError("periodic: tolerance is for the reduced model; repeat the unreduced one with more steps"))
         return _refined(model, load, frequency, tolerance, periods=periods, steps=steps, modes=modes, contact=contact, reduction=reduction, start=start, jacobian=jacobian, stability=stability, longest=longest)
     if reduction is None:
         from .full_shooting import full_periodic  # needs this module
 
+        with collective(communicator(model)):
+            positive("periodic", "frequency", frequency, "Hz")
+            check_counts(periods, steps, modes, longest)
         if start is not None or jacobian not in ("auto", "matrix-free"):
             raise on_all_ranks(ValueError("periodic: start and jacobian are for the reduced model; the unreduced one starts from its linear response, without a matrix"))
         return full_periodic(model, load, frequency, periods, steps or STEPS, modes or FULL_MODES, contact, longest)
@@ -166,7 +175,9 @@ def periodic(model: Model | Reduction, load, frequency: float, periods: int | No
     except SolveError as error:
         if start is not None or not contact:
             raise
-        shot, path = _ramped(period, frequency, error), "ramp of the load"
+        shot, path = _settled(period, frequency, guess), "history"
+        if shot is None:
+            shot, path = _ramped(period, frequency, error), "ramp of the load"
     values, uncertainty = orbit_stability(period, shot, frequency) if stability else (np.zeros(0, dtype=complex), 0.0)
     return make_orbit(shot, values, uncertainty, path)
 
@@ -185,17 +196,22 @@ def _refined(model, load, frequency: float, tolerance: float, **options) -> Orbi
     raise on_all_ranks(SolveError(f"periodic: with {options['steps']} steps a period the displacements still change by {error:.2g} when the steps are doubled; a tolerance of {tolerance:g} is not met"))
 
 
+def check_counts(periods, steps, modes, longest) -> None:
+    """Raise TypeError or ValueError for counts that make no sense."""
+    for name, value, least in (("periods", periods, 1), ("steps", steps, 48), ("modes", modes, 1), ("longest", longest, 1)):
+        if value is None and name in ("periods", "steps", "modes"):
+            continue
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            raise TypeError(f"periodic: {name} = {value!r} must be an integer")
+        if value < least:
+            raise ValueError(f"periodic: {name} = {value!r} must be at least {least}")
+
+
 def prepare(model: Model | Reduction, load, frequency, periods, steps, modes, contact, reduction, start, jacobian, longest) -> Period:
     """The period map of checked input."""
     with collective(communicator(model)):
         positive("periodic", "frequency", frequency, "Hz")
-        for name, value, least in (("periods", periods, 1), ("steps", steps, 48), ("modes", modes, 1), ("longest", longest, 1)):
-            if value is None and name in ("periods", "steps", "modes"):
-                continue
-            if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-                raise TypeError(f"periodic: {name} = {value!r} must be an integer")
-            if value < least:
-                raise ValueError(f"periodic: {name} = {value!r} must be at least {least}")
+        check_counts(periods, steps, modes, longest)
         if jacobian not in JACOBIANS:
             raise ValueError(f"periodic: jacobian = {jacobian!r} must be one of {', '.join(map(repr, JACOBIANS))}")
 
@@ -216,19 +232,33 @@ def prepare(model: Model | Reduction, load, frequency, periods, steps, modes, co
     with collective(communicator(model)):
         if not isinstance(reduction, Reduction):
             raise TypeError(f"periodic: reduction = {reduction!r} must be 'modes' or a Reduction")
-        if reduction.load_modes.shape[1] != len(unit_loads):
-            raise ValueError(f"periodic: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has {len(unit_loads)}; reduce the model again, or give a value for each")
-        for k, unit in enumerate(unit_loads):
-            # a force at a point acts on the modes as they move that point
-            if isinstance(unit, PointForce) and not isinstance(model, Reduction):
-                moved = reduction.sensor_modes[reduction.points.index(unit.point), 0 if unit.fx else 1] if unit.point in reduction.points else np.inf
-                if np.abs(reduction.load_modes[:, k] - moved).max() > 1e-6 * np.abs(reduction.load_modes[:, k]).max():
-                    raise ValueError(f"periodic: the reduction was made for other loads than {unit!r}; reduce the model again, with reduction = 'modes'")
+        if isinstance(model, Reduction):
+            if reduction.load_modes.shape[1] != len(unit_loads):
+                raise ValueError(f"periodic: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has {len(unit_loads)}; give a value for each")
+        else:
+            check_reduction(model, reduction, unit_loads, "periodic")
         if start is not None and len(start.state) != 2 * len(reduction.omega):
             raise ValueError(f"periodic: start has {len(start.state) // 2} modes, the reduction {len(reduction.omega)}; give the start's own reduction")
     if steps is None:
         steps = max(STEPS, math.ceil(reduction.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)) if contact and len(reduction.initial_gap) else 0)
+    size = 8.0 * steps * drive.periods * (6 * len(reduction.omega) + 3 * len(reduction.initial_gap))
+    if size > MEMORY:
+        raise on_all_ranks(ValueError(f"periodic: {steps * drive.periods:,d} steps a period of {len(reduction.omega)} modes at {frequency:g} Hz would take {size / 1e9:.0f} GB; give fewer steps or modes, or use static for so slow a load"))
     return Period(reduction, drive, steps * drive.periods, contact)
+
+
+def _settled(period: Period, frequency: float, state: np.ndarray) -> Shot | None:
+    """Fixed point from where a history of some periods has brought the state: it forgets what Newton's method cannot leave."""
+    driven, done = period.at(frequency), 0
+    for periods in SETTLING:
+        try:
+            for _ in range(periods - done):
+                state = state + driven.run(state).residual
+            done = periods
+            return shoot(period, state, frequency)
+        except SolveError:
+            continue
+    return None
 
 
 def _ramped(period: Period, frequency: float, error: SolveError) -> Shot:
@@ -294,6 +324,8 @@ def one_sided(values: np.ndarray) -> np.ndarray:
     """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
     result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
     result[0] *= 0.5
+    if len(values) % 2 == 0:  # the highest frequency stands for itself alone
+        result[-1] *= 0.5
     return result
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
@@ -26,11 +27,15 @@ from .stability import multipliers
 # Harmonics kept of every point.
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
-EVEN, ABOUT = 201, 41
+EVEN, ABOUT = 201, 40
 # A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the shortest chord that is divided, times.
 BEND, SHORT, PASSES = 0.3, 0.01, 3
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
+
+
+class CurveWarning(UserWarning):
+    """A curve has not come to the end of its range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +67,7 @@ class Curve:
     reason : str
         Why the curve ends.
     complete : bool
-        Whether it reached an end of the range.
+        Whether it reached the end of the range; a branch may also leave where it began.
     periods : int
     period : Period
         The map whose fixed points these are.
@@ -103,7 +108,7 @@ class Curve:
 
     @property
     def stable(self) -> np.ndarray:
-        """(n,) bool: no multiplier outside the unit circle by more than the uncertainty."""
+        """(n,) bool, True throughout where stability was not asked for: no multiplier outside the unit circle by more than the uncertainty."""
         return np.abs(self.multipliers[:, 0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR) if self.multipliers.shape[1] else np.ones(len(self.value), dtype=bool)
 
     @property
@@ -144,7 +149,9 @@ class Curve:
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
-        return (f"Curve({len(self.value)} points over {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}{unit}, {int((~self.stable).sum())} unstable, "
+        asked = self.multipliers.shape[1] or not self.period.pairs
+        verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
+        return (f"Curve({len(self.value)} points over {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}{unit}, {verdict}, "
                 f"{len(self.bifurcations)} bifurcations, {self.reason})")
 
 
@@ -262,7 +269,7 @@ def frequency_response(model: Model | Reduction, load, start: float, stop: float
     period = prepare(model, load, start, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
 
     def begin() -> np.ndarray:
-        return (first or periodic(model, load, start, periods, steps, reduction=period.reduction, stability=False)).state
+        return periodic(model, load, start, periods, steps, reduction=period.reduction, start=first, stability=False).state
 
     return _follow(model, period, "frequency", start, stop, begin, points, largest_step, stability, file, resume, progress, None)
 
@@ -285,19 +292,21 @@ def load_response(model: Model | Reduction, load, frequency: float, start: float
                 raise ValueError(f"load_response: {name} = {value!r} must be a factor, 0 or more")
         if start == stop:
             raise ValueError(f"load_response: start and stop are both {start:g}; give a range, or use periodic")
+        if first is not None and abs(first.frequency - frequency) > 1e-9 * frequency:
+            raise ValueError(f"load_response: first is at {first.frequency:g} Hz, not at frequency = {frequency:g} Hz")
         _check_step("load_response", largest_step)
     period = prepare(model, load, frequency, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
 
     def begin() -> np.ndarray:
         from .shooting import shoot
 
-        return first.state if first else shoot(period, period.at(frequency, start).linear_state, frequency, start).state
+        return shoot(period, first.state if first else period.at(frequency, start).linear_state, frequency, start).state
 
     return _follow(model, period, "load", start, stop, begin, points, largest_step, stability, file, resume, progress, frequency)
 
 
 def _check_step(what: str, largest_step: float) -> None:
-    if not isinstance(largest_step, (int, float)) or isinstance(largest_step, bool) or not largest_step > 0.0:
+    if not isinstance(largest_step, numbers.Real) or isinstance(largest_step, bool) or not largest_step > 0.0:
         raise ValueError(f"{what}: largest_step = {largest_step!r} must be a positive number")
 
 
@@ -341,11 +350,11 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
         rows.add(item)
 
     def curve(finished: bool) -> Curve:
-        ends = len(trace.stations) > 1 and not trace.lower < trace.stations[-1].value < trace.upper
+        arrived = len(trace.stations) > 1 and (trace.stations[-1].value >= trace.upper if stop > start else trace.stations[-1].value <= trace.lower)
         bifurcations = tuple(locate(trace, rows.found)) if finished and stability else ()
         error = _uncertainty(trace, rows.found, frequency) if finished and stability else np.full(len(trace.stations), np.nan)
         return Curve(name, np.array([s.value for s in trace.stations]), np.array([s.shot.state for s in trace.stations]), *rows.arrays(), error,
-                     np.array([len(s.shot.residuals) - 1 for s in trace.stations]), bifurcations, trace.reason or "unfinished", ends, period.drive.periods, period, frequency)
+                     np.array([len(s.shot.residuals) - 1 for s in trace.stations]), bifurcations, trace.reason or "unfinished", arrived, period.drive.periods, period, frequency)
 
     with progress_bar(communicator(model), f"{name} response", progress) as told:
         if not (len(stations) > 1 and not trace.lower < stations[-1].value < trace.upper):
@@ -360,7 +369,9 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
     result = curve(True)
     if record is not None:
         record.update(lambda: result, trace.length, last=True)
-    if not result.complete and len(trace.stations) < most:
+    if len(trace.stations) >= most:
+        warnings.warn(f"{name}_response: the curve ends at {result.value[-1]:.8g} after {most} points, before {stop:.8g}; raise points, or take more steps a period if it zigzags", CurveWarning, stacklevel=3)
+    elif trace.lower < result.value[-1] < trace.upper:
         error = SolveError(f"{name}_response: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: {trace.reason}; take more steps a period, or see -shooting_snes_monitor")
         error.curve = result
         raise on_all_ranks(error)

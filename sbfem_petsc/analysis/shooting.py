@@ -6,6 +6,7 @@ what is integrated is the difference z, driven by contact alone, so that a motio
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -340,7 +341,7 @@ class _Newton:
         if reason > 0:
             return
         raise on_all_ranks(SolveError(f"periodic: Newton's method did not converge ({snes_reason(reason)} after {snes.getIterationNumber()} iterations): x(T) - x(0) is at "
-                                      f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from {self.residuals[0] / max(size, 1e-300):.2e}; start from a neighbour, take more steps, or see -{PREFIX}snes_..."))
+                                      f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from {(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take more steps, or see -{PREFIX}snes_..."))
 
 
 def snes_reason(reason: int) -> str:

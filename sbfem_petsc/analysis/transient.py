@@ -16,7 +16,7 @@ from ..errors import SolveError, on_all_ranks
 from ..loads import separate
 from ..parallel import collective
 from ..progress import progress_bar
-from ..reduction import Reduction, communicator, reduce
+from ..reduction import Reduction, check_reduction, communicator, reduce
 from ..signals import as_signal
 from ..system.model import Model
 from .energy import Energy, Ledger, guard
@@ -135,6 +135,10 @@ def transient(model: Model | Reduction, load, duration: float, step: float | Non
         else:
             model.checked_loads(load, constant=False)
             unit_loads, signals = separate(load)
+            if isinstance(reduction, Reduction):
+                check_reduction(model, reduction, unit_loads, "transient")
+            elif reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
+                raise TypeError(f"transient: reduction = {reduction!r} must be 'modes', a Reduction or None")
         highest = max((s.highest_frequency or 0.0 for s in signals), default=0.0)
         _check(duration, step, modes, scheme, start, decimation)
         full = reduction is None or scheme == "paper"

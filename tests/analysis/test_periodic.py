@@ -342,14 +342,33 @@ def test_numbers_of_all_kinds_are_amplitudes(amplitude):
     assert found[1] == pytest.approx(-1j / (0.81 - omega**2 + 0.018j * omega), rel=1e-10) and abs(found[0]) < 1e-14
 
 
-def test_a_ramp_past_a_corner():
+def test_a_ramp_past_a_corner(monkeypatch):
     """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it where a stiff stop is met and the branch turns back."""
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
     r = reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"1": 0, "2": 1}, damping=0.03 * stiffness, compliance=np.array([0.01]))
+    settled = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False)
+    assert settled.path == "history" and settled.residuals[-1] < 1e-9
+    monkeypatch.setattr("sbfem_petsc.analysis.periodic.SETTLING", ())
     orbit = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False)
     assert orbit.path == "ramp of the load" and orbit.amplitude("2") == pytest.approx(0.64656, rel=1e-3)
     again = sb.periodic(r, 0.1, 0.1, steps=2048, start=orbit, stability=False)
     assert again.iterations <= 1
+
+
+@pytest.mark.parametrize("number", [np.int64(300), np.float32(300), 300])
+def test_forces_of_all_kinds_are_amplitudes(case_p, number):
+    """The same motion as for a float."""
+    model, orbit = case_p
+    again = sb.periodic(model, sb.PointForce("A", fy=number), 3000.0, reduction=orbit.reduction, stability=False)
+    np.testing.assert_allclose(again.harmonics("A")[:5], orbit.harmonics("A")[:5], rtol=0, atol=1e-9 * np.abs(orbit.harmonics("A")[1]))
+
+
+def test_reductions_of_other_damping_are_refused(case_p):
+    model, orbit = case_p
+    other = sb.Model(paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), damping=0.05)
+    for run in (lambda: sb.periodic(other, FORCE, 3000.0, reduction=orbit.reduction), lambda: sb.transient(other, FORCE, 1e-4, reduction=orbit.reduction)):
+        with pytest.raises(ValueError, match="made for a model of other contact pairs or damping"):
+            run()
 
 
 RANKS = """
