@@ -192,11 +192,15 @@ def carry(coefficients, right, runs, operators, shifts, sources, speed_sources, 
     if pulled:
         thin = operators[runs[0]] @ (thin_rows @ q)
         thin[:, first:] += shifts[0]
-        pull = -(right @ thin)
+        np.dot(right, -thin, pull)
+    # contact at a step's end joins the next step's start in one pass over the columns; at the first instant there is no step before it
+    ended = False
     for n in range(steps):
         for j in range(m):
             a, b, d, e, f, g = aqq[j], aqv[j], avq[j], avv[j], cq[j], cv[j]
             if pulled:
+                if ended:
+                    f, g = a * f + b * g + f, d * f + e * g + g
                 for k in range(columns):
                     position = a * q[j, k] + b * v[j, k] + f * pull[j, k]
                     v[j, k] = d * q[j, k] + e * v[j, k] + g * pull[j, k]
@@ -209,13 +213,13 @@ def carry(coefficients, right, runs, operators, shifts, sources, speed_sources, 
             for k in range(parameters):
                 q[j, first + k] += sources[n, j, k]
                 v[j, first + k] += speed_sources[n, j, k]
-        pulled = runs[n + 1] >= 0
+        pulled, ended = runs[n + 1] >= 0, True
         if pulled:
             thin = operators[runs[n + 1]] @ (thin_rows @ q)
             thin[:, first:] += shifts[n + 1]
-            pull = -(right @ thin)
-            for j in range(m):
-                f, g = cq[j], cv[j]
-                for k in range(columns):
-                    q[j, k] += f * pull[j, k]
-                    v[j, k] += g * pull[j, k]
+            np.dot(right, -thin, pull)
+    if pulled and ended:
+        for j in range(m):
+            for k in range(columns):
+                q[j, k] += cq[j] * pull[j, k]
+                v[j, k] += cv[j] * pull[j, k]
