@@ -21,9 +21,8 @@ from ..signals import Harmonic
 from ..system.model import Model
 from ..system.pencil import Pencil
 from .full_march import FullMarch
-from .harmonic import Drive
+from .harmonic import Drive, one_sided
 from .modal import modal
-from .periodic import one_sided
 from .shooting import PREFIX, snes_reason
 
 # The linear solves need no more than Newton's next iterate is good for.

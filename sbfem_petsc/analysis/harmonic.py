@@ -125,6 +125,15 @@ class Drive:
         return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
 
 
+def one_sided(values: np.ndarray) -> np.ndarray:
+    """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
+    result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
+    result[0] *= 0.5
+    if len(values) % 2 == 0:  # the highest frequency stands for itself alone
+        result[-1] *= 0.5
+    return result
+
+
 def _parts(signal: Signal):
     return signal.parts if isinstance(signal, Sum) else (signal,)
 

@@ -16,7 +16,7 @@ from ..reduction import Reduction, check_reduction, communicator, reduce
 from ..signals import Harmonic, as_signal
 from ..system.model import Model
 from .continuation import Station, Trace
-from .harmonic import Drive
+from .harmonic import Drive, one_sided
 from .modal_history import ModalHistory
 from .shooting import JACOBIANS, DrivenPeriod, Motion, Period, Shot, shoot
 from .stability import multipliers
@@ -318,15 +318,6 @@ def make_orbit(shot: Shot, values: np.ndarray, uncertainty: float, path: str) ->
     forces = np.zeros((p.steps, len(p.reduction.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
     return Orbit(np.arange(p.steps) * driven.step, q[:-1], v[:-1], driven.loads[:-1], forces, p.reduction, driven.frequency, p.drive.periods, shot.state, values, uncertainty, shot.residuals, path)
-
-
-def one_sided(values: np.ndarray) -> np.ndarray:
-    """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
-    result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
-    result[0] *= 0.5
-    if len(values) % 2 == 0:  # the highest frequency stands for itself alone
-        result[-1] *= 0.5
-    return result
 
 
 def _axis(direction: str) -> int:

@@ -20,7 +20,8 @@ from ..signals import Constant, Signal
 from ..system.model import Model
 from .bifurcations import Bifurcation, between, locate
 from .continuation import Station, Trace
-from .periodic import FLOOR, LONGEST, Orbit, make_orbit, modal_motion, multiplier_error, one_sided, periodic, prepare, _axis
+from .harmonic import one_sided
+from .periodic import FLOOR, LONGEST, Orbit, make_orbit, modal_motion, multiplier_error, periodic, prepare, _axis
 from .shooting import Period, Shot
 from .stability import multipliers
 
