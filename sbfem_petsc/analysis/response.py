@@ -28,7 +28,7 @@ from .stability import multipliers
 # Harmonics kept of every point.
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
-EVEN, ABOUT = 201, 40
+EVEN, ABOUT = 201, 41
 # A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the shortest chord that is divided, times.
 BEND, SHORT, PASSES = 0.3, 0.01, 3
 # Instants a period at which a linear response is evaluated.
@@ -447,7 +447,7 @@ def _linear(period: Period, start: float, stop: float) -> Curve:
     r = period.reduction
     lower, upper = min(start, stop), max(start, stop)
     inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
-    near = [f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT))) for f, z in inside]
+    near = [f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT if z else ABOUT - 1))) for f, z in inside]  # an even number leaves out a resonance without damping
     values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
