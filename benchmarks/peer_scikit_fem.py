@@ -1,26 +1,28 @@
 """Natural frequencies 1-46 of the paper case with scikit-fem: the peer side of the modal benchmark.
 
-The beam (0.4 m x 0.005 m, plane stress, unit thickness, clamped at x = 0, a V notch from the top edge whose tip lies at
-(0.08, 0.0025)) is discretised with quadratic, cubic and quartic triangles on meshes that are graded geometrically
-towards the crack tip and the two clamped corners. scikit-fem assembles, SciPy's ``eigsh`` finds the frequencies by
-shift-invert about zero. What a run costs is the CPU time from the mesh in memory (arrays of points and triangles) to the
-46 frequencies; making the mesh is not counted.
+The beam (0.4 m x 0.005 m, plane stress, unit thickness, clamped at x = 0, a V notch from the top edge whose
+tip lies at (0.08, 0.0025)) is discretised with quadratic, cubic and quartic triangles on meshes that are
+graded geometrically towards the crack tip and the two clamped corners. scikit-fem assembles, SciPy's
+``eigsh`` finds the frequencies by shift-invert about zero. What a run costs is the CPU time from the mesh in
+memory (arrays of points and triangles) to the 46 frequencies; making the mesh is not counted.
 
 scikit-fem is treated as its expert user would treat it:
 
 - meshes laid out by hand, so that no element is smaller than the grading asks for;
-- scalar bases and scalar forms, from which the plane elasticity matrices are put together block by block: a third of
-  the time of the usual forms on ``ElementVector``;
-- SuperLU in symmetric mode with minimum degree ordering, without pivoting (the stiffness matrix is positive definite);
-- as few Lanczos vectors as let ``eigsh`` converge in one pass, and a tolerance no tighter than the errors need;
-- tried without gain: a shift inside the band (20 to 48 kHz, one quartic mesh: as many solves as about zero, or more);
-  COLAMD (more fill for cubic and quartic triangles, about level for quadratic ones).
+- scalar bases and scalar forms, from which the plane elasticity matrices are put together block by block: a
+  third of the time of the usual forms on ``ElementVector``;
+- SuperLU in symmetric mode with minimum degree ordering, without pivoting (the stiffness matrix is positive
+  definite);
+- as few Lanczos vectors as let ``eigsh`` converge in one pass, and a tolerance no tighter than the errors
+  need;
+- tried without gain: a shift inside the band (20 to 48 kHz, one quartic mesh: as many solves as about zero,
+  or more); COLAMD (more fill for cubic and quartic triangles, about level for quadratic ones).
 
-What is left on the table: element matrices made without scikit-fem's forms, from those of one reference triangle, would
-take 20 ms off the quartic case at 1e-4, but that would no longer be scikit-fem's assembly.
+What is left on the table: element matrices made without scikit-fem's forms, from those of one reference
+triangle, would take 20 ms off the quartic case at 1e-4, but that would no longer be scikit-fem's assembly.
 
-Run alone it prints the table of the best meshes: ``./run python benchmarks/peer_scikit_fem.py``. With ``--scan`` it
-repeats the scan they were found by (``SCAN``, about 90 CPU seconds) and prints its winners.
+Run alone it prints the table of the best meshes: ``./run python benchmarks/peer_scikit_fem.py``. With
+``--scan`` it repeats the scan they were found by (``SCAN``, about 90 CPU seconds) and prints its winners.
 """
 
 from __future__ import annotations
@@ -43,8 +45,20 @@ import scipy.sparse
 from scipy.sparse.linalg import LinearOperator, eigsh, splu
 from skfem import Basis, BilinearForm, ElementTriP2, ElementTriP3, ElementTriP4, MeshTri
 
-__all__ = ["BEST", "ORDERS", "SCAN", "TARGETS", "MeshParameters", "Solution", "best", "graded_mesh", "largest_error",
-           "reference_frequencies", "scan", "solve"]
+__all__ = [
+    "BEST",
+    "ORDERS",
+    "SCAN",
+    "TARGETS",
+    "MeshParameters",
+    "Solution",
+    "best",
+    "graded_mesh",
+    "largest_error",
+    "reference_frequencies",
+    "scan",
+    "solve",
+]
 
 # The paper case, SI units; the opening is the total angle.
 LENGTH, HEIGHT = 0.4, 0.005
@@ -55,8 +69,12 @@ MODES = 46
 ELEMENTS = {2: ElementTriP2, 3: ElementTriP3, 4: ElementTriP4}
 ORDERS = tuple(ELEMENTS)
 TARGETS = (1e-3, 1e-4, 1e-5)
-LANCZOS_VECTORS = 74  # with these two eigsh solves 75 times, one pass without a restart, on every mesh of BEST
-LANCZOS_TOLERANCE = 1e-4  # ARPACK's; measured on BEST: frequencies within 4e-11 of those converged to round-off
+LANCZOS_VECTORS = (
+    74  # with these two eigsh solves 75 times, one pass without a restart, on every mesh of BEST
+)
+LANCZOS_TOLERANCE = (
+    1e-4  # ARPACK's; measured on BEST: frequencies within 4e-11 of those converged to round-off
+)
 ROUND_OFF = 1e-7  # of the first frequency: the order of the unknowns alone moves it by up to 6e-8
 REFERENCE_FILE = Path(__file__).resolve().parent.parent / "examples" / "reference" / "reference.json"
 
@@ -72,13 +90,16 @@ class MeshParameters:
     layers : int
         Layers of elements over the beam's height there.
     tip_segments : int
-        Element edges on each side of the square of the beam's height around the crack tip, and of every ring in it.
+        Element edges on each side of the square of the beam's height around the crack tip, and of every ring
+        in it.
     tip_size : float
         Size of the elements at the crack tip.
     tip_ratio : float
-        Ratio of the sizes of successive rings around the tip, below 1; the nearest that gives a whole number of rings.
+        Ratio of the sizes of successive rings around the tip, below 1; the nearest that gives a whole number
+        of rings.
     corner_segments : int
-        Element edges on each of the two inner sides of the square of half the beam's height in each clamped corner.
+        Element edges on each of the two inner sides of the square of half the beam's height in each clamped
+        corner.
     corner_size : float
         Size of the elements in the two clamped corners; 0: no grading there.
     corner_ratio : float
@@ -126,7 +147,9 @@ class Solution:
     stages: dict[str, float]
 
 
-# --- reference -------------------------------------------------------------------------------------------------------
+# --- reference
+# -------------------------------------------------------------------------------------------------------
+
 
 def reference_frequencies() -> np.ndarray:
     """Return the converged frequencies 1-46 of the paper case in Hz (their own error is 1e-6)."""
@@ -139,7 +162,9 @@ def largest_error(frequencies: np.ndarray) -> float:
     return float(np.max(np.abs(frequencies / reference_frequencies() - 1.0)))
 
 
-# --- mesh ------------------------------------------------------------------------------------------------------------
+# --- mesh
+# ------------------------------------------------------------------------------------------------------------
+
 
 class _Triangulation:
     """Points and triangles under construction; chains are lists of point numbers."""
@@ -160,7 +185,9 @@ class _Triangulation:
         return float(np.hypot(*np.subtract(self.points[one], self.points[other])))
 
     def strip(self, one: list[int], other: list[int]) -> None:
-        """Fill the strip between two chains that run in the same direction, always along the shorter diagonal."""
+        """Fill the strip between two chains that run in the same direction, always along the shorter
+        diagonal.
+        """
         i = j = 0
         while i < len(one) - 1 or j < len(other) - 1:
             if j == len(other) - 1:
@@ -177,7 +204,8 @@ class _Triangulation:
                 j += 1
 
     def rings(self, outline: list[int], centre: tuple[float, float], smallest: float, ratio: float) -> None:
-        """Fill the region that `outline` bounds with copies of it scaled about `centre`, and a fan in the last one.
+        """Fill the region that `outline` bounds with copies of it scaled about `centre`, and a fan in the
+        last one.
 
         Parameters
         ----------
@@ -195,7 +223,7 @@ class _Triangulation:
         for scale in smallest ** (np.arange(1, count + 1) / max(count, 1)):
             inner = self.chain(centre[0] + scale * (x - centre[0]), centre[1] + scale * (y - centre[1]))
             for start in range(len(outline) - 1):
-                self.strip(inner[start:start + 2], outline[start:start + 2])
+                self.strip(inner[start : start + 2], outline[start : start + 2])
             outline = inner
         (tip,) = self.chain(*centre)
         self.triangles.extend((tip, *edge) for edge in itertools.pairwise(outline))
@@ -203,8 +231,8 @@ class _Triangulation:
     def span(self, left: list[int], end: float, length: float, layers: int, last_layers: int) -> list[int]:
         """Fill the beam from the upright chain `left` to x = `end` and return the upright chain there.
 
-        Rows of triangles whose apexes stand over the middle of the opposite edges; one column on either side where
-        the number of layers changes.
+        Rows of triangles whose apexes stand over the middle of the opposite edges; one column on either side
+        where the number of layers changes.
         """
         start = self.points[left[0]][0]
         columns = max(1, round((end - start) / length))
@@ -218,7 +246,7 @@ class _Triangulation:
             upright = self.chain(stations[1], np.linspace(0.0, HEIGHT, layers + 1))
             self.strip(left, upright)
             left = upright
-        stations = stations[int(first):len(stations) - int(last)]
+        stations = stations[int(first) : len(stations) - int(last)]
         middles = (stations[1:] + stations[:-1]) / 2
         right = self.chain(stations[-1], np.linspace(0.0, HEIGHT, layers + 1))
         below: list[int] = []
@@ -238,9 +266,9 @@ class _Triangulation:
 def graded_mesh(parameters: MeshParameters) -> tuple[np.ndarray, np.ndarray]:
     """Make the mesh of the paper case.
 
-    Around the crack tip a square of the beam's height is filled with rings that are scaled copies of one another; the
-    crack's faces are two of the rays. Each clamped corner has a square of half the height, filled in the same way.
-    Staggered rows of triangles make up the rest.
+    Around the crack tip a square of the beam's height is filled with rings that are scaled copies of one
+    another; the crack's faces are two of the rays. Each clamped corner has a square of half the height,
+    filled in the same way. Staggered rows of triangles make up the rest.
 
     Parameters
     ----------
@@ -260,7 +288,7 @@ def graded_mesh(parameters: MeshParameters) -> tuple[np.ndarray, np.ndarray]:
         count = parameters.corner_segments
         left = mesh.chain(half, np.linspace(0.0, HEIGHT, 2 * count + 1))
         middle = mesh.chain(np.linspace(half, 0.0, count + 1)[1:], half)
-        for side, y in ((left[:count + 1], 0.0), (left[:count - 1:-1], HEIGHT)):
+        for side, y in ((left[: count + 1], 0.0), (left[: count - 1 : -1], HEIGHT)):
             mesh.rings(side + middle, (0.0, y), parameters.corner_size / half, parameters.corner_ratio)
     else:
         left = mesh.chain(0.0, np.linspace(0.0, HEIGHT, parameters.layers + 1))
@@ -272,12 +300,17 @@ def graded_mesh(parameters: MeshParameters) -> tuple[np.ndarray, np.ndarray]:
     top_right = mesh.chain(NOTCH_POSITION + offsets, HEIGHT)
     top_left = mesh.chain(NOTCH_POSITION - offsets, HEIGHT)
     outline = [*top_left[::-1], *left[::-1], *bottom, *right, *top_right]
-    mesh.rings(outline, (NOTCH_POSITION, HEIGHT - NOTCH_DEPTH), parameters.tip_size / half, parameters.tip_ratio)
+    mesh.rings(
+        outline, (NOTCH_POSITION, HEIGHT - NOTCH_DEPTH), parameters.tip_size / half, parameters.tip_ratio
+    )
     mesh.span(right, LENGTH, parameters.element_length, parameters.layers, parameters.layers)
 
     points = np.ascontiguousarray(np.array(mesh.points).T)
     triangles = np.ascontiguousarray(np.array(mesh.triangles).T)
-    one, two = points[:, triangles[1]] - points[:, triangles[0]], points[:, triangles[2]] - points[:, triangles[0]]
+    one, two = (
+        points[:, triangles[1]] - points[:, triangles[0]],
+        points[:, triangles[2]] - points[:, triangles[0]],
+    )
     area = (one[0] * two[1] - one[1] * two[0]) / 2
     if not np.isclose(np.abs(area).sum(), LENGTH * HEIGHT - NOTCH_DEPTH * mouth, rtol=1e-12):
         raise RuntimeError(f"the triangles of {parameters} do not fill the beam")
@@ -285,7 +318,8 @@ def graded_mesh(parameters: MeshParameters) -> tuple[np.ndarray, np.ndarray]:
     return points, triangles
 
 
-# --- frequencies -----------------------------------------------------------------------------------------------------
+# --- frequencies
+# -----------------------------------------------------------------------------------------------------
 
 _MASS = BilinearForm(lambda u, v, w: u * v)
 _GRADIENT_XX = BilinearForm(lambda u, v, w: u.grad[0] * v.grad[0])
@@ -297,10 +331,14 @@ def _assemble(order: int, mesh: MeshTri) -> tuple[scipy.sparse.csc_matrix, scipy
     """Return stiffness / Young's modulus and mass / density of the clamped beam, all u_x before all u_y."""
     basis = Basis(mesh, ELEMENTS[order](), intorder=2 * order)
     free = basis.complement_dofs(basis.get_dofs(lambda x: x[0] < 1e-9))
-    mass, xx, xy, yy = (form.assemble(basis)[free][:, free] for form in (_MASS, _GRADIENT_XX, _GRADIENT_XY, _GRADIENT_YY))
+    mass, xx, xy, yy = (
+        form.assemble(basis)[free][:, free] for form in (_MASS, _GRADIENT_XX, _GRADIENT_XY, _GRADIENT_YY)
+    )
     plane, shear = 1.0 / (1.0 - POISSON**2), 0.5 / (1.0 + POISSON)
     coupling = plane * POISSON * xy.T + shear * xy
-    stiffness = scipy.sparse.bmat([[plane * xx + shear * yy, coupling], [coupling.T, plane * yy + shear * xx]], format="csc")
+    stiffness = scipy.sparse.bmat(
+        [[plane * xx + shear * yy, coupling], [coupling.T, plane * yy + shear * xx]], format="csc"
+    )
     return stiffness, scipy.sparse.block_diag((mass, mass), format="csr")
 
 
@@ -328,56 +366,138 @@ def solve(order: int, mesh_parameters: MeshParameters, repeats: int = 1) -> Solu
         started = time.process_time()
         stiffness, mass = _assemble(order, mesh)
         assembled = time.process_time()
-        factors = splu(stiffness, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = splu(
+            stiffness, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+        )
         factorised = time.process_time()
         unknowns = stiffness.shape[0]
         eigenvalues = eigsh(
-            stiffness, k=MODES, M=mass, sigma=0.0, which="LM", ncv=LANCZOS_VECTORS, tol=LANCZOS_TOLERANCE,
-            OPinv=LinearOperator(stiffness.shape, matvec=factors.solve, dtype=float), return_eigenvectors=False,
-            v0=np.random.default_rng(0).standard_normal(unknowns))
+            stiffness,
+            k=MODES,
+            M=mass,
+            sigma=0.0,
+            which="LM",
+            ncv=LANCZOS_VECTORS,
+            tol=LANCZOS_TOLERANCE,
+            OPinv=LinearOperator(stiffness.shape, matvec=factors.solve, dtype=float),
+            return_eigenvectors=False,
+            v0=np.random.default_rng(0).standard_normal(unknowns),
+        )
         frequencies = np.sqrt(np.sort(eigenvalues) * YOUNG / DENSITY) / (2 * np.pi)
         ended = time.process_time()
         records.append((ended - started, assembled - started, factorised - assembled, ended - factorised))
     seconds, *stages = min(records)
-    return Solution(order, mesh_parameters, frequencies, unknowns, largest_error(frequencies), seconds,
-                    dict(zip(("assembly", "factorisation", "lanczos"), stages)))
+    return Solution(
+        order,
+        mesh_parameters,
+        frequencies,
+        unknowns,
+        largest_error(frequencies),
+        seconds,
+        dict(zip(("assembly", "factorisation", "lanczos"), stages)),
+    )
 
 
-# --- scan ------------------------------------------------------------------------------------------------------------
+# --- scan
+# ------------------------------------------------------------------------------------------------------------
 
-# One grid for each order and target: every combination of the values is tried. They were narrowed down by a random
-# search over wider ones (about 700 meshes).
+# One grid for each order and target: every combination of the values is tried. They were narrowed down by a
+# random search over wider ones (about 700 meshes).
 SCAN: dict[tuple[int, float], dict[str, tuple]] = {
     (4, 1e-3): {
-        "element_length": (0.0115, 0.012, 0.0125), "layers": (1,), "tip_segments": (1, 2), "tip_size": (3e-4, 2e-4, 1e-4),
-        "tip_ratio": (0.2,), "corner_segments": (1,), "corner_size": (0.0, 1e-3), "corner_ratio": (0.3,)},
+        "element_length": (0.0115, 0.012, 0.0125),
+        "layers": (1,),
+        "tip_segments": (1, 2),
+        "tip_size": (3e-4, 2e-4, 1e-4),
+        "tip_ratio": (0.2,),
+        "corner_segments": (1,),
+        "corner_size": (0.0, 1e-3),
+        "corner_ratio": (0.3,),
+    },
     (4, 1e-4): {
-        "element_length": (0.0065, 0.007, 0.0075, 0.008), "layers": (1,), "tip_segments": (2,), "tip_size": (3e-5, 2e-5, 1e-5),
-        "tip_ratio": (0.12, 0.2), "corner_segments": (1,), "corner_size": (1e-3, 5e-4), "corner_ratio": (0.3,)},
+        "element_length": (0.0065, 0.007, 0.0075, 0.008),
+        "layers": (1,),
+        "tip_segments": (2,),
+        "tip_size": (3e-5, 2e-5, 1e-5),
+        "tip_ratio": (0.12, 0.2),
+        "corner_segments": (1,),
+        "corner_size": (1e-3, 5e-4),
+        "corner_ratio": (0.3,),
+    },
     (4, 1e-5): {
-        "element_length": (0.006, 0.0065), "layers": (2,), "tip_segments": (2, 3), "tip_size": (2e-6, 1e-6),
-        "tip_ratio": (0.4, 0.5), "corner_segments": (1,), "corner_size": (3e-4, 1e-4), "corner_ratio": (0.3,)},
+        "element_length": (0.006, 0.0065),
+        "layers": (2,),
+        "tip_segments": (2, 3),
+        "tip_size": (2e-6, 1e-6),
+        "tip_ratio": (0.4, 0.5),
+        "corner_segments": (1,),
+        "corner_size": (3e-4, 1e-4),
+        "corner_ratio": (0.3,),
+    },
     (3, 1e-3): {
-        "element_length": (0.006, 0.0065, 0.007), "layers": (1, 2), "tip_segments": (2,), "tip_size": (2e-4, 1e-4),
-        "tip_ratio": (0.25, 0.35), "corner_segments": (1,), "corner_size": (0.0, 1e-3), "corner_ratio": (0.2,)},
+        "element_length": (0.006, 0.0065, 0.007),
+        "layers": (1, 2),
+        "tip_segments": (2,),
+        "tip_size": (2e-4, 1e-4),
+        "tip_ratio": (0.25, 0.35),
+        "corner_segments": (1,),
+        "corner_size": (0.0, 1e-3),
+        "corner_ratio": (0.2,),
+    },
     (3, 1e-4): {
-        "element_length": (0.0037, 0.004, 0.0043), "layers": (2,), "tip_segments": (2, 3), "tip_size": (2e-5, 1e-5),
-        "tip_ratio": (0.35, 0.45), "corner_segments": (1,), "corner_size": (1e-3, 5e-4), "corner_ratio": (0.3,)},
+        "element_length": (0.0037, 0.004, 0.0043),
+        "layers": (2,),
+        "tip_segments": (2, 3),
+        "tip_size": (2e-5, 1e-5),
+        "tip_ratio": (0.35, 0.45),
+        "corner_segments": (1,),
+        "corner_size": (1e-3, 5e-4),
+        "corner_ratio": (0.3,),
+    },
     (3, 1e-5): {
-        "element_length": (0.0025, 0.0028), "layers": (3,), "tip_segments": (4, 5), "tip_size": (1e-6,),
-        "tip_ratio": (0.5, 0.58), "corner_segments": (1, 2), "corner_size": (5e-5,), "corner_ratio": (0.3,)},
+        "element_length": (0.0025, 0.0028),
+        "layers": (3,),
+        "tip_segments": (4, 5),
+        "tip_size": (1e-6,),
+        "tip_ratio": (0.5, 0.58),
+        "corner_segments": (1, 2),
+        "corner_size": (5e-5,),
+        "corner_ratio": (0.3,),
+    },
     (2, 1e-3): {
-        "element_length": (0.002, 0.0024), "layers": (2, 3), "tip_segments": (4,), "tip_size": (2e-4, 1e-4),
-        "tip_ratio": (0.35, 0.45), "corner_segments": (1, 2), "corner_size": (1e-3,), "corner_ratio": (0.45,)},
+        "element_length": (0.002, 0.0024),
+        "layers": (2, 3),
+        "tip_segments": (4,),
+        "tip_size": (2e-4, 1e-4),
+        "tip_ratio": (0.35, 0.45),
+        "corner_segments": (1, 2),
+        "corner_size": (1e-3,),
+        "corner_ratio": (0.45,),
+    },
     (2, 1e-4): {
-        "element_length": (0.001, 0.0012), "layers": (5,), "tip_segments": (6, 8), "tip_size": (2e-5, 1e-5),
-        "tip_ratio": (0.65,), "corner_segments": (2,), "corner_size": (5e-4, 1e-4), "corner_ratio": (0.5,)},
+        "element_length": (0.001, 0.0012),
+        "layers": (5,),
+        "tip_segments": (6, 8),
+        "tip_size": (2e-5, 1e-5),
+        "tip_ratio": (0.65,),
+        "corner_segments": (2,),
+        "corner_size": (5e-4, 1e-4),
+        "corner_ratio": (0.5,),
+    },
     (2, 1e-5): {
-        "element_length": (0.00056,), "layers": (9,), "tip_segments": (14,), "tip_size": (1e-6,),
-        "tip_ratio": (0.8,), "corner_segments": (4,), "corner_size": (1e-5,), "corner_ratio": (0.65,)},
+        "element_length": (0.00056,),
+        "layers": (9,),
+        "tip_segments": (14,),
+        "tip_size": (1e-6,),
+        "tip_ratio": (0.8,),
+        "corner_segments": (4,),
+        "corner_size": (1e-5,),
+        "corner_ratio": (0.65,),
+    },
 }
 
-# The cheapest mesh of each grid, as ``--scan`` finds it (meshes that differ by less than the noise of timing may swap).
+# The cheapest mesh of each grid, as ``--scan`` finds it (meshes that differ by less than the noise of timing
+# may swap).
 BEST: dict[tuple[int, float], MeshParameters] = {
     (2, 1e-3): MeshParameters(0.002, 3, 4, 1e-4, 0.35, 2, 1e-3, 0.45),
     (3, 1e-3): MeshParameters(0.0065, 2, 2, 2e-4, 0.25, 1, 0.0, 0.2),
@@ -410,7 +530,10 @@ def best(error: float) -> dict[int, MeshParameters | None]:
         If the scan was not made for this error.
     """
     if error not in TARGETS:
-        raise ValueError(f"the scan was made for the errors {', '.join(f'{target:g}' for target in TARGETS)}, not {error:g}")
+        raise ValueError(
+            f"the scan was made for the errors {', '.join(f'{target:g}' for target in TARGETS)}, not "
+            f"{error:g}"
+        )
     return {order: BEST.get((order, error)) for order in ORDERS}
 
 
@@ -429,8 +552,9 @@ def scan(order: int, target: float, finalists: int = 3, repeats: int = 3) -> tup
     order, target : int, float
         Key into `SCAN`.
     finalists : int
-        So many meshes with the fewest unknowns among those that reach the target are timed again with `repeats`; the
-        fastest wins. (The seconds of a single run fluctuate by more than neighbours in a grid differ.)
+        So many meshes with the fewest unknowns among those that reach the target are timed again with
+        `repeats`; the fastest wins. (The seconds of a single run fluctuate by more than neighbours in a grid
+        differ.)
     repeats : int
         See `solve`.
 
@@ -442,14 +566,18 @@ def scan(order: int, target: float, finalists: int = 3, repeats: int = 3) -> tup
         Number of meshes in the grid.
     """
     solutions = [solve(order, parameters) for parameters in grid(order, target)]
-    reached = sorted((solution for solution in solutions if solution.error <= target - ROUND_OFF),
-                     key=lambda solution: (solution.unknowns, solution.error))[:finalists]
+    reached = sorted(
+        (solution for solution in solutions if solution.error <= target - ROUND_OFF),
+        key=lambda solution: (solution.unknowns, solution.error),
+    )[:finalists]
     if len(reached) > 1:
         reached = [solve(order, solution.parameters, repeats) for solution in reached]
     return min(reached, key=lambda solution: solution.seconds, default=None), len(solutions)
 
 
-# --- command ---------------------------------------------------------------------------------------------------------
+# --- command
+# ---------------------------------------------------------------------------------------------------------
+
 
 def _row(target: float, solution: Solution) -> str:
     """Return one line of the table."""
@@ -459,9 +587,15 @@ def _row(target: float, solution: Solution) -> str:
 
 def main() -> None:
     """Print the table of the best meshes, or repeat the scan."""
-    parser = argparse.ArgumentParser(description="Frequencies 1-46 of the paper case with scikit-fem.", allow_abbrev=False)
-    parser.add_argument("--scan", action="store_true", help="repeat the scan that found the meshes (below two minutes)")
-    parser.add_argument("--repeats", type=int, default=5, help="runs of each mesh, the fastest counts (default 5)")
+    parser = argparse.ArgumentParser(
+        description="Frequencies 1-46 of the paper case with scikit-fem.", allow_abbrev=False
+    )
+    parser.add_argument(
+        "--scan", action="store_true", help="repeat the scan that found the meshes (below two minutes)"
+    )
+    parser.add_argument(
+        "--repeats", type=int, default=5, help="runs of each mesh, the fastest counts (default 5)"
+    )
     options = parser.parse_args()
     print(" target order  unknowns      error  CPU seconds      assembly factorisation       Lanczos")
     for target in TARGETS:
@@ -471,8 +605,12 @@ def main() -> None:
                 if winner is None:
                     print(f"{target:7.0e}{f'P{order}':>6}  none of {tried} meshes reaches it")
                     continue
-                values = ", ".join(f"{getattr(winner.parameters, item.name):g}" for item in fields(MeshParameters))
-                known = "as in BEST" if winner.parameters == BEST.get((order, target)) else "not the one in BEST"
+                values = ", ".join(
+                    f"{getattr(winner.parameters, item.name):g}" for item in fields(MeshParameters)
+                )
+                known = (
+                    "as in BEST" if winner.parameters == BEST.get((order, target)) else "not the one in BEST"
+                )
                 print(f"{_row(target, winner)}   of {tried}: ({values}), {known}", flush=True)
             elif parameters := best(target)[order]:
                 # A mesh that takes seconds needs no repetition to be timed within a few per cent.

@@ -1,9 +1,11 @@
-"""Cost of periodic motions by shooting, case P at 300 N with a modal damping ratio of 0.002, in one run on one core.
+"""Cost of periodic motions by shooting, case P at 300 N with a modal damping ratio of 0.002, in one run on
+one core.
 
-The refined mesh of `examples/harmonics.py` (67 pairs), 80 modes, 512 steps a period. Seconds are CPU seconds, one BLAS thread, the
-least of several repeats (curves and histories: one run); compiling is not counted, nor the reduction unless it is said. Beside shooting with the exact derivative stand the
-paper's finite differences, matrix-free shooting, and a time history from rest until it is periodic: a part of it is run, and what it still
-lacks follows from the slowest Floquet multiplier, whose rate is compared with the measured one.
+The refined mesh of `examples/harmonics.py` (67 pairs), 80 modes, 512 steps a period. Seconds are CPU seconds,
+one BLAS thread, the least of several repeats (curves and histories: one run); compiling is not counted, nor
+the reduction unless it is said. Beside shooting with the exact derivative stand the paper's finite
+differences, matrix-free shooting, and a time history from rest until it is periodic: a part of it is run, and
+what it still lacks follows from the slowest Floquet multiplier, whose rate is compared with the measured one.
 
     ./run python benchmarks/shooting.py
     ./run python benchmarks/shooting.py --periods 80000      the time history whole (some minutes)
@@ -21,10 +23,10 @@ import warnings
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-import sbfem_petsc as sb  # noqa: E402
-from examples.harmonics import REFINED, build  # noqa: E402
+import sbfem_petsc as sb
+from examples.harmonics import REFINED, build
 
 DAMPING, FORCE, MODES, STEPS = 0.002, 300.0, 80, 512
 FREQUENCIES, FORCES, RANGE = (3000.0, 20140.0), (300.0, 500.0, 700.0, 1500.0), (13900.0, 14600.0)
@@ -55,18 +57,37 @@ def distance(orbit, other, count=7):
 
 def orbits(model, reduction, repeats):
     """One orbit with and without its multipliers, and by the other ways to solve Newton's equations."""
-    print(f"\none orbit: {len(reduction.omega)} modes, {len(model.pairs)} pairs, {STEPS} steps\n   Hz   Jacobian      multipliers  iterations  residual    seconds   distance")
+    print(
+        f"\none orbit: {len(reduction.omega)} modes, {len(model.pairs)} pairs, {STEPS} steps\n   Hz   "
+        "Jacobian      multipliers  iterations  residual    seconds   distance"
+    )
     for frequency in FREQUENCIES:
         exact = None
-        for jacobian, stability in (("dense", False), ("dense", True), ("matrix-free", False), ("differences", False)):
+        for jacobian, stability in (
+            ("dense", False),
+            ("dense", True),
+            ("matrix-free", False),
+            ("differences", False),
+        ):
+
             def solve():
-                return sb.periodic(model, push(FORCE), frequency, steps=STEPS, reduction=reduction, jacobian=jacobian, stability=stability)
+                return sb.periodic(
+                    model,
+                    push(FORCE),
+                    frequency,
+                    steps=STEPS,
+                    reduction=reduction,
+                    jacobian=jacobian,
+                    stability=stability,
+                )
 
             solve()
             seconds, orbit = least(solve, repeats if jacobian != "differences" else 1)
             exact = exact or orbit
             asked = f"   (asked: at most {ASKED_ORBIT:g} s)" if jacobian == "dense" else ""
-            print(f"{frequency:6g}  {jacobian:12s}{'yes' if stability else 'no':>12s}{orbit.iterations:12d}{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}{distance(orbit, exact):12.1e}{asked}")
+            print(
+                f"{frequency:6g}  {jacobian:12s}{'yes' if stability else 'no':>12s}{orbit.iterations:12d}{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}{distance(orbit, exact):12.1e}{asked}"
+            )
 
 
 def jacobian(reduction, repeats, unknowns):
@@ -75,49 +96,103 @@ def jacobian(reduction, repeats, unknowns):
     from sbfem_petsc.analysis.shooting import Period, shoot
     from sbfem_petsc.analysis.stability import multipliers
 
-    print("\ncost of the Jacobian\n    Hz   one period, ms   Jacobian, ms   in periods   monodromy and multipliers, ms")
+    print(
+        "\ncost of the Jacobian\n    Hz   one period, ms   Jacobian, ms   in periods   monodromy and "
+        "multipliers, ms"
+    )
     for frequency in FREQUENCIES:
         period = Period(reduction, Drive.of([sb.Harmonic(FORCE, frequency)], frequency, 1, 1), STEPS)
         driven = period.at(frequency)
         state = shoot(period, driven.linear_state, frequency).state
         motion = driven.run(state)
         size = len(state)
-        seconds = [least(work, 10 * repeats)[0] for work in (lambda: driven.run(state), lambda: driven.carried(motion, np.eye(size)), lambda: multipliers(driven, motion))]
-        print(f"{frequency:6g}{1e3 * seconds[0]:17.2f}{1e3 * seconds[1]:15.2f}{seconds[1] / seconds[0]:13.1f}{1e3 * seconds[2]:32.2f}   (asked: at most {ASKED_JACOBIAN:g} periods; finite differences take {size + 1})")
+        seconds = [
+            least(work, 10 * repeats)[0]
+            for work in (
+                lambda: driven.run(state),
+                lambda: driven.carried(motion, np.eye(size)),
+                lambda: multipliers(driven, motion),
+            )
+        ]
+        print(
+            f"{frequency:6g}{1e3 * seconds[0]:17.2f}{1e3 * seconds[1]:15.2f}{seconds[1] / seconds[0]:13.1f}{1e3 * seconds[2]:32.2f}   (asked: at most {ASKED_JACOBIAN:g} periods; finite differences take {size + 1})"
+        )
     print(f"finite differences on the unreduced model would take {2 * unknowns + 1:,d} integrations")
 
 
 def curves(model):
     """Each curve of Fig. 11."""
-    print("\nresponse curves, 13.9-14.6 kHz\n  force, N   points   Newton iterations   unstable   bifurcations   seconds   without stability")
+    print(
+        "\nresponse curves, 13.9-14.6 kHz\n  force, N   points   Newton iterations   unstable   bifurcations "
+        "  seconds   without stability"
+    )
     for force in FORCES:
+
         def follow(stability):
-            return sb.frequency_response(model, push(force), *RANGE, steps=STEPS, modes=MODES, reduction=reduction, stability=stability, progress=None)
+            return sb.frequency_response(
+                model,
+                push(force),
+                *RANGE,
+                steps=STEPS,
+                modes=MODES,
+                reduction=reduction,
+                stability=stability,
+                progress=None,
+            )
 
         if force == FORCES[0]:
-            seconds, first = least(lambda: sb.frequency_response(model, push(1.0), *RANGE, contact=False, modes=MODES), 1)
+            seconds, first = least(
+                lambda: sb.frequency_response(model, push(1.0), *RANGE, contact=False, modes=MODES), 1
+            )
             reduction = first.reduction
             print(f"   no contact{len(first.value):6d}{'':44s}{seconds:10.2f}   with the reduction")
         seconds, curve = least(lambda: follow(True), 1)
         plain, _ = least(lambda: follow(False), 1)
-        print(f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}{int((~curve.stable).sum()):11d}{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}   (asked: at most {ASKED_CURVE:g} s)")
+        print(
+            f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}{int((~curve.stable).sum()):11d}{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}   (asked: at most {ASKED_CURVE:g} s)"
+        )
 
 
 def history(model, reduction, periods, repeats):
-    """A time history from rest until it is periodic, beside shooting, at the fewest steps that reach the accuracy."""
+    """A time history from rest until it is periodic, beside shooting, at the fewest steps that reach the
+    accuracy.
+    """
     frequency = FREQUENCIES[0]
     load = push(sb.Harmonic(FORCE, frequency))
     fine = sb.periodic(model, push(FORCE), frequency, steps=8 * STEPS, reduction=reduction, stability=False)
-    steps = next(n for n in (64, 96, 128, 192, 256, STEPS) if distance(sb.periodic(model, push(FORCE), frequency, steps=n, reduction=reduction, stability=False), fine) < 0.5 * ACCURACY)
+    steps = next(
+        n
+        for n in (64, 96, 128, 192, 256, STEPS)
+        if distance(
+            sb.periodic(model, push(FORCE), frequency, steps=n, reduction=reduction, stability=False), fine
+        )
+        < 0.5 * ACCURACY
+    )
     print(f"\nuntil periodic at {frequency:g} Hz, to {ACCURACY:g} of the first harmonic")
     for count in dict.fromkeys((steps, STEPS)):
-        seconds, orbit = least(lambda: sb.periodic(model, push(FORCE), frequency, steps=count, reduction=reduction, stability=False), 3 * repeats)
+        seconds, orbit = least(
+            lambda: sb.periodic(
+                model, push(FORCE), frequency, steps=count, reduction=reduction, stability=False
+            ),
+            3 * repeats,
+        )
         orbit = sb.periodic(model, push(FORCE), frequency, steps=count, reduction=reduction)
         run = max(200, periods * steps // count)  # as many steps with either
         began = time.process_time()
-        found = sb.transient(model, load, run / frequency, step=1.0 / (frequency * count), reduction=reduction, decimation=count // SAMPLES, progress=None)
+        found = sb.transient(
+            model,
+            load,
+            run / frequency,
+            step=1.0 / (frequency * count),
+            reduction=reduction,
+            decimation=count // SAMPLES,
+            progress=None,
+        )
         spent = time.process_time() - began
-        off = np.abs(found.displacement("A")[: SAMPLES * run, 1].reshape(run, SAMPLES) - orbit.displacement("A")[:: count // SAMPLES, 1]).max(axis=1) / abs(orbit.harmonics("A")[1])
+        off = np.abs(
+            found.displacement("A")[: SAMPLES * run, 1].reshape(run, SAMPLES)
+            - orbit.displacement("A")[:: count // SAMPLES, 1]
+        ).max(axis=1) / abs(orbit.harmonics("A")[1])
         # the distance beats with the lowest modes: its largest value in windows of several of their periods
         window = max(1, run // 10)
         worst = off[: run // window * window].reshape(-1, window).max(axis=1)
@@ -132,16 +207,31 @@ def history(model, reduction, periods, repeats):
             reached = run + np.log(worst[-1] / ACCURACY) / slowest * frequency
             how = "extrapolated"
         total = reached * spent / run
-        print(f"{count} steps a period: orbit {seconds:.3f} s, {distance(orbit, fine):.1e} off in the harmonics 0-6 from {8 * STEPS} steps")
-        print(f"  time history: {run:,d} periods ({run / frequency:.3g} s) in {spent:.1f} s, still {worst[-1]:.1e} off; decay measured {measured:.3f} 1/s, of the slowest multiplier {slowest:.3f}, zeta omega_1 {linear:.3f}")
-        print(f"  until periodic {reached:,.0f} periods ({reached / frequency:.1f} s), {how}: {total:,.0f} s, {total / seconds:,.0f} times the time of shooting")
+        print(
+            f"{count} steps a period: orbit {seconds:.3f} s, {distance(orbit, fine):.1e} off in the "
+            f"harmonics 0-6 from {8 * STEPS} steps"
+        )
+        print(
+            f"  time history: {run:,d} periods ({run / frequency:.3g} s) in {spent:.1f} s, still "
+            f"{worst[-1]:.1e} off; decay measured {measured:.3f} 1/s, of the slowest multiplier "
+            f"{slowest:.3f}, zeta omega_1 {linear:.3f}"
+        )
+        print(
+            f"  until periodic {reached:,.0f} periods ({reached / frequency:.1f} s), {how}: {total:,.0f} s, "
+            f"{total / seconds:,.0f} times the time of shooting"
+        )
 
 
 def main() -> None:
     """Print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--repeats", type=int, default=3, help="runs of each, the fastest counts (default 3)")
-    parser.add_argument("--periods", type=int, default=9000, help="periods of the time history that are run at its coarser steps (default 9000)")
+    parser.add_argument(
+        "--periods",
+        type=int,
+        default=9000,
+        help="periods of the time history that are run at its coarser steps (default 9000)",
+    )
     own = parser.parse_args()
     from mpi4py import MPI
 

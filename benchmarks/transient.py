@@ -1,12 +1,13 @@
 """Cost of the paper's tone burst of 300 N, 0-33 ms, case P, in one run on one core.
 
-The refined mesh of `examples/tone_burst.py` (67 pairs, frequencies 1-10 within 1.4e-6), 80 modes; the error is the relative L2
-distance of u_y(A) to the independent reference, asked for: 3e-3. Seconds are CPU seconds, one BLAS thread, the least of several
-repeats; compiling is not counted. Both schemes run over halved steps: the time to the required error is that of the largest step
-that reaches it.
+The refined mesh of `examples/tone_burst.py` (67 pairs, frequencies 1-10 within 1.4e-6), 80 modes; the error
+is the relative L2 distance of u_y(A) to the independent reference, asked for: 3e-3. Seconds are CPU seconds,
+one BLAS thread, the least of several repeats; compiling is not counted. Both schemes run over halved steps:
+the time to the required error is that of the largest step that reaches it.
 
     ./run python benchmarks/transient.py
-    ./run python benchmarks/transient.py --full     also the unreduced model and what its step costs (about a minute)
+    ./run python benchmarks/transient.py --full     also the unreduced model and what its step costs (about a
+    minute)
 """
 
 from __future__ import annotations
@@ -21,10 +22,10 @@ import warnings
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
-import numpy as np  # noqa: E402
+import numpy as np
 
-import sbfem_petsc as sb  # noqa: E402
-from examples.tone_burst import REFERENCE, REFINED, build, burst, distance  # noqa: E402
+import sbfem_petsc as sb
+from examples.tone_burst import REFERENCE, REFINED, build, burst, distance
 
 DURATION, FORCE, MODES, ASKED = 0.033, 300.0, 80, 3e-3
 STEPS = {"exact": (16e-6, 8e-6, 4e-6, 2e-6, 1e-6, 0.5e-6), "newmark": (4e-6, 2e-6, 1e-6, 0.5e-6, 0.25e-6)}
@@ -41,7 +42,9 @@ def least(work, repeats):
 
 
 def reduced(model, repeats):
-    """Seconds of the history at 1 us; prints those of the reduction and of each scheme to the required error."""
+    """Seconds of the history at 1 us; prints those of the reduction and of each scheme to the required
+    error.
+    """
     from sbfem_petsc.loads import separate
     from sbfem_petsc.reduction import reduce
 
@@ -54,15 +57,29 @@ def reduced(model, repeats):
     print("scheme      step, us     steps   relative L2   seconds    steps/s")
     for scheme, steps in STEPS.items():
         for step in steps:
-            seconds, history = least(lambda: sb.transient(model, burst(FORCE), DURATION, step=step, reduction=reduction, scheme=scheme), repeats)
+            seconds, history = least(
+                lambda: sb.transient(
+                    model, burst(FORCE), DURATION, step=step, reduction=reduction, scheme=scheme
+                ),
+                repeats,
+            )
             error, count = distance(history, reference, FORCE), round(DURATION / history.step)
-            print(f"{scheme:8s}{history.step * 1e6:12.4g}{count:10,d}{error:14.2e}{seconds:10.3f}{count / seconds:11,.0f}")
+            print(
+                f"{scheme:8s}{history.step * 1e6:12.4g}{count:10,d}{error:14.2e}{seconds:10.3f}{count / seconds:11,.0f}"
+            )
             if error <= ASKED and scheme not in reached:
                 reached[scheme] = seconds
             if scheme == "exact" and step == 1e-6:
                 at_one = seconds
     for scheme in STEPS:
-        print(f"{scheme}: " + (f"{reached[scheme]:.3f} s to an error of {ASKED:g}" if scheme in reached else f"{ASKED:g} is not reached"))
+        print(
+            f"{scheme}: "
+            + (
+                f"{reached[scheme]:.3f} s to an error of {ASKED:g}"
+                if scheme in reached
+                else f"{ASKED:g} is not reached"
+            )
+        )
     if len(reached) == 2:
         print(f"newmark / exact: {reached['newmark'] / reached['exact']:.1f} times the time")
     print(f"exact at 1 us: {at_one:.3f} s (asked: at most 1 s)")
@@ -70,7 +87,9 @@ def reduced(model, repeats):
 
 
 def parts(model, step, repeats=400):
-    """Seconds of one KSP solve and of one product with M of the unreduced model at a step, by turns so that neither finds its matrix in the cache."""
+    """Seconds of one KSP solve and of one product with M of the unreduced model at a step, by turns so
+    that neither finds its matrix in the cache.
+    """
     from sbfem_petsc.system.pencil import CondensedSolve, Pencil
 
     pencil = Pencil(model, 1.0, 0.0)
@@ -97,23 +116,46 @@ def full(model, reduced_seconds, duration):
     step = 1e-6
     before = parts(model, step)
     prepared, _ = least(lambda: sb.transient(model, burst(FORCE), 8 * step, step=step, reduction=None), 2)
-    seconds, history = least(lambda: sb.transient(model, burst(FORCE), duration, step=step, reduction=None), 1)
+    seconds, history = least(
+        lambda: sb.transient(model, burst(FORCE), duration, step=step, reduction=None), 1
+    )
     solve, product = 0.5 * (before + parts(model, step))
     count = round(duration / step)
     each, touching = (seconds - prepared) / count, float((history.contact_force > 0).any(axis=1).mean())
     error = distance(history, dict(np.load(REFERENCE / "transient_paper.npz")), FORCE)
-    print(f"unreduced, {model.unknowns:,d} unknowns: {seconds:.1f} s for {count:,d} steps of 1 us, {prepared:.2f} s of them before the first; relative L2 {error:.2e}")
-    print(f"  a step {1e3 * each:.3f} ms ({touching:.0%} of them with contact, every one recorded); one KSP solve {1e3 * solve:.3f} ms, one product with M {1e3 * product:.3f} ms")
+    print(
+        f"unreduced, {model.unknowns:,d} unknowns: {seconds:.1f} s for {count:,d} steps of 1 us, "
+        f"{prepared:.2f} s of them before the first; relative L2 {error:.2e}"
+    )
+    print(
+        f"  a step {1e3 * each:.3f} ms ({touching:.0%} of them with contact, every one recorded); one KSP "
+        f"solve {1e3 * solve:.3f} ms, one product with M {1e3 * product:.3f} ms"
+    )
     print(f"  step / (solve + product) = {each / (solve + product):.2f} (asked: at most 2)")
-    print(f"  largest error of the energy balance {np.abs(history.energy.balance).max() / np.abs(history.energy.external).max():.1e} of the peak work, contact dissipates {-history.energy.contact[-1] / np.abs(history.energy.external).max():.1e}")
-    print(f"  the reduced model is {each * DURATION / step / reduced_seconds:.0f} times faster over 33 ms at the same step")
+    print(
+        "  largest error of the energy balance "
+        f"{np.abs(history.energy.balance).max() / np.abs(history.energy.external).max():.1e} of the peak "
+        f"work, contact dissipates {-history.energy.contact[-1] / np.abs(history.energy.external).max():.1e}"
+    )
+    print(
+        f"  the reduced model is {each * DURATION / step / reduced_seconds:.0f} times faster over 33 ms at "
+        "the same step"
+    )
 
 
 def main() -> None:
     """Print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--repeats", type=int, default=3, help="runs of each, the fastest counts (default 3)")
-    parser.add_argument("--full", type=float, nargs="?", const=DURATION, default=0.0, metavar="DURATION", help="also the unreduced model, over 33 ms or a duration (s) of your own")
+    parser.add_argument(
+        "--full",
+        type=float,
+        nargs="?",
+        const=DURATION,
+        default=0.0,
+        metavar="DURATION",
+        help="also the unreduced model, over 33 ms or a duration (s) of your own",
+    )
     own = parser.parse_args()
     from mpi4py import MPI
 

@@ -1,4 +1,6 @@
-"""Geometry to boundary meshes for the scaled boundary finite element method: beams with notches and holes, and gmsh models."""
+"""Geometry to boundary meshes for the scaled boundary finite element method: beams with notches and holes,
+and gmsh models.
+"""
 
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack
 from meshing.gmsh_reader import read_gmsh

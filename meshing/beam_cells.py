@@ -23,8 +23,8 @@ _HOLE_RING = 1.6  # smallest extent, in radii, of the outline next to a hole
 def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
     """Divide a beam into cells.
 
-    Everything that neighbours share on vertical lines and on the beam's edges is registered first, the cells are made after that:
-    a cell then includes the hanging vertices of its neighbours.
+    Everything that neighbours share on vertical lines and on the beam's edges is registered first, the cells
+    are made after that: a cell then includes the hanging vertices of its neighbours.
 
     Returns
     -------
@@ -36,13 +36,19 @@ def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
     low, high = widths["left"], beam.length - widths["right"]
     blocks = plan_blocks(beam, inputs, low, high)
     columns = _columns(inputs, blocks, low, high)
-    lines = sorted({0.0, beam.length, low, high} | {x for pair in columns for x in pair} | {side for b in blocks for side in (b.low, b.high)})
+    lines = sorted(
+        {0.0, beam.length, low, high}
+        | {x for pair in columns for x in pair}
+        | {side for b in blocks for side in (b.low, b.high)}
+    )
     for x in lines:
         skeleton.add_line(x)
     _register_rows(skeleton, columns)
     _register_corners(skeleton, widths)
     _register_points(skeleton, blocks)
-    stars = [[_make_star(skeleton, block, *pair) for pair in zip(block.features, block.boxes)] for block in blocks]
+    stars = [
+        [_make_star(skeleton, block, *pair) for pair in zip(block.features, block.boxes)] for block in blocks
+    ]
     for block, group in zip(blocks, stars):
         if block.filled:
             skeleton.divide_perimeter(block, group)
@@ -57,7 +63,10 @@ def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
         if block.filled:
             fill_block(skeleton, block, group)
     cells = skeleton.cells
-    every = sorted((star for group in stars for star in group if star.feature.is_notch), key=lambda star: star.feature.index)
+    every = sorted(
+        (star for group in stars for star in group if star.feature.is_notch),
+        key=lambda star: star.feature.index,
+    )
     for star in every:
         _record_crack(skeleton, star)
     _record_edge_sets(skeleton)
@@ -75,11 +84,18 @@ def _corner_widths(beam: Beam, inputs: MeshInputs) -> dict[str, float]:
     nearest["right"] = beam.length - max((x for x in points if x < beam.length), default=-math.inf)
     widths = {}
     for side in ("left", "right"):
-        width = min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length, nearest[side]) if side in inputs.corners else 0.0
+        width = (
+            min(0.5 * beam.height, 0.5 * free[side], 0.25 * beam.length, nearest[side])
+            if side in inputs.corners
+            else 0.0
+        )
         if width and 1.5 * inputs.corner_size >= width and not inputs.corner_size_given:
             width = 0.0  # a notch or hole close by is graded itself
         elif width and inputs.corner_size >= width:
-            raise ValueError(f"mesh: corner_size {inputs.corner_size:g} m does not fit at the {side} end, where {width:g} m are free; make it smaller.")
+            raise ValueError(
+                f"mesh: corner_size {inputs.corner_size:g} m does not fit at the {side} end, where {width:g} "
+                "m are free; make it smaller."
+            )
         widths[side] = width
     return widths
 
@@ -110,7 +126,7 @@ def _register_corners(skeleton: Skeleton, widths: dict[str, float]) -> None:
     beam = skeleton.beam
     for side, width in widths.items():
         if width:
-            for x in ((0.0, width) if side == "left" else (beam.length, beam.length - width)):
+            for x in (0.0, width) if side == "left" else (beam.length, beam.length - width):
                 for y in (width, beam.height - width):
                     skeleton.vertex(x, y)
 
@@ -130,7 +146,9 @@ def _fill_column(skeleton: Skeleton, left: float, right: float) -> None:
 
 
 def _fill_corners(skeleton: Skeleton, side: str, width: float) -> None:
-    """Squares at the two corners of an end edge, in rings of two trapezoids; what is left of the column between them is one cell."""
+    """Squares at the two corners of an end edge, in rings of two trapezoids; what is left of the column
+    between them is one cell.
+    """
     beam, inputs = skeleton.beam, skeleton.inputs
     inward, edge = (1.0, 0.0) if side == "left" else (-1.0, beam.length)
     scales = ring_scales(inputs.corner_size / width, inputs.grading)
@@ -147,7 +165,9 @@ def _fill_corners(skeleton: Skeleton, side: str, width: float) -> None:
         skeleton.cells.add_cell(skeleton.chain([corner, *levels[0], corner])[:-1])
     if beam.height - 2 * width > 1e-9 * beam.height:
         left, right = sorted((edge, line))
-        skeleton.add_polygon([(left, width), (right, width), (right, beam.height - width), (left, beam.height - width)])
+        skeleton.add_polygon(
+            [(left, width), (right, width), (right, beam.height - width), (left, beam.height - width)]
+        )
 
 
 def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | None) -> Star:
@@ -157,19 +177,25 @@ def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | No
         return Star(feature, None, np.zeros((0, 2)), [], circle=_free_circle(skeleton, block, feature))
     if not feature.is_notch:
         wall = box.smallest / shape.radius - 1.0
-        # An arc must stay inside the tangents at its ends by less than the wall, so that the cell keeps a kernel.
+        # An arc must stay inside the tangents at its ends by less than the wall, so that the cell keeps a
+        # kernel.
         thin = 2 * math.acos(1.0 / (1.0 + 0.3 * wall))
         points = outline(box, None, min(_WIDEST_SIDE, thin), skeleton.preferred, True)
         return Star(feature, box, points, [skeleton.vertex_or_new(*p) for p in points])
     tip = np.array(feature.centre)
     mouths = [np.array([shape.x + offset, beam.height]) for offset in (shape.left_offset, shape.right_offset)]
-    fraction = min(math.dist(tip, box.hit(math.atan2(mouth[1] - tip[1], mouth[0] - tip[0]))) / math.dist(tip, mouth) for mouth in mouths)
+    fraction = min(
+        math.dist(tip, box.hit(math.atan2(mouth[1] - tip[1], mouth[0] - tip[0]))) / math.dist(tip, mouth)
+        for mouth in mouths
+    )
     if fraction > 1.0 - 1e-9:
         fraction, ends = 1.0, mouths
     else:  # equal fractions of both faces, although the box may hold more of one of them; nothing of the box stands far above its faces
         ends = [tip + fraction * (mouth - tip) for mouth in mouths]
         box = replace(box, top=min(box.top, tip[1] + max(fraction * shape.depth, 0.4 * box.largest)))
-    points = outline(box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=not block.filled)
+    points = outline(
+        box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=not block.filled
+    )
     # Face vertices are never looked up by their coordinates: those of a closed crack coincide.
     inner = [skeleton.vertex_or_new(*p) for p in points[1:-1]]
     vertices = [skeleton.cells.add_vertex(*points[0]), *inner, skeleton.cells.add_vertex(*points[-1])]
@@ -180,10 +206,16 @@ def _free_circle(skeleton: Skeleton, block: Block, feature: Feature) -> list[int
     """Vertices of the edge of a hole that has no ring of its own: short arcs where something is near."""
     (x, y), radius = feature.centre, feature.shape.radius
     distances = [x - block.low, block.high - x, y, skeleton.beam.height - y]
-    distances += [np.hypot(*(other.outline - feature.centre).T).min() for other in block.features if other is not feature]
+    distances += [
+        np.hypot(*(other.outline - feature.centre).T).min()
+        for other in block.features
+        if other is not feature
+    ]
     gap = min(distances) - radius
     count = _FEWEST_ARCS
-    while count < _MOST_ARCS and (radius * (1 - math.cos(math.pi / count)) > 0.1 * gap or 2 * math.pi * radius / count > 2.0 * gap):
+    while count < _MOST_ARCS and (
+        radius * (1 - math.cos(math.pi / count)) > 0.1 * gap or 2 * math.pi * radius / count > 2.0 * gap
+    ):
         count *= 2
     angle = 2 * math.pi * (np.arange(count) + 0.5) / count
     return skeleton.add_circle(feature, np.stack([x + np.cos(angle), y + np.sin(angle)], axis=1))
@@ -204,7 +236,9 @@ def _fill_star(skeleton: Skeleton, star: Star) -> None:
         return
     cells, feature, box = skeleton.cells, star.feature, star.box
     if not feature.is_notch:
-        scales = ring_scales(min(1.0 - 1e-12, _HOLE_RING * feature.shape.radius / box.smallest), skeleton.inputs.grading)
+        scales = ring_scales(
+            min(1.0 - 1e-12, _HOLE_RING * feature.shape.radius / box.smallest), skeleton.inputs.grading
+        )
         if box.smallest < _HOLE_RING * skeleton.inputs.grading**0.5 * feature.shape.radius:
             scales = np.ones(1)
         levels = add_levels(cells.add_vertex, feature.centre, star.points, scales, star.vertices)
@@ -229,7 +263,9 @@ def _fill_star(skeleton: Skeleton, star: Star) -> None:
 
 
 def _fill_quadrants(skeleton: Skeleton, star: Star, levels: list[list[int]], tip: int) -> None:
-    """The paper's layout: closed cells that meet in the tip, cut apart along the horizontal through it and the ligament."""
+    """The paper's layout: closed cells that meet in the tip, cut apart along the horizontal through it and
+    the ligament.
+    """
     points, (x, y) = star.points, star.feature.centre
     # Cuts go through the outline's vertices nearest to the three directions; near a face there is no cut.
     angle = np.unwrap(np.arctan2(points[:, 1] - y, points[:, 0] - x))
@@ -254,7 +290,16 @@ def _record_crack(skeleton: Skeleton, star: Star) -> None:
     right, left = (list(zip(face, face[1:])) for face in (star.right, star.left))
     name, suffix = f"crack{index + 1}", str(index + 1) if index else ""
     cells.cracks.append(
-        CrackFaces(name, star.feature.centre, notch.axis, math.radians(notch.opening), notch.length, right, left, star.tip_cell)
+        CrackFaces(
+            name,
+            star.feature.centre,
+            notch.axis,
+            math.radians(notch.opening),
+            notch.length,
+            right,
+            left,
+            star.tip_cell,
+        )
     )
     cells.edge_sets[f"{name}_right"], cells.edge_sets[f"{name}_left"] = right, left
     cells.points[f"B{suffix}"], cells.points[f"C{suffix}"] = star.right[-1], star.left[-1]
@@ -269,8 +314,13 @@ def _record_edge_sets(skeleton: Skeleton) -> None:
     for edge, uses in cells.edge_uses().items():
         if uses == 1 and edge not in known:
             ends = [cells.vertices[v] for v in edge]
-            name = next((n for n, (axis, value) in sides.items() if all(end[axis] == value for end in ends)), None)
+            name = next(
+                (n for n, (axis, value) in sides.items() if all(end[axis] == value for end in ends)), None
+            )
             if name is None:
-                raise RuntimeError(f"beam: the cells do not fit together between {ends[0]} and {ends[1]}; please report this geometry.")
+                raise RuntimeError(
+                    f"beam: the cells do not fit together between {ends[0]} and {ends[1]}; please report "
+                    "this geometry."
+                )
             sets[name].append(edge)
     cells.edge_sets = sets | cells.edge_sets

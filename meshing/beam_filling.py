@@ -27,7 +27,11 @@ def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
     seen = _opened_coordinates(skeleton, stars, np.array(fixed))
     for loops in _remainder(skeleton, block, stars, seen):
         polygons = [np.array([seen[v] for v in loop]) for loop in loops]
-        inside = [name for name, point in wanted.items() if _contains(polygons[0], point) and not any(_contains(hole, point) for hole in polygons[1:])]
+        inside = [
+            name
+            for name, point in wanted.items()
+            if _contains(polygons[0], point) and not any(_contains(hole, point) for hole in polygons[1:])
+        ]
         embedded = np.array([wanted[name] for name in inside]).reshape(-1, 2)
         inner, pieces = fill_polygon(polygons, embedded, skeleton.edge_limit)
         numbers = [v for loop in loops for v in loop]
@@ -40,16 +44,23 @@ def fill_block(skeleton: Skeleton, block: Block, stars: list[Star]) -> None:
     for name in wanted:
         if name not in cells.points:
             x, y = wanted[name]
-            raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is too close to a notch tip or a hole to be a node of its own; move it away.")
+            raise ValueError(
+                f"point {name!r} at ({x:g}, {y:g}) m is too close to a notch tip or a hole to be a node of "
+                "its own; move it away."
+            )
 
 
 def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> None:
-    """Edges of a notch's faces from the box to the mouth, at equal fractions of both faces; they grow no faster than the rings."""
+    """Edges of a notch's faces from the box to the mouth, at equal fractions of both faces; they grow no
+    faster than the rings.
+    """
     if star.face_fraction == 1.0:
         return
     beam, notch, cells = skeleton.beam, star.feature.shape, skeleton.cells
     tip = np.array(star.feature.centre)
-    mouths = {offset: np.array([tip[0] + offset, beam.height]) for offset in (notch.left_offset, notch.right_offset)}
+    mouths = {
+        offset: np.array([tip[0] + offset, beam.height]) for offset in (notch.left_offset, notch.right_offset)
+    }
     length = max(math.dist(tip, mouth) for mouth in mouths.values())
     clear = _clearance(star.feature.outline, np.vstack(others)) if others else math.inf
     longest = min(skeleton.edge_limit, 1.5 * clear) / length
@@ -59,7 +70,9 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
         step = min(step * growth, longest)
         steps.append(step)
     fractions = star.face_fraction + (1.0 - star.face_fraction) * np.cumsum(steps) / sum(steps)
-    for face, mouth in zip((star.left, star.right), mouths.values() if len(mouths) == 2 else [*mouths.values()] * 2):
+    for face, mouth in zip(
+        (star.left, star.right), mouths.values() if len(mouths) == 2 else [*mouths.values()] * 2
+    ):
         face += [cells.add_vertex(*(tip + fraction * (mouth - tip))) for fraction in fractions[:-1]]
         face.append(cells.add_vertex(*mouth))
 
@@ -72,15 +85,21 @@ def _clearance(first: np.ndarray, second: np.ndarray) -> float:
 def _perimeter(skeleton: Skeleton, block: Block) -> list[int]:
     """Vertices on the sides of a block, without those of mouths."""
     height = skeleton.beam.height
-    corners = [skeleton.vertex(x, y) for x, y in ((block.low, 0.0), (block.high, 0.0), (block.high, height), (block.low, height))]
+    corners = [
+        skeleton.vertex(x, y)
+        for x, y in ((block.low, 0.0), (block.high, 0.0), (block.high, height), (block.low, height))
+    ]
     return skeleton.chain(corners + corners[:1])[:-1]
 
 
-def _opened_coordinates(skeleton: Skeleton, stars: list[Star], fixed: np.ndarray) -> list[tuple[float, float]]:
-    """Coordinates for gmsh: it cannot mesh along coincident faces, so it sees every notch opened by a few degrees.
+def _opened_coordinates(
+    skeleton: Skeleton, stars: list[Star], fixed: np.ndarray
+) -> list[tuple[float, float]]:
+    """Coordinates for gmsh: it cannot mesh along coincident faces, so it sees every notch opened by a few
+    degrees.
 
-    Only vertices on faces move, by a few per cent of the edges there and never far towards other features or the `fixed` points (n, 2);
-    the cells get the true coordinates afterwards.
+    Only vertices on faces move, by a few per cent of the edges there and never far towards other features or
+    the `fixed` points (n, 2); the cells get the true coordinates afterwards.
     """
     seen = list(skeleton.cells.vertices)
     for star in stars:
@@ -96,16 +115,25 @@ def _opened_coordinates(skeleton: Skeleton, stars: list[Star], fixed: np.ndarray
     return seen
 
 
-def _remainder(skeleton: Skeleton, block: Block, stars: list[Star], seen: list[tuple[float, float]]) -> list[list[list[int]]]:
-    """Loops of vertices around what the boxes leave over: for each piece the outer loop and the loops of its holes."""
+def _remainder(
+    skeleton: Skeleton, block: Block, stars: list[Star], seen: list[tuple[float, float]]
+) -> list[list[list[int]]]:
+    """Loops of vertices around what the boxes leave over: for each piece the outer loop and the loops of its
+    holes.
+    """
     beam, chain = skeleton.beam, skeleton.chain
-    corners = [skeleton.vertex(x, y) for x, y in ((block.low, 0.0), (block.high, 0.0), (block.high, beam.height), (block.low, beam.height))]
+    corners = [
+        skeleton.vertex(x, y)
+        for x, y in ((block.low, 0.0), (block.high, 0.0), (block.high, beam.height), (block.low, beam.height))
+    ]
     paths = [chain(corners[:3])]
     position = corners[2]
     for star in sorted((s for s in stars if s.feature.is_notch), key=lambda s: -seen[s.right[-1]][0]):
         inside = star.right.index(star.vertices[-1])
         paths.append(chain([position, star.right[-1]]))
-        paths.append(star.right[: inside - 1 if inside else None : -1] if inside < len(star.right) - 1 else [])
+        paths.append(
+            star.right[: inside - 1 if inside else None : -1] if inside < len(star.right) - 1 else []
+        )
         paths.append(star.left[inside:])
         position = star.left[-1]
     paths.append(chain([position, corners[3], corners[0]]))
@@ -123,7 +151,9 @@ def _remainder(skeleton: Skeleton, block: Block, stars: list[Star], seen: list[t
     pieces = [[loop] for loop, area in zip(loops, areas) if area > 0]
     for loop, area in zip(loops, areas):
         if area < 0:
-            home = next(piece for piece in pieces if _contains(np.array([seen[v] for v in piece[0]]), seen[loop[0]]))
+            home = next(
+                piece for piece in pieces if _contains(np.array([seen[v] for v in piece[0]]), seen[loop[0]])
+            )
             home.append(loop)
     return pieces
 

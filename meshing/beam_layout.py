@@ -56,25 +56,42 @@ class MeshInputs:
         least = 1e-6 * beam.height
         size = 2.5 * beam.height if size is None else positive("mesh", "size", size)
         if not 0.02 * beam.height <= size:
-            raise ValueError(f"mesh: size {size:g} m is below 2 % of the beam's height {beam.height:g} m; high orders on larger cells cost less.")
+            raise ValueError(
+                f"mesh: size {size:g} m is below 2 % of the beam's height {beam.height:g} m; high orders on "
+                "larger cells cost less."
+            )
         if tip_size is not None and positive("mesh", "tip_size", tip_size) < least:
-            raise ValueError(f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, round-off would show; make it larger.")
+            raise ValueError(
+                f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, "
+                "round-off would show; make it larger."
+            )
         for i, notch in enumerate(beam.notches, 1):
             room = min(notch.depth, beam.height - notch.depth)
             if tip_size is not None and tip_size >= room:
-                raise ValueError(f"mesh: tip_size {tip_size:g} m does not fit around the tip of notch {i}, {room:g} m from an edge; make it smaller.")
+                raise ValueError(
+                    f"mesh: tip_size {tip_size:g} m does not fit around the tip of notch {i}, {room:g} m "
+                    "from an edge; make it smaller."
+                )
         grading = number("mesh", "grading", grading)
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
         if layout not in ("tip", "vertex"):
             raise ValueError(f'mesh: layout is {layout!r}, "tip" or "vertex" was expected.')
-        if corner_size is not None and not least <= positive("mesh", "corner_size", corner_size) < 0.5 * beam.height:
-            raise ValueError(f"mesh: corner_size {corner_size:g} m must be between {least:g} m and half the beam's height, {beam.height / 2:g} m.")
+        if (
+            corner_size is not None
+            and not least <= positive("mesh", "corner_size", corner_size) < 0.5 * beam.height
+        ):
+            raise ValueError(
+                f"mesh: corner_size {corner_size:g} m must be between {least:g} m and half the beam's "
+                f"height, {beam.height / 2:g} m."
+            )
         corners = (corners,) if isinstance(corners, str) else tuple(corners)
         for name in corners:
             if name not in ("left", "right"):
                 raise ValueError(f'mesh: corners contains {name!r}, "left" or "right" was expected.')
-        reserved = {"A"} | {f"{letter}{i if i > 1 else ''}" for letter in "BC" for i in range(1, len(beam.notches) + 1)}
+        reserved = {"A"} | {
+            f"{letter}{i if i > 1 else ''}" for letter in "BC" for i in range(1, len(beam.notches) + 1)
+        }
         named = {}
         for name, point in (points or {}).items():
             if name in reserved:
@@ -84,7 +101,17 @@ class MeshInputs:
         # The paper's layout is there for comparison: nothing in it is graded unless asked for.
         corners = corners if given or layout == "tip" else ()
         corner_size = float(corner_size) if given else _CORNER_SIZE * beam.height
-        return cls(order, size, None if tip_size is None else float(tip_size), grading, layout, named, corner_size, given, corners)
+        return cls(
+            order,
+            size,
+            None if tip_size is None else float(tip_size),
+            grading,
+            layout,
+            named,
+            corner_size,
+            given,
+            corners,
+        )
 
 
 @dataclass(frozen=True)
@@ -124,16 +151,36 @@ class Feature:
         faces = np.vstack([triangle[0] + fraction * (mouth - triangle[0]) for mouth in triangle[1:]])
         low, high = triangle[:, 0].min(), triangle[:, 0].max()
         reach, slide = _REACH * beam.height, _SLIDE * beam.height
-        return cls(notch, index, tuple(triangle[0]), low, high, min(notch.x - reach, low - slide), max(notch.x + reach, high + slide), faces)
+        return cls(
+            notch,
+            index,
+            tuple(triangle[0]),
+            low,
+            high,
+            min(notch.x - reach, low - slide),
+            max(notch.x + reach, high + slide),
+            faces,
+        )
 
     @classmethod
     def of_hole(cls, beam: Beam, index: int) -> Feature:
         """A hole: outline is its circle."""
         hole = beam.holes[index]
         angle = np.linspace(0, 2 * math.pi, 181)
-        circle = np.stack([hole.x + hole.radius * np.cos(angle), hole.y + hole.radius * np.sin(angle)], axis=1)
+        circle = np.stack(
+            [hole.x + hole.radius * np.cos(angle), hole.y + hole.radius * np.sin(angle)], axis=1
+        )
         reach = max(_REACH * beam.height, hole.radius + _SLIDE * beam.height)
-        return cls(hole, index, (hole.x, hole.y), hole.x - hole.radius, hole.x + hole.radius, hole.x - reach, hole.x + reach, circle)
+        return cls(
+            hole,
+            index,
+            (hole.x, hole.y),
+            hole.x - hole.radius,
+            hole.x + hole.radius,
+            hole.x - reach,
+            hole.x + reach,
+            circle,
+        )
 
     @property
     def is_notch(self) -> bool:
@@ -174,12 +221,16 @@ def plan_blocks(beam: Beam, inputs: MeshInputs, low: float, high: float) -> list
     low, high : float
         Range of x left for blocks by the graded corners, m.
     """
-    features = [Feature.of_notch(beam, i) for i in range(len(beam.notches))] + [Feature.of_hole(beam, i) for i in range(len(beam.holes))]
+    features = [Feature.of_notch(beam, i) for i in range(len(beam.notches))] + [
+        Feature.of_hole(beam, i) for i in range(len(beam.holes))
+    ]
     blocks = _gather(beam, features)
     _set_sides(beam, inputs, blocks, low, high)
     for block in blocks:
         block.inner_points = [
-            name for name, (x, y) in inputs.points.items() if block.low < x < block.high and 0 < y < beam.height
+            name
+            for name, (x, y) in inputs.points.items()
+            if block.low < x < block.high and 0 < y < beam.height
         ]
         _set_boxes(beam, inputs, block)
     return blocks
@@ -203,7 +254,8 @@ def _set_sides(beam: Beam, inputs: MeshInputs, blocks: list[Block], start: float
     for block in blocks:
         block.low = min(f.wanted_low for f in block.features)
         block.high = max(f.wanted_high for f in block.features)
-    # Each gap between neighbouring blocks (or a block and the end): the right side of the one before, the left side of the one after.
+    # Each gap between neighbouring blocks (or a block and the end): the right side of the one before, the
+    # left side of the one after.
     for before, after in zip([None, *blocks], [*blocks, None]):
         lowest = max(f.high for f in before.features) + clear if before else start
         highest = min(f.low for f in after.features) - clear if after else stop
@@ -223,7 +275,9 @@ def _set_sides(beam: Beam, inputs: MeshInputs, blocks: list[Block], start: float
 
 
 def _set_boxes(beam: Beam, inputs: MeshInputs, block: Block) -> None:
-    """Boxes of a block: edge to edge for a lone feature with room around it, else the largest that keep clear of each other."""
+    """Boxes of a block: edge to edge for a lone feature with room around it, else the largest that keep clear
+    of each other.
+    """
     points = [np.array([inputs.points[name]]) for name in block.inner_points]
     if len(block.features) == 1 and not points:
         feature = block.features[0]
@@ -236,7 +290,9 @@ def _set_boxes(beam: Beam, inputs: MeshInputs, block: Block) -> None:
     for feature in block.features:
         others = [other.outline for other in block.features if other is not feature] + points
         # Chebyshev distance; two boxes that reach less than half way to each other's feature cannot meet.
-        half_way = 0.45 * min((np.abs(outline - feature.centre).max(axis=1).min() for outline in others), default=math.inf)
+        half_way = 0.45 * min(
+            (np.abs(outline - feature.centre).max(axis=1).min() for outline in others), default=math.inf
+        )
         box = _largest_box(beam, block, feature.centre, half_way)
         fits = feature.is_notch or box.smallest >= _WALL * feature.shape.radius
         block.boxes.append(box if fits else None)

@@ -39,7 +39,10 @@ class Crack:
     def __repr__(self) -> str:
         x, y = self.tip
         element = f", tip element {self.tip_element}" if self.tip_element >= 0 else ""
-        return f"Crack({self.name}, tip ({x:g}, {y:g}) m, length {self.length:g} m, opening {math.degrees(self.opening):g} deg{element})"
+        return (
+            f"Crack({self.name}, tip ({x:g}, {y:g}) m, length {self.length:g} m, opening "
+            f"{math.degrees(self.opening):g} deg{element})"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,9 +138,14 @@ class BoundaryMesh:
         return len(self.closed)
 
     def element_nodes(self, element: int) -> np.ndarray:
-        """Nodes of S-element `element` in counter-clockwise order; the closing node of a loop is not repeated."""
+        """Nodes of S-element `element` in counter-clockwise order; the closing node of a loop is not
+        repeated.
+        """
         part = slice(self.element_start[element], self.element_start[element + 1])
-        chain = [self.edges[e, ::-1] if r else self.edges[e] for e, r in zip(self.element_edges[part], self.element_reversed[part])]
+        chain = [
+            self.edges[e, ::-1] if r else self.edges[e]
+            for e, r in zip(self.element_edges[part], self.element_reversed[part])
+        ]
         nodes = np.concatenate([c[:-1] for c in chain] + [chain[-1][-1:]])
         return nodes[:-1] if self.closed[element] else nodes
 
@@ -147,7 +155,8 @@ class BoundaryMesh:
     def __repr__(self) -> str:
         (left, bottom), (right, top) = self.nodes.min(axis=0), self.nodes.max(axis=0)
         parts = [
-            f"{self.elements} S-elements of order {self.order}, {len(self.edges)} edges, {len(self.nodes)} nodes",
+            f"{self.elements} S-elements of order {self.order}, {len(self.edges)} edges, {len(self.nodes)} "
+            "nodes",
             f"[{left:g}, {right:g}] x [{bottom:g}, {top:g}] m",
             f"{len(self.cracks)} cracks with {len(self.pairs)} contact pairs",
             f"sets {', '.join(self.edge_sets) or 'none'}",
@@ -161,13 +170,23 @@ class BoundaryMesh:
         from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 
         at, weight = np.polynomial.legendre.leggauss(self.order + 1)
-        x, dx = (evaluate(gll_nodes(self.order), at) @ self.nodes[self.edges] for evaluate in (lagrange_values, lagrange_slopes))
+        x, dx = (
+            evaluate(gll_nodes(self.order), at) @ self.nodes[self.edges]
+            for evaluate in (lagrange_values, lagrange_slopes)
+        )
         swept = 0.5 * (x[..., 0] * dx[..., 1] - x[..., 1] * dx[..., 0]) @ weight
-        total = float(np.where(self.element_reversed, -swept[self.element_edges], swept[self.element_edges]).sum())
+        total = float(
+            np.where(self.element_reversed, -swept[self.element_edges], swept[self.element_edges]).sum()
+        )
         # An open element is bounded by two straight faces to its scaling centre as well.
         for element in np.flatnonzero(~self.closed):
             chain, centre = self.nodes[self.element_nodes(element)[[0, -1]]], self.scaling_centres[element]
-            total += 0.5 * float(centre[0] * chain[0, 1] - centre[1] * chain[0, 0] + chain[1, 0] * centre[1] - chain[1, 1] * centre[0])
+            total += 0.5 * float(
+                centre[0] * chain[0, 1]
+                - centre[1] * chain[0, 0]
+                + chain[1, 0] * centre[1]
+                - chain[1, 1] * centre[0]
+            )
         return total
 
     def outline_edges(self) -> np.ndarray:
@@ -175,7 +194,9 @@ class BoundaryMesh:
         return np.flatnonzero(np.bincount(self.element_edges, minlength=len(self.edges)) == 1)
 
     def save(self, path: str | Path) -> None:
-        """Write to an HDF5 file; an existing file is replaced only once the new one is complete. See `meshing.mesh_files`."""
+        """Write to an HDF5 file; an existing file is replaced only once the new one is complete. See
+        `meshing.mesh_files`.
+        """
         from meshing.mesh_files import save
 
         save(self, path)
@@ -188,7 +209,9 @@ class BoundaryMesh:
         return load(path)
 
     def export(self, path: str | Path) -> None:
-        """Write the edges as polylines through their nodes in any format meshio writes (.vtu, .vtk, .xdmf ...). See `meshing.mesh_files`."""
+        """Write the edges as polylines through their nodes in any format meshio writes (.vtu, .vtk, .xdmf
+        ...). See `meshing.mesh_files`.
+        """
         from meshing.mesh_files import export
 
         export(self, path)
@@ -200,8 +223,8 @@ def check(mesh: BoundaryMesh) -> None:
     Raises
     ------
     ValueError
-        Shapes that do not fit, numbers out of range, coordinates that are not finite, elements whose edges are not a chain or loop, edges
-        used by more than two elements or twice in the same direction.
+        Shapes that do not fit, numbers out of range, coordinates that are not finite, elements whose edges
+        are not a chain or loop, edges used by more than two elements or twice in the same direction.
     """
 
     def fail(what: str) -> None:
@@ -213,7 +236,13 @@ def check(mesh: BoundaryMesh) -> None:
     if mesh.nodes.shape != (nodes, 2) or not np.isfinite(mesh.nodes).all():
         fail("nodes is not an (n, 2) array of finite coordinates")
     start, flat = mesh.element_start, mesh.element_edges
-    if len(start) != elements + 1 or start[0] != 0 or start[-1] != len(flat) or (np.diff(start) < 1).any() or len(mesh.element_reversed) != len(flat):
+    if (
+        len(start) != elements + 1
+        or start[0] != 0
+        or start[-1] != len(flat)
+        or (np.diff(start) < 1).any()
+        or len(mesh.element_reversed) != len(flat)
+    ):
         fail("element_start, element_edges and element_reversed do not fit together")
     if mesh.scaling_centres.shape != (elements, 2) or len(mesh.materials) != elements:
         fail("scaling_centres or materials do not have one row for each S-element")
@@ -227,19 +256,30 @@ def check(mesh: BoundaryMesh) -> None:
         *((f"edge set {key!r}", value, len(mesh.edges)) for key, value in mesh.edge_sets.items()),
     ):
         if numbers.size and (numbers.min() < 0 or numbers.max() >= limit):
-            fail(f"{name} refers to number {numbers.min() if numbers.min() < 0 else numbers.max()}, 0 to {limit - 1} exist")
+            fail(
+                f"{name} refers to number {numbers.min() if numbers.min() < 0 else numbers.max()}, 0 to "
+                f"{limit - 1} exist"
+            )
     first = np.where(mesh.element_reversed, mesh.edges[flat, -1], mesh.edges[flat, 0])
     last = np.where(mesh.element_reversed, mesh.edges[flat, 0], mesh.edges[flat, -1])
     inner = np.ones(len(flat), bool)
     inner[start[1:] - 1] = False
     broken = np.flatnonzero(inner & (last != np.roll(first, -1)))
     if len(broken):
-        fail(f"the edges of S-element {int(np.searchsorted(start, broken[0], side='right')) - 1} are not a chain")
+        fail(
+            f"the edges of S-element {int(np.searchsorted(start, broken[0], side='right')) - 1} are not a "
+            "chain"
+        )
     is_loop = last[start[1:] - 1] == first[start[:-1]]
     if (is_loop != mesh.closed).any():
-        fail(f"S-element {int(np.flatnonzero(is_loop != mesh.closed)[0])} is marked closed but its edges are no loop, or the other way round")
+        fail(
+            f"S-element {int(np.flatnonzero(is_loop != mesh.closed)[0])} is marked closed but its edges are "
+            "no loop, or the other way round"
+        )
     uses = np.bincount(flat, minlength=len(mesh.edges))
-    same_way = np.bincount(flat, weights=np.where(mesh.element_reversed, -1.0, 1.0), minlength=len(mesh.edges))
+    same_way = np.bincount(
+        flat, weights=np.where(mesh.element_reversed, -1.0, 1.0), minlength=len(mesh.edges)
+    )
     wrong = np.flatnonzero((uses > 2) | ((uses == 2) & (same_way != 0)))
     if len(wrong):
         fail(f"edge {wrong[0]} is used {uses[wrong[0]]} times or twice in the same direction")

@@ -1,4 +1,6 @@
-"""Cells before they become S-elements: polygons over shared vertices, some edges curved, faces of cracks kept apart."""
+"""Cells before they become S-elements: polygons over shared vertices, some edges curved, faces of cracks kept
+apart.
+"""
 
 from __future__ import annotations
 
@@ -52,8 +54,8 @@ class CrackFaces:
     length : float
         From the tip to the mouth along the axis, m.
     right, left : list of (int, int)
-        Edges of the two faces as pairs of vertices, in any order and direction. The right face is at the right
-        hand of somebody who looks from the tip to the mouth (the free-end side of a notch in a beam).
+        Edges of the two faces as pairs of vertices, in any order and direction. The right face is at the
+        right hand of somebody who looks from the tip to the mouth (the free-end side of a notch in a beam).
     tip_cell : int
         Cell whose scaling centre is the tip, -1 if there is none.
     """
@@ -72,7 +74,8 @@ class CrackFaces:
 class CellComplex:
     """Vertices, cells and what is known about their edges.
 
-    Two vertices may coincide in space (the faces of a closed crack): neighbourhood is decided by vertex numbers alone.
+    Two vertices may coincide in space (the faces of a closed crack): neighbourhood is decided by vertex
+    numbers alone.
 
     Attributes
     ----------
@@ -80,8 +83,8 @@ class CellComplex:
         m.
     cells : list of Cell
     curves : dict of (int, int) to callable
-        True shape of curved edges: keyed by the edge's vertices, lower number first; maps (n,) parameters in [0, 1]
-        from the first vertex to the second to (n, 2) points.
+        True shape of curved edges: keyed by the edge's vertices, lower number first; maps (n,) parameters in
+        [0, 1] from the first vertex to the second to (n, 2) points.
     edge_sets : dict of str to list of (int, int)
         Named edges, pairs of vertices.
     points : dict of str to int
@@ -101,7 +104,13 @@ class CellComplex:
         self.vertices.append((float(x), float(y)))
         return len(self.vertices) - 1
 
-    def add_cell(self, vertices: Sequence[int], centre: tuple[float, float] | None = None, closed: bool = True, material: int = 0) -> int:
+    def add_cell(
+        self,
+        vertices: Sequence[int],
+        centre: tuple[float, float] | None = None,
+        closed: bool = True,
+        material: int = 0,
+    ) -> int:
         """Append a cell (counter-clockwise vertices) and return its number."""
         self.cells.append(Cell(list(vertices), centre, closed, material))
         return len(self.cells) - 1
@@ -109,7 +118,9 @@ class CellComplex:
     def add_arc(self, first: int, second: int, centre: tuple[float, float], radius: float) -> None:
         """Make the edge between two vertices the shorter arc of a circle through them."""
         low, high = sorted((first, second))
-        angle_low, angle_high = (np.arctan2(self.vertices[v][1] - centre[1], self.vertices[v][0] - centre[0]) for v in (low, high))
+        angle_low, angle_high = (
+            np.arctan2(self.vertices[v][1] - centre[1], self.vertices[v][0] - centre[0]) for v in (low, high)
+        )
         sweep = (angle_high - angle_low + np.pi) % (2 * np.pi) - np.pi
 
         def curve(parameter: np.ndarray) -> np.ndarray:

@@ -1,4 +1,6 @@
-"""Cracks in a mesh of cells: faces split along a line of edges, existing faces recognised, cells around a tip merged to one star."""
+"""Cracks in a mesh of cells: faces split along a line of edges, existing faces recognised, cells around a tip
+merged to one star.
+"""
 
 from __future__ import annotations
 
@@ -61,7 +63,10 @@ def _named_parts(groups: dict[str, list[Edge]], origin: str) -> dict[str, dict[s
         _, name, *side = group.split(":")
         side = side[0] if side else ""
         if not name or side not in ("", "right", "left") or not edges:
-            raise ValueError(f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, crack:NAME:right and crack:NAME:left are known.")
+            raise ValueError(
+                f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, crack:NAME:right and "
+                "crack:NAME:left are known."
+            )
         cracks.setdefault(name, {})[side] = edges
     for name, parts in cracks.items():
         if set(parts) not in ({""}, {"right", "left"}):
@@ -80,18 +85,25 @@ def _path(edges: list[Edge], where: str) -> list[int]:
         at.setdefault(b, []).append(a)
     ends = [vertex for vertex, near in at.items() if len(near) == 1]
     if len(ends) != 2 or any(len(near) > 2 for near in at.values()):
-        raise ValueError(f"{where}: its edges do not form one line without branches; give one connected chain of curves.")
+        raise ValueError(
+            f"{where}: its edges do not form one line without branches; give one connected chain of curves."
+        )
     path = [ends[0]]
     while len(path) <= len(edges):
         following = [v for v in at[path[-1]] if len(path) < 2 or v != path[-2]]
         if not following:
-            raise ValueError(f"{where}: its edges do not form one line without branches; give one connected chain of curves.")
+            raise ValueError(
+                f"{where}: its edges do not form one line without branches; give one connected chain of "
+                "curves."
+            )
         path.append(following[0])
     return path
 
 
 def _split(cells: CellComplex, name: str, edges: list[Edge], uses: dict[Edge, int], where: str) -> _Line:
-    """Separate the cells at the two sides of an embedded line: those at its right get vertices of their own."""
+    """Separate the cells at the two sides of an embedded line: those at its right get vertices of their
+    own.
+    """
     if any(uses[edge] != 2 for edge in edges):
         raise ValueError(
             f"{where}: part of its line lies on the outline, a line inside the material was expected; "
@@ -102,11 +114,17 @@ def _split(cells: CellComplex, name: str, edges: list[Edge], uses: dict[Edge, in
     inside = [end for end in (path[0], path[-1]) if end not in outline]
     if len(inside) != 1:
         what = "both ends inside the material" if inside else "both ends on the outline"
-        raise ValueError(f"{where}: its line has {what}; one end (the tip) must be inside, the other (the mouth) on the outline.")
+        raise ValueError(
+            f"{where}: its line has {what}; one end (the tip) must be inside, the other (the mouth) on the "
+            "outline."
+        )
     if path[0] != inside[0]:
         path.reverse()
     if any(vertex in outline for vertex in path[1:-1]):
-        raise ValueError(f"{where}: its line touches the outline or another crack between tip and mouth; end it where it meets the outline.")
+        raise ValueError(
+            f"{where}: its line touches the outline or another crack between tip and mouth; end it where it "
+            "meets the outline."
+        )
     around: dict[int, list[int]] = {vertex: [] for vertex in path[1:]}
     for number, cell in enumerate(cells.cells):
         for vertex in cell.vertices:
@@ -117,7 +135,9 @@ def _split(cells: CellComplex, name: str, edges: list[Edge], uses: dict[Edge, in
     for vertex, previous, following in zip(path[1:], path, path[2:] + [-1]):
         right = _fan(cells, around[vertex], vertex, {previous, following}, start=previous)
         if len(right) == len(around[vertex]):
-            raise ValueError(f"{where}: its line does not separate the cells at its mouth; end it on the outline.")
+            raise ValueError(
+                f"{where}: its line does not separate the cells at its mouth; end it on the outline."
+            )
         moves += [(number, vertex) for number in right]
         duplicate[vertex] = cells.add_vertex(*cells.vertices[vertex])
     for number, vertex in moves:
@@ -131,7 +151,9 @@ def _fan(cells: CellComplex, around: list[int], vertex: int, walls: set[int], st
     fan, front = set(), []
     for number in around:
         loop = cells.cells[number].vertices
-        if loop[(loop.index(vertex) + 1) % len(loop)] == start:  # runs back along the line: it lies at its right
+        if (
+            loop[(loop.index(vertex) + 1) % len(loop)] == start
+        ):  # runs back along the line: it lies at its right
             front.append(number)
     neighbours = {}
     for number in around:
@@ -158,7 +180,10 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
     outwards = [[(a, b) in directed for a, b in zip(path, path[1:])] for path in paths]
     inwards = [[(b, a) in directed for a, b in zip(path, path[1:])] for path in paths]
     if any(o and i for out, back in zip(outwards, inwards) for o, i in zip(out, back)):
-        raise ValueError(f"{where}: its faces have cells on both sides; name an embedded line crack:{name} to have it split.")
+        raise ValueError(
+            f"{where}: its faces have cells on both sides; name an embedded line crack:{name} to have it "
+            "split."
+        )
     if all(outwards[1]) and all(inwards[0]):
         return _Line(name, paths[0], paths[1])
     if all(outwards[0]) and all(inwards[1]):
@@ -173,9 +198,13 @@ def _carry_over(cells: CellComplex, before: list[list[int]]) -> None:
         for old, new in zip(zip(loop, loop[1:] + loop[:1]), cell.edges()):
             turned = (old == edge_key(old)) != (new == edge_key(new))
             now.setdefault(edge_key(old), {})[edge_key(new)] = turned
-    cells.edge_sets = {name: [new for old in edges for new in now[old]] for name, edges in cells.edge_sets.items()}
+    cells.edge_sets = {
+        name: [new for old in edges for new in now[old]] for name, edges in cells.edge_sets.items()
+    }
     cells.curves = {
-        new: _reversed_curve(curve) if turned else curve for old, curve in cells.curves.items() for new, turned in now[old].items()
+        new: _reversed_curve(curve) if turned else curve
+        for old, curve in cells.curves.items()
+        for new, turned in now[old].items()
     }
 
 
@@ -184,7 +213,9 @@ def _reversed_curve(curve: Curve) -> Curve:
 
 
 def _record(cells: CellComplex, line: _Line, tip_element: bool, where: str) -> None:
-    tip, right_mouth, left_mouth = (np.array(cells.vertices[v]) for v in (line.right[0], line.right[-1], line.left[-1]))
+    tip, right_mouth, left_mouth = (
+        np.array(cells.vertices[v]) for v in (line.right[0], line.right[-1], line.left[-1])
+    )
     chords = [(mouth - tip) / np.hypot(*(mouth - tip)) for mouth in (right_mouth, left_mouth)]
     axis = (chords[0] + chords[1]) / np.hypot(*(chords[0] + chords[1]))
     first = [np.array(cells.vertices[face[1]]) - tip for face in (line.right, line.left)]
@@ -194,21 +225,33 @@ def _record(cells: CellComplex, line: _Line, tip_element: bool, where: str) -> N
     tip_cell = -1
     if tip_element:
         if len(right) < 2 or len(left) < 2:
-            raise ValueError(f"{where}: its faces have a single edge, which the element around the tip takes up; refine the mesh there.")
+            raise ValueError(
+                f"{where}: its faces have a single edge, which the element around the tip takes up; refine "
+                "the mesh there."
+            )
         if any(edge_key(face[0]) in cells.curves for face in (right, left)):
-            raise ValueError(f"{where}: its faces are curved at the tip, where the element needs straight ones; pass tip_element=False or straighten them.")
+            raise ValueError(
+                f"{where}: its faces are curved at the tip, where the element needs straight ones; pass "
+                "tip_element=False or straighten them."
+            )
         tip_cell = _merge_around_tip(cells, line, where)
         right, left = right[1:], left[1:]
     # A closed crack's faces coincide; round-off must not open it.
     opening = opening if abs(opening) > 1e-12 else 0.0
-    cells.cracks.append(CrackFaces(line.name, tuple(map(float, tip)), tuple(map(float, axis)), opening, length, right, left, tip_cell))
+    cells.cracks.append(
+        CrackFaces(
+            line.name, tuple(map(float, tip)), tuple(map(float, axis)), opening, length, right, left, tip_cell
+        )
+    )
     for side, face in (("right", line.right), ("left", line.left)):
         cells.edge_sets[f"{line.name}_{side}"] = right if side == "right" else left
         cells.points[f"{line.name}_{side}"] = face[-1]
 
 
 def _merge_around_tip(cells: CellComplex, line: _Line, where: str) -> int:
-    """Replace the cells around a tip by one open cell; it takes the place of one of them, so that the numbers of the others stay."""
+    """Replace the cells around a tip by one open cell; it takes the place of one of them, so that the numbers
+    of the others stay.
+    """
     tip = line.left[0]
     fan = {}
     for number, cell in enumerate(cells.cells):
@@ -222,10 +265,16 @@ def _merge_around_tip(cells: CellComplex, line: _Line, where: str) -> int:
         members.append(number)
         chain += ordered[1:]
     if chain[-1] != line.right[1] or len(members) != len(fan):
-        raise ValueError(f"{where}: the cells around its tip do not go from one face round to the other; check that the tip is inside the material.")
+        raise ValueError(
+            f"{where}: the cells around its tip do not go from one face round to the other; check that the "
+            "tip is inside the material."
+        )
     materials = {cells.cells[number].material for number in members}
     if len(materials) > 1:
-        raise ValueError(f"{where}: its tip lies between different materials, the element around it can have only one; pass tip_element=False.")
+        raise ValueError(
+            f"{where}: its tip lies between different materials, the element around it can have only one; "
+            "pass tip_element=False."
+        )
     kept = cells.cells[members[0]]
     kept.vertices, kept.closed, kept.centre = chain, False, cells.vertices[tip]
     for number in members[1:]:
@@ -250,7 +299,13 @@ def _drop_missing(cells: CellComplex, origin: str) -> None:
     for name, edges in cells.edge_sets.items():
         cells.edge_sets[name] = [edge for edge in edges if edge_key(edge) in uses]
         if not cells.edge_sets[name]:
-            raise ValueError(f"{origin}: all edges of {name!r} lie inside the element around a crack tip; refine the mesh or pass tip_element=False.")
+            raise ValueError(
+                f"{origin}: all edges of {name!r} lie inside the element around a crack tip; refine the mesh "
+                "or pass tip_element=False."
+            )
     for name, vertex in cells.points.items():
         if vertex not in present:
-            raise ValueError(f"{origin}: point {name!r} is a crack tip, which carries no node with tip_element=True; pass tip_element=False.")
+            raise ValueError(
+                f"{origin}: point {name!r} is a crack tip, which carries no node with tip_element=True; pass "
+                "tip_element=False."
+            )

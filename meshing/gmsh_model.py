@@ -10,7 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-_OPTIONS = ("General.Terminal", "Mesh.MeshSizeMax", "Mesh.Algorithm", "Mesh.RecombinationAlgorithm", "Mesh.ElementOrder")
+_OPTIONS = (
+    "General.Terminal",
+    "Mesh.MeshSizeMax",
+    "Mesh.Algorithm",
+    "Mesh.RecombinationAlgorithm",
+    "Mesh.ElementOrder",
+)
 _TEXT_OPTIONS = ("Geometry.OCCTargetUnit",)
 _MOST_STATEMENTS = 10_000
 _FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
@@ -29,11 +35,13 @@ def gmsh_session(name: str) -> Iterator[object]:
         import gmsh
     except (ImportError, OSError) as error:  # OSError: the wheel's library lacks a system library
         raise RuntimeError(
-            f"gmsh could not be loaded ({error}); install it with 'pip install gmsh' and the libraries libGLU, libXcursor, libXft, libXinerama."
+            f"gmsh could not be loaded ({error}); install it with 'pip install gmsh' and the libraries "
+            "libGLU, libXcursor, libXft, libXinerama."
         ) from error
     started = not gmsh.isInitialized()
     if started:
-        # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would depend on the user's home.
+        # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would
+        # depend on the user's home.
         gmsh.initialize([], readConfigFiles=False, interruptible=False)
     previous = None if started else gmsh.model.getCurrent()
     options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
@@ -58,8 +66,8 @@ def gmsh_session(name: str) -> Iterator[object]:
 def drain_parser(gmsh) -> None:
     """Make gmsh forget the rest of a .geo file in which it found an error.
 
-    It keeps the text after the error, also beyond its own end, and would put it before the next file of this process; every further
-    attempt takes one statement off.
+    It keeps the text after the error, also beyond its own end, and would put it before the next file of this
+    process; every further attempt takes one statement off.
     """
     with tempfile.TemporaryDirectory() as folder:
         blank = Path(folder) / "blank.geo"
@@ -71,7 +79,8 @@ def drain_parser(gmsh) -> None:
 
 
 def find_crossing(segments: np.ndarray) -> np.ndarray | None:
-    """Where two segments cross or overlap each other, apart from shared ends; gmsh may never return from such an outline.
+    """Where two segments cross or overlap each other, apart from shared ends; gmsh may never return from such
+    an outline.
 
     Parameters
     ----------
@@ -99,7 +108,8 @@ def find_crossing(segments: np.ndarray) -> np.ndarray | None:
 
 
 def find_meeting(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
-    """Where two curves meet in nodes that lie at one place but are not one node; gmsh may never return from such an outline.
+    """Where two curves meet in nodes that lie at one place but are not one node; gmsh may never return from
+    such an outline.
 
     The two faces of a slit lie on each other all along and are left alone.
 
@@ -120,7 +130,12 @@ def find_meeting(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
     directions = directions / np.hypot(*directions.T)[:, None]
     distance = np.abs(places[:, None] - places[None]).max(axis=2)
     same = (distance <= 1e-9 * np.ptp(places, axis=0).max()) & (tags[:, None] != tags[None])
-    along = np.abs(directions[:, None, 0] * directions[None, :, 1] - directions[:, None, 1] * directions[None, :, 0]) <= 1e-9
+    along = (
+        np.abs(
+            directions[:, None, 0] * directions[None, :, 1] - directions[:, None, 1] * directions[None, :, 0]
+        )
+        <= 1e-9
+    )
     for one in np.unique(tags[np.argwhere(same)[:, 0]]):
         mine = tags == one
         others = same[mine].any(axis=0)
@@ -134,7 +149,9 @@ def _within(parameter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return (parameter > 1e-9) & (parameter < 1 - 1e-9), (parameter > -1e-9) & (parameter < 1 + 1e-9)
 
 
-def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float) -> tuple[np.ndarray, list[list[int]]]:
+def fill_polygon(
+    loops: Sequence[np.ndarray], embedded: np.ndarray, size: float
+) -> tuple[np.ndarray, list[list[int]]]:
     """Quadrilaterals and triangles inside a polygon; its sides are kept whole.
 
     Parameters
@@ -158,9 +175,14 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
     RuntimeError
         The sides cross each other, or gmsh fails.
     """
-    crossing = find_crossing(np.vstack([np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops]))
+    crossing = find_crossing(
+        np.vstack([np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops])
+    )
     if crossing is not None:
-        raise RuntimeError(f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, {crossing[1]:.6g}) m.")
+        raise RuntimeError(
+            f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, "
+            f"{crossing[1]:.6g}) m."
+        )
     lengths = [np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) for loop in loops]
     scale = max(np.ptp(loops[0], axis=0).max(), 1e-300)
     with gmsh_session("polygon") as gmsh:
@@ -202,11 +224,17 @@ def fill_polygon(loops: Sequence[np.ndarray], embedded: np.ndarray, size: float)
                 for corners in np.asarray(nodes).reshape(-1, 3 if kind == 2 else 4):
                     cells.append([number[int(tag)] for tag in corners])
         except Exception as error:
-            raise RuntimeError(f"gmsh could not fill the polygon around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m: {error}") from error
+            raise RuntimeError(
+                f"gmsh could not fill the polygon around ({loops[0][:, 0].mean():.6g}, "
+                f"{loops[0][:, 1].mean():.6g}) m: {error}"
+            ) from error
     wanted = abs(polygon_area(loops[0])) - sum(abs(polygon_area(loop)) for loop in loops[1:])
     covered = sum(abs(polygon_area(np.array([coordinates[v] for v in cell]))) for cell in cells)
     if abs(covered - wanted) > 1e-9 * wanted:
-        raise RuntimeError(f"gmsh's cells around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m overlap or leave gaps.")
+        raise RuntimeError(
+            f"gmsh's cells around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m overlap or "
+            "leave gaps."
+        )
     return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
 
 
@@ -220,7 +248,9 @@ def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[l
     """The cell counter-clockwise; a quadrilateral that is not safely convex in two triangles."""
     points = np.array([coordinates[v] for v in cell])
     ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
-    turns = (ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]) / np.hypot(*ahead.T) / np.hypot(*behind.T)
+    turns = (
+        (ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]) / np.hypot(*ahead.T) / np.hypot(*behind.T)
+    )
     if polygon_area(points) < 0:
         return _sound_pieces(cell[::-1], coordinates)
     if len(cell) == 3 or turns.min() > _FLATTEST:

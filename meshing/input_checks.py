@@ -1,4 +1,6 @@
-"""Checks of single inputs; each error is one sentence that names the item, its value and what was expected."""
+"""Checks of single inputs; each error is one sentence that names the item, its value and what was
+expected.
+"""
 
 from __future__ import annotations
 

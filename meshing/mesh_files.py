@@ -15,7 +15,8 @@ _VERSION = 1
 _ARRAYS = {
     "nodes": "coordinates of the nodes, m",
     "edges": "nodes of each edge at the Gauss-Lobatto-Legendre points",
-    "element_start": "element_edges[element_start[e]:element_start[e + 1]] are the edges of S-element e, counter-clockwise",
+    "element_start": "element_edges[element_start[e]:element_start[e + 1]] are the edges of S-element e, "
+    "counter-clockwise",
     "element_edges": "edges of all S-elements, flat",
     "element_reversed": "true where the element runs through the edge from its last node to its first",
     "scaling_centres": "scaling centre of each S-element, m",
@@ -30,13 +31,21 @@ _PAIRS = {
     "position": "fraction of the face's length from the tip (0) to the mouth (1)",
 }
 # Attributes of a crack's group and the fields they hold.
-_CRACK = {"name": "name", "tip_m": "tip", "axis": "axis", "opening_rad": "opening", "length_m": "length", "tip_element": "tip_element"}
+_CRACK = {
+    "name": "name",
+    "tip_m": "tip",
+    "axis": "axis",
+    "opening_rad": "opening",
+    "length_m": "length",
+    "tip_element": "tip_element",
+}
 
 
 def save(mesh: BoundaryMesh, path: str | Path) -> None:
     """Write a mesh to an HDF5 file.
 
-    The file describes itself (every data set has a "description"). It is written under a temporary name in the same folder and then renamed.
+    The file describes itself (every data set has a "description"). It is written under a temporary name in
+    the same folder and then renamed.
 
     Raises
     ------
@@ -52,17 +61,26 @@ def save(mesh: BoundaryMesh, path: str | Path) -> None:
             file.attrs.update({"format": _FORMAT, "version": _VERSION, "order": mesh.order})
             for name, description in _ARRAYS.items():
                 _write(file, name, getattr(mesh, name), description)
-            _write(file, "material_names", np.array(mesh.material_names, dtype=h5py.string_dtype()), "names of the materials")
+            _write(
+                file,
+                "material_names",
+                np.array(mesh.material_names, dtype=h5py.string_dtype()),
+                "names of the materials",
+            )
             for name, description in _PAIRS.items():
                 _write(file, f"pairs/{name}", getattr(mesh.pairs, name), f"contact pairs: {description}")
             # Names are stored as attributes: a data set's name may not contain a slash.
             for title, items in (("edge_sets", mesh.edge_sets), ("points", mesh.points)):
                 group = file.create_group(title)
                 for i, (name, numbers) in enumerate(items.items()):
-                    _write(group, str(i), np.asarray(numbers), f"{title.replace('_', ' ')[:-1]} {name!r}").attrs["name"] = name
+                    _write(
+                        group, str(i), np.asarray(numbers), f"{title.replace('_', ' ')[:-1]} {name!r}"
+                    ).attrs["name"] = name
             cracks = file.create_group("cracks")
             for i, crack in enumerate(mesh.cracks):
-                cracks.create_group(str(i)).attrs.update({key: getattr(crack, name) for key, name in _CRACK.items()})
+                cracks.create_group(str(i)).attrs.update(
+                    {key: getattr(crack, name) for key, name in _CRACK.items()}
+                )
             # The last thing written; a file without it is not complete.
             file.attrs["complete"] = True
         with open(temporary, "rb") as file:
@@ -92,11 +110,15 @@ def load(path: str | Path) -> BoundaryMesh:
             if file.attrs.get("format") != _FORMAT:
                 raise ValueError(f"{path}: it is an HDF5 file but not a boundary mesh.")
             if file.attrs["version"] > _VERSION:
-                raise ValueError(f"{path}: it has version {file.attrs['version']}, this program reads up to {_VERSION}; update the program.")
+                raise ValueError(
+                    f"{path}: it has version {file.attrs['version']}, this program reads up to {_VERSION}; "
+                    "update the program."
+                )
             if not file.attrs.get("complete", False):
                 raise ValueError(f"{path}: it is not complete; save the mesh again.")
             sets, points = (
-                {group[str(i)].attrs["name"]: group[str(i)][()] for i in range(len(group))} for group in (file["edge_sets"], file["points"])
+                {group[str(i)].attrs["name"]: group[str(i)][()] for i in range(len(group))}
+                for group in (file["edge_sets"], file["points"])
             )
             cracks = [file["cracks"][str(i)].attrs for i in range(len(file["cracks"]))]
             return BoundaryMesh(
@@ -106,7 +128,10 @@ def load(path: str | Path) -> BoundaryMesh:
                 edge_sets=sets,
                 points={name: int(node) for name, node in points.items()},
                 pairs=ContactPairs(**{name: file[f"pairs/{name}"][()] for name in _PAIRS}),
-                cracks=tuple(Crack(**{name: _plain(attributes[key]) for key, name in _CRACK.items()}) for attributes in cracks),
+                cracks=tuple(
+                    Crack(**{name: _plain(attributes[key]) for key, name in _CRACK.items()})
+                    for attributes in cracks
+                ),
             )
     except (OSError, KeyError, RuntimeError) as error:  # h5py's ways to say that bytes are missing
         raise ValueError(f"{path}: it is truncated, corrupt or not an HDF5 file ({error}).") from error
@@ -115,9 +140,10 @@ def load(path: str | Path) -> BoundaryMesh:
 def export(mesh: BoundaryMesh, path: str | Path) -> None:
     """Write the edges in a format of meshio, chosen by the file's ending.
 
-    Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep all their nodes. (The high-order cells of
-    VTK expect equidistant nodes, which GLL nodes are not.) Cell data: "edge", "element" (the first S-element it belongs to), "material";
-    "set_NAME" is 1 on the edges of a set. Point data: "gap" of contact pairs, -1 elsewhere.
+    Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep
+    all their nodes. (The high-order cells of VTK expect equidistant nodes, which GLL nodes are not.) Cell
+    data: "edge", "element" (the first S-element it belongs to), "material"; "set_NAME" is 1 on the edges of a
+    set. Point data: "gap" of contact pairs, -1 elsewhere.
 
     Raises
     ------
@@ -140,12 +166,21 @@ def export(mesh: BoundaryMesh, path: str | Path) -> None:
     try:
         meshio.Mesh(points, [("line", lines)], point_data={"gap": gap}, cell_data=cell_data).write(path)
     except (OSError, meshio.ReadError, meshio.WriteError, KeyError) as error:
-        raise ValueError(f"{path}: the mesh cannot be exported there ({error}); use an ending meshio writes, e.g. .vtu, and a folder you can write.") from error
+        raise ValueError(
+            f"{path}: the mesh cannot be exported there ({error}); use an ending meshio writes, e.g. .vtu, "
+            "and a folder you can write."
+        ) from error
 
 
 def _plain(value):
     """An HDF5 attribute as Python's own type."""
-    return tuple(value.tolist()) if isinstance(value, np.ndarray) else value.item() if isinstance(value, np.generic) else value
+    return (
+        tuple(value.tolist())
+        if isinstance(value, np.ndarray)
+        else value.item()
+        if isinstance(value, np.generic)
+        else value
+    )
 
 
 def _write(group, name: str, values: np.ndarray, description: str):

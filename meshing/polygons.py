@@ -9,13 +9,16 @@ from meshing.cells import CellComplex, edge_key
 from meshing.contact_faces import find_pairs, join_pairs
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 
-# Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the cell's area:
-# a centroid with less than the first is worth a search in the kernel, less than the second is no admissible centre.
+# Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the
+# cell's area: a centroid with less than the first is worth a search in the kernel, less than the second is no
+# admissible centre.
 _COMFORTABLE = 0.08
 _ADMISSIBLE = 1e-3
 
 
-def build_mesh(cells: CellComplex, order: int, material_names: tuple[str, ...] = ("material",), origin: str = "mesh") -> BoundaryMesh:
+def build_mesh(
+    cells: CellComplex, order: int, material_names: tuple[str, ...] = ("material",), origin: str = "mesh"
+) -> BoundaryMesh:
     """Turn cells into S-elements.
 
     Parameters
@@ -65,18 +68,36 @@ def build_mesh(cells: CellComplex, order: int, material_names: tuple[str, ...] =
 
     nodes, edge_nodes = np.array(coordinates), np.array(edges)
     flat, backwards, start = np.array(flat), np.array(backwards), np.array(start)
-    centres = _scaling_centres([cells.cells[i] for i in sequence], nodes, edge_nodes, flat, backwards, start, origin)
+    centres = _scaling_centres(
+        [cells.cells[i] for i in sequence], nodes, edge_nodes, flat, backwards, start, origin
+    )
     element_of_cell = np.argsort(sequence)
 
     def numbers(pairs: list[tuple[int, int]]) -> np.ndarray:
         return np.array([edge_number[edge_key(pair)] for pair in pairs], dtype=int)
 
     cracks = tuple(
-        Crack(c.name, tuple(c.tip), tuple(c.axis), c.opening, c.length, int(element_of_cell[c.tip_cell]) if c.tip_cell >= 0 else -1) for c in cells.cracks
+        Crack(
+            c.name,
+            tuple(c.tip),
+            tuple(c.axis),
+            c.opening,
+            c.length,
+            int(element_of_cell[c.tip_cell]) if c.tip_cell >= 0 else -1,
+        )
+        for c in cells.cracks
     )
     pairs = join_pairs(
         [
-            find_pairs(edge_nodes[numbers(c.right)], edge_nodes[numbers(c.left)], nodes, c.tip, c.axis, i, f"{origin}: crack {c.name!r}")
+            find_pairs(
+                edge_nodes[numbers(c.right)],
+                edge_nodes[numbers(c.left)],
+                nodes,
+                c.tip,
+                c.axis,
+                i,
+                f"{origin}: crack {c.name!r}",
+            )
             for i, c in enumerate(cells.cracks)
         ]
     )
@@ -123,7 +144,9 @@ def _scaling_centres(elements, nodes, edges, flat, backwards, start, origin) -> 
     centres = np.empty((len(elements), 2))
     for number, element in enumerate(elements):
         points, tangents = [], []
-        for edge, backward in zip(flat[start[number] : start[number + 1]], backwards[start[number] : start[number + 1]]):
+        for edge, backward in zip(
+            flat[start[number] : start[number + 1]], backwards[start[number] : start[number + 1]]
+        ):
             sign = -1.0 if backward else 1.0
             if curved[edge]:
                 points.append(values @ nodes[edges[edge]])
@@ -137,15 +160,19 @@ def _scaling_centres(elements, nodes, edges, flat, backwards, start, origin) -> 
     return centres
 
 
-def find_centre(points: np.ndarray, tangents: np.ndarray, prescribed: tuple[float, float] | None, origin: str) -> np.ndarray:
+def find_centre(
+    points: np.ndarray, tangents: np.ndarray, prescribed: tuple[float, float] | None, origin: str
+) -> np.ndarray:
     """Scaling centre from which the whole outline is visible.
 
     Parameters
     ----------
     points, tangents : (n, 2) array
-        Points of the outline, counter-clockwise, m, and the outline's direction there (any length). For straight edges one point is enough.
+        Points of the outline, counter-clockwise, m, and the outline's direction there (any length). For
+        straight edges one point is enough.
     prescribed : (x, y) or None
-        The centre to be checked (a crack tip); None: the centroid if it sees the outline well, else a point of the kernel.
+        The centre to be checked (a crack tip); None: the centroid if it sees the outline well, else a point
+        of the kernel.
     origin : str
         What is being meshed, for messages.
 
@@ -173,11 +200,16 @@ def find_centre(points: np.ndarray, tangents: np.ndarray, prescribed: tuple[floa
     scale = np.sqrt(area)
 
     def sight(centre: np.ndarray) -> float:
-        return float((((local[:, 0] - centre[0]) * unit[:, 1] - (local[:, 1] - centre[1]) * unit[:, 0]).min()) / scale)
+        return float(
+            (((local[:, 0] - centre[0]) * unit[:, 1] - (local[:, 1] - centre[1]) * unit[:, 0]).min()) / scale
+        )
 
     if prescribed is not None:
         if sight(np.subtract(prescribed, middle)) < _ADMISSIBLE:
-            raise ValueError(f"{where} m does not see its whole outline from the crack tip ({prescribed[0]:.6g}, {prescribed[1]:.6g}); refine the mesh there.")
+            raise ValueError(
+                f"{where} m does not see its whole outline from the crack tip ({prescribed[0]:.6g}, "
+                f"{prescribed[1]:.6g}); refine the mesh there."
+            )
         return np.array(prescribed, float)
     centroid = (outline + following).T @ cross / (6 * area)
     best, best_sight = centroid, sight(centroid)
@@ -188,7 +220,10 @@ def find_centre(points: np.ndarray, tangents: np.ndarray, prescribed: tuple[floa
             if sight(candidate) > best_sight:
                 best, best_sight = candidate, sight(candidate)
     if best_sight < _ADMISSIBLE:
-        raise ValueError(f"{where} m is not star-convex: no point sees its whole outline; split the cell or straighten its edges.")
+        raise ValueError(
+            f"{where} m is not star-convex: no point sees its whole outline; split the cell or straighten "
+            "its edges."
+        )
     return middle + best
 
 

@@ -43,15 +43,22 @@ class VNotch:
         object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
         object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
         if self.opening < 0:
-            raise ValueError(f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive.")
+            raise ValueError(
+                f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
+            )
         if abs(self.tilt) + self.opening / 2 > _STEEPEST:
             raise ValueError(
-                f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans {abs(self.tilt) + self.opening / 2:g} degrees "
-                f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to reach the top edge."
+                f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans "
+                f"{abs(self.tilt) + self.opening / 2:g} degrees "
+                f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to "
+                "reach the top edge."
             )
 
     def __repr__(self) -> str:
-        return f"VNotch(x={self.x:g} m, depth={self.depth:g} m, opening={self.opening:g} deg, tilt={self.tilt:g} deg)"
+        return (
+            f"VNotch(x={self.x:g} m, depth={self.depth:g} m, opening={self.opening:g} deg, "
+            f"tilt={self.tilt:g} deg)"
+        )
 
     @property
     def right_offset(self) -> float:
@@ -134,7 +141,11 @@ class Beam:
 
     def __repr__(self) -> str:
         parts = [f"length={self.length:g} m", f"height={self.height:g} m"]
-        parts += [f"{name}={list(items)!r}" for name, items in (("notches", self.notches), ("holes", self.holes)) if items]
+        parts += [
+            f"{name}={list(items)!r}"
+            for name, items in (("notches", self.notches), ("holes", self.holes))
+            if items
+        ]
         return f"Beam({', '.join(parts)})"
 
     @property
@@ -144,27 +155,41 @@ class Beam:
         return self.length * self.height - notches - sum(math.pi * hole.radius**2 for hole in self.holes)
 
     def triangle(self, notch: VNotch) -> np.ndarray:
-        """Tip, mouth corner at the free-end side, mouth corner at the clamp side of a notch: (3, 2) array, m."""
+        """Tip, mouth corner at the free-end side, mouth corner at the clamp side of a notch: (3, 2) array,
+        m.
+        """
         return np.array(
-            [[notch.x, self.height - notch.depth], [notch.x + notch.right_offset, self.height], [notch.x + notch.left_offset, self.height]]
+            [
+                [notch.x, self.height - notch.depth],
+                [notch.x + notch.right_offset, self.height],
+                [notch.x + notch.left_offset, self.height],
+            ]
         )
 
     def _check_notch(self, item: str, notch: VNotch) -> None:
         smallest = 0.01 * self.height
         if notch.depth >= self.height:
-            raise ValueError(f"{item}: depth {notch.depth:g} m is not less than the beam's height {self.height:g} m; make the notch shallower.")
+            raise ValueError(
+                f"{item}: depth {notch.depth:g} m is not less than the beam's height {self.height:g} m; make "
+                "the notch shallower."
+            )
         if not smallest <= notch.depth <= self.height - smallest:
             raise ValueError(
-                f"{item}: depth {notch.depth:g} m is within 1 % of 0 or of the beam's height {self.height:g} m; "
+                f"{item}: depth {notch.depth:g} m is within 1 % of 0 or of the beam's height {self.height:g} "
+                "m; "
                 "leave the notch out or cut the beam there."
             )
         if not 0 < notch.x < self.length:
-            raise ValueError(f"{item}: its tip at x = {notch.x:g} m is outside the beam, 0 < x < {self.length:g} m was expected.")
+            raise ValueError(
+                f"{item}: its tip at x = {notch.x:g} m is outside the beam, 0 < x < {self.length:g} m was "
+                "expected."
+            )
         clearance = _CLEARANCE * self.height
         for corner in (notch.x, notch.x + notch.left_offset, notch.x + notch.right_offset):
             if not clearance <= corner <= self.length - clearance:
                 raise ValueError(
-                    f"{item}: its mouth reaches x = {corner:g} m, which is outside the top edge 0 to {self.length:g} m or too near its end; "
+                    f"{item}: its mouth reaches x = {corner:g} m, which is outside the top edge 0 to "
+                    f"{self.length:g} m or too near its end; "
                     "move the notch, make it shallower or lessen its tilt or opening."
                 )
 
@@ -173,8 +198,10 @@ class Beam:
         for name, value, extent in (("x", hole.x, self.length), ("y", hole.y, self.height)):
             if not clearance <= value <= extent - clearance:
                 raise ValueError(
-                    f"{item}: centre {name} = {value:g} m with diameter {hole.diameter:g} m leaves or touches the domain or leaves too thin a wall, "
-                    f"{name} between {clearance:g} and {extent - clearance:g} m was expected; move the hole or make it smaller."
+                    f"{item}: centre {name} = {value:g} m with diameter {hole.diameter:g} m leaves or "
+                    "touches the domain or leaves too thin a wall, "
+                    f"{name} between {clearance:g} and {extent - clearance:g} m was expected; move the hole "
+                    "or make it smaller."
                 )
 
     def _wall(self, hole: Hole) -> float:
@@ -187,14 +214,24 @@ class Beam:
         for i in range(len(triangles)):
             for j in range(i + 1, len(triangles)):
                 if _triangle_distance(triangles[i], triangles[j]) < least:
-                    raise ValueError(f"notches {i + 1} and {j + 1} overlap or touch ({self.notches[i]!r}, {self.notches[j]!r}); move them apart.")
+                    raise ValueError(
+                        f"notches {i + 1} and {j + 1} overlap or touch ({self.notches[i]!r}, "
+                        f"{self.notches[j]!r}); move them apart."
+                    )
         for i, hole in enumerate(self.holes):
             for j, other in enumerate(self.holes[i + 1 :], i + 1):
-                if math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius < max(self._wall(hole), self._wall(other)):
-                    raise ValueError(f"holes {i + 1} and {j + 1} overlap or touch ({hole!r}, {other!r}); move them apart.")
+                if math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius < max(
+                    self._wall(hole), self._wall(other)
+                ):
+                    raise ValueError(
+                        f"holes {i + 1} and {j + 1} overlap or touch ({hole!r}, {other!r}); move them apart."
+                    )
             for j, triangle in enumerate(triangles):
                 if _point_distance(np.array([hole.x, hole.y]), triangle) - hole.radius < self._wall(hole):
-                    raise ValueError(f"hole {i + 1} touches or cuts notch {j + 1} ({hole!r}, {self.notches[j]!r}); move them apart.")
+                    raise ValueError(
+                        f"hole {i + 1} touches or cuts notch {j + 1} ({hole!r}, {self.notches[j]!r}); move "
+                        "them apart."
+                    )
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:
         """A user's point as two floats, or the error that says why it cannot be a node."""
@@ -206,14 +243,22 @@ class Beam:
             raise TypeError(f"point {name!r} is {point!r}, a pair (x, y) was expected.") from None
         x, y = number(f"point {name!r}", "x", x), number(f"point {name!r}", "y", y)
         if not (0 <= x <= self.length and 0 <= y <= self.height):
-            raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, {self.height:g}] m; move it inside.")
+            raise ValueError(
+                f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, "
+                f"{self.height:g}] m; move it inside."
+            )
         least = _CLEARANCE * self.height
         for i, hole in enumerate(self.holes, 1):
             if math.hypot(x - hole.x, y - hole.y) < hole.radius + least:
-                raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is in or on hole {i}; move it into the material.")
+                raise ValueError(
+                    f"point {name!r} at ({x:g}, {y:g}) m is in or on hole {i}; move it into the material."
+                )
         for i, notch in enumerate(self.notches, 1):
             if _point_distance(np.array([x, y]), self.triangle(notch)) < least:
-                raise ValueError(f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (B and C are its mouth corners).")
+                raise ValueError(
+                    f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (B "
+                    "and C are its mouth corners)."
+                )
         return x, y
 
     def mesh(
@@ -229,36 +274,40 @@ class Beam:
     ) -> BoundaryMesh:
         """Divide the beam into S-elements.
 
-        Plain parts become equal rectangles. Around each notch tip stand a small open S-element with its scaling centre on the tip and
-        rings that are scaled copies of each other; around each hole a ring of curved cells. Parts where notches or holes are too close to
-        each other for that are filled by gmsh.
+        Plain parts become equal rectangles. Around each notch tip stand a small open S-element with its
+        scaling centre on the tip and rings that are scaled copies of each other; around each hole a ring of
+        curved cells. Parts where notches or holes are too close to each other for that are filled by gmsh.
 
         Parameters
         ----------
         order : int
             Polynomial order of the edges, 1 to 20.
         size : float, optional
-            Length of the cells along the beam, m; below the height there are several rows. Default: 2.5 times the height.
+            Length of the cells along the beam, m; below the height there are several rows. Default: 2.5 times
+            the height.
         tip_size : float, optional
-            Half-size of the S-element on a notch's tip (its largest extent from the tip), m. Default: 0.02 of the notch's depth.
+            Half-size of the S-element on a notch's tip (its largest extent from the tip), m. Default: 0.02 of
+            the notch's depth.
         grading : float
             Largest size ratio of neighbouring rings, 1.1 to 10.
         layout : {"tip", "vertex"}
-            "tip": scaling centre on the tip. "vertex": the paper's Fig. 2, the tip is a vertex of four closed S-elements whose edges are graded
-            down to `tip_size`.
+            "tip": scaling centre on the tip. "vertex": the paper's Fig. 2, the tip is a vertex of four closed
+            S-elements whose edges are graded down to `tip_size`.
         points : dict of str to (x, y), optional
             Further named points, m; each becomes a node.
         corner_size : float, optional
-            Size of the innermost cell where the edges are graded towards the corners of the end edges in `corners`, m: a clamped corner is
-            singular. Default: 0.2 of the height where there is room, no grading in the "vertex" layout.
+            Size of the innermost cell where the edges are graded towards the corners of the end edges in
+            `corners`, m: a clamped corner is singular. Default: 0.2 of the height where there is room, no
+            grading in the "vertex" layout.
         corners : sequence of {"left", "right"}
             End edges whose two corners are graded; () for none.
 
         Returns
         -------
         BoundaryMesh
-            Edge sets "left", "right", "top", "bottom", "hole1" ..., "crack1_left", "crack1_right" ...; points "A" (top corner of the free end),
-            "B" and "C" (mouth corners of the first notch, free-end and clamp side), "B2", "C2" of the second ..., and the user's.
+            Edge sets "left", "right", "top", "bottom", "hole1" ..., "crack1_left", "crack1_right" ...; points
+            "A" (top corner of the free end), "B" and "C" (mouth corners of the first notch, free-end and
+            clamp side), "B2", "C2" of the second ..., and the user's.
 
         Raises
         ------
@@ -270,7 +319,9 @@ class Beam:
         from meshing.beam_layout import MeshInputs
         from meshing.polygons import build_mesh
 
-        inputs = MeshInputs.checked(self, order, size, tip_size, grading, layout, points, corner_size, corners)
+        inputs = MeshInputs.checked(
+            self, order, size, tip_size, grading, layout, points, corner_size, corners
+        )
         return build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")
 
 
@@ -306,6 +357,9 @@ def _triangle_distance(first: np.ndarray, second: np.ndarray) -> float:
     """Distance of two triangles; 0 where they overlap."""
     for a, b in zip(first, np.roll(first, -1, axis=0)):
         for c, d in zip(second, np.roll(second, -1, axis=0)):
-            if _cross(b - a, c - a) * _cross(b - a, d - a) < 0 and _cross(d - c, a - c) * _cross(d - c, b - c) < 0:
+            if (
+                _cross(b - a, c - a) * _cross(b - a, d - a) < 0
+                and _cross(d - c, a - c) * _cross(d - c, b - c) < 0
+            ):
                 return 0.0
     return min([_point_distance(p, second) for p in first] + [_point_distance(p, first) for p in second])

@@ -56,8 +56,8 @@ class Star:
 class Skeleton:
     """Registry of shared vertices.
 
-    Vertices are found again by their coordinates, which is safe because the faces of cracks, where two vertices may coincide, are never
-    registered.
+    Vertices are found again by their coordinates, which is safe because the faces of cracks, where two
+    vertices may coincide, are never registered.
     """
 
     def __init__(self, beam: Beam, inputs: MeshInputs) -> None:
@@ -98,7 +98,9 @@ class Skeleton:
         return self.vertex(x, y) if self._registers(x, y) else self.cells.add_vertex(x, y)
 
     def between(self, first: int, last: int) -> list[int]:
-        """Registered vertices strictly between two vertices of one line or edge, in order from the first; empty elsewhere."""
+        """Registered vertices strictly between two vertices of one line or edge, in order from the first;
+        empty elsewhere.
+        """
         (x1, y1), (x2, y2) = self.cells.vertices[first], self.cells.vertices[last]
         if x1 == x2 and x1 in self._vertical:
             register, start, stop = self._vertical[x1], y1, y2
@@ -107,7 +109,10 @@ class Skeleton:
         else:
             return []
         low, high = sorted((start, stop))
-        first_inside, first_beyond = bisect_left(register, (low + self._tolerance, -1)), bisect_left(register, (high - self._tolerance, -1))
+        first_inside, first_beyond = (
+            bisect_left(register, (low + self._tolerance, -1)),
+            bisect_left(register, (high - self._tolerance, -1)),
+        )
         found = [vertex for _, vertex in register[first_inside:first_beyond]]
         return found if start < stop else found[::-1]
 
@@ -124,7 +129,9 @@ class Skeleton:
         return result + vertices[-1:]
 
     def preferred(self, point: tuple[float, float]) -> tuple[float, float]:
-        """Where a vertex of an outline that may slide along its side should go: a registered vertex nearby, else it stays."""
+        """Where a vertex of an outline that may slide along its side should go: a registered vertex nearby,
+        else it stays.
+        """
         x, y = point
         vertical = x in self._vertical
         register = self._vertical[x] if vertical else self._horizontal.get(y, [])
@@ -136,7 +143,9 @@ class Skeleton:
         return (x, near) if vertical else (near, y)
 
     def add_circle(self, feature: Feature, towards: np.ndarray) -> list[int]:
-        """Vertices of a hole's edge at the angles of the points `towards` (n, 2), joined by arcs and named."""
+        """Vertices of a hole's edge at the angles of the points `towards` (n, 2), joined by arcs and
+        named.
+        """
         (x, y), radius = feature.centre, feature.shape.radius
         vertices = []
         for angle in np.arctan2(towards[:, 1] - y, towards[:, 0] - x):
@@ -178,14 +187,22 @@ class Skeleton:
                 divide(middle, last)
 
         corners = [(block.low, 0.0), (block.high, 0.0), (block.high, beam.height), (block.low, beam.height)]
-        mouths = {(notch.x + offset, beam.height) for notch in notches for offset in (notch.left_offset, notch.right_offset)}
+        mouths = {
+            (notch.x + offset, beam.height)
+            for notch in notches
+            for offset in (notch.left_offset, notch.right_offset)
+        }
         for first, last in zip(corners, corners[1:] + corners[:1]):
-            positions = [self.cells.vertices[v] for v in self.chain([self.vertex(*first), self.vertex(*last)])]
+            positions = [
+                self.cells.vertices[v] for v in self.chain([self.vertex(*first), self.vertex(*last)])
+            ]
             on_top = first[1] == last[1] == beam.height
             if on_top:
                 positions = sorted({*positions, *mouths}, reverse=True)
             for a, b in zip(positions, positions[1:]):
-                in_mouth = on_top and any(n.x + n.left_offset < 0.5 * (a[0] + b[0]) < n.x + n.right_offset for n in notches)
+                in_mouth = on_top and any(
+                    n.x + n.left_offset < 0.5 * (a[0] + b[0]) < n.x + n.right_offset for n in notches
+                )
                 if not in_mouth and not any(_touches(box, a, b) for box in boxes):
                     divide(a, b)
 
@@ -199,5 +216,7 @@ def _touches(box: Box, first: tuple[float, float], last: tuple[float, float]) ->
     """The segment lies on a side of the box."""
     tolerance = 1e-9 * (box.top - box.bottom)
     return all(
-        box.left - tolerance <= x <= box.right + tolerance and box.bottom - tolerance <= y <= box.top + tolerance for x, y in (first, last)
+        box.left - tolerance <= x <= box.right + tolerance
+        and box.bottom - tolerance <= y <= box.top + tolerance
+        for x, y in (first, last)
     )

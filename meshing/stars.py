@@ -1,4 +1,6 @@
-"""Boxes around a point (crack tip, hole, corner), their outlines, and rings that are scaled copies of the outline."""
+"""Boxes around a point (crack tip, hole, corner), their outlines, and rings that are scaled copies of the
+outline.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ _NEAR_CORNER = math.radians(15.0)
 
 @dataclass(frozen=True)
 class Box:
-    """A rectangle around a centre; its sides are absolute coordinates, so that a side on the beam's edge is there exactly.
+    """A rectangle around a centre; its sides are absolute coordinates, so that a side on the beam's edge is
+    there exactly.
 
     Attributes
     ----------
@@ -46,13 +49,22 @@ class Box:
 
     def corners(self) -> np.ndarray:
         """(4, 2) array, counter-clockwise from the lower left."""
-        return np.array([[self.left, self.bottom], [self.right, self.bottom], [self.right, self.top], [self.left, self.top]])
+        return np.array(
+            [
+                [self.left, self.bottom],
+                [self.right, self.bottom],
+                [self.right, self.top],
+                [self.left, self.top],
+            ]
+        )
 
     def hit(self, angle: float) -> tuple[float, float]:
         """Where a ray from the centre leaves the box; exact on the side it hits."""
         x, y = self.centre
         cosine, sine = math.cos(angle), math.sin(angle)
-        horizontal = ((self.right if cosine > 0 else self.left) - x) / cosine if abs(cosine) > 1e-300 else math.inf
+        horizontal = (
+            ((self.right if cosine > 0 else self.left) - x) / cosine if abs(cosine) > 1e-300 else math.inf
+        )
         vertical = ((self.top if sine > 0 else self.bottom) - y) / sine if abs(sine) > 1e-300 else math.inf
         if horizontal < vertical:
             return (self.right if cosine > 0 else self.left), y + horizontal * sine
@@ -72,7 +84,8 @@ def outline(
     ----------
     box : Box
     ends : ((x, y), (x, y)) or None
-        Where the two faces of a notch leave the box, in counter-clockwise order through the material; None: the outline is a loop.
+        Where the two faces of a notch leave the box, in counter-clockwise order through the material; None:
+        the outline is a loop.
     widest : float
         Largest angle that a side may subtend at the centre, radian.
     preferred : callable
@@ -95,7 +108,8 @@ def outline(
     else:
         start = angle_of(ends[0])
         sector = (angle_of(ends[1]) - start) % (2 * math.pi) or 2 * math.pi
-        # A closed crack: the two ends coincide and the sector is the full circle, which round-off may turn into nothing.
+        # A closed crack: the two ends coincide and the sector is the full circle, which round-off may turn
+        # into nothing.
         sector = sector if sector > math.pi / 18 else 2 * math.pi
         fixed = [(0.0, ends[0]), (sector, ends[1])]
 
@@ -136,7 +150,11 @@ def ring_scales(innermost: float, grading: float) -> np.ndarray:
 
 
 def add_levels(
-    make_vertex: Callable[[float, float], int], centre: tuple[float, float], points: np.ndarray, scales: Sequence[float], outer: Sequence[int]
+    make_vertex: Callable[[float, float], int],
+    centre: tuple[float, float],
+    points: np.ndarray,
+    scales: Sequence[float],
+    outer: Sequence[int],
 ) -> list[list[int]]:
     """Vertices of scaled copies of an outline.
 
@@ -157,11 +175,16 @@ def add_levels(
         Vertices of each level, from the innermost to `outer`.
     """
     direction = points - np.array(centre)
-    levels = [[make_vertex(*map(float, np.array(centre) + scale * step)) for step in direction] for scale in scales[:-1]]
+    levels = [
+        [make_vertex(*map(float, np.array(centre) + scale * step)) for step in direction]
+        for scale in scales[:-1]
+    ]
     return levels + [list(outer)]
 
 
-def add_rings(cells: CellComplex, levels: list[list[int]], loop: bool, chain: Callable[[list[int]], list[int]]) -> None:
+def add_rings(
+    cells: CellComplex, levels: list[list[int]], loop: bool, chain: Callable[[list[int]], list[int]]
+) -> None:
     """Cells between the levels of a star.
 
     Parameters

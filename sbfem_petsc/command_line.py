@@ -5,38 +5,70 @@ from __future__ import annotations
 import argparse
 import sys
 
-PREFIXES = {"modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., -modal_st_pc_... (its linear solves)",
-            "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
-            "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
-            "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., -shooting_pc_... (its linear solves)",
-            "floquet_": "Floquet multipliers: -floquet_eps_..."}
+PREFIXES = {
+    "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
+    "-modal_st_pc_... (its linear solves)",
+    "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
+    "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
+    "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., "
+    "-shooting_pc_... (its linear solves)",
+    "floquet_": "Floquet multipliers: -floquet_eps_...",
+}
 # PETSc's own options for a whole run
-GENERAL = ("log_", "info", "malloc", "on_error", "options_", "start_in_debugger", "citations", "memory", "mat_", "vec_", "fp_trap", "use_gpu", "version", "help")
+GENERAL = (
+    "log_",
+    "info",
+    "malloc",
+    "on_error",
+    "options_",
+    "start_in_debugger",
+    "citations",
+    "memory",
+    "mat_",
+    "vec_",
+    "fp_trap",
+    "use_gpu",
+    "version",
+    "help",
+)
 
 
 class Parser(argparse.ArgumentParser):
     """`argparse` for a program whose unknown options belong to PETSc.
 
-    Only options with two dashes are the program's; everything else is handed to PETSc before it starts. Options
-    are never abbreviated.
+    Only options with two dashes are the program's; everything else is handed to PETSc before it starts.
+    Options are never abbreviated.
     """
 
     def __init__(self, description: str):
         prefixes = "\n".join(f"  -{name:9s} {text}" for name, text in PREFIXES.items())
-        epilog = f"PETSc's and SLEPc's options have one dash and a prefix that names the solve:\n{prefixes}\nAdd -help to list those of the solves that ran, -log_view for timings, -modal_eps_view for an eigensolver's settings."
-        super().__init__(description=description, epilog=epilog, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False, add_help=False)
+        epilog = (
+            f"PETSc's and SLEPc's options have one dash and a prefix that names the solve:\n{prefixes}\nAdd "
+            "-help to list those of the solves that ran, -log_view for timings, -modal_eps_view for an "
+            "eigensolver's settings."
+        )
+        super().__init__(
+            description=description,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+            add_help=False,
+        )
         # no short options: argparse would read -nep_tol as -n
         self.add_argument("--help", action="help", help="show this help and exit")
 
     def add_output(self, name: str, what: str, without: str) -> None:
         """Options --output (default output/NAME) for the folder of `what`, and --no-pictures to `without`."""
-        self.add_argument("--output", default=f"output/{name}", help=f"folder for {what} (default output/{name})")
+        self.add_argument(
+            "--output", default=f"output/{name}", help=f"folder for {what} (default output/{name})"
+        )
         self.add_argument("--no-pictures", action="store_true", help=without)
 
     def parse(self, arguments: list[str] | None = None) -> argparse.Namespace:
         """The program's own options; starts PETSc with the rest.
 
-        An argument that is neither, or has a prefix that no solve uses, ends the program with exit code 2 on every rank.
+        An argument that is neither, or has a prefix that no solve uses, ends the program with exit code 2 on
+        every rank.
         """
         arguments = sys.argv[1:] if arguments is None else list(arguments)
         own, rest = self.parse_known_args(arguments)
@@ -45,13 +77,19 @@ class Parser(argparse.ArgumentParser):
             if word.startswith("--"):
                 self.error(f"unknown option {word}; --help lists the options of this program")
             if word.startswith("-") and not _is_number(word) and not word[1:].startswith(known):
-                self.error(f"option {word} belongs to no solve of this program; PETSc's options start with {', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view")
+                self.error(
+                    f"option {word} belongs to no solve of this program; PETSc's options start with "
+                    f"{', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view"
+                )
             if not word.startswith("-") and (position == 0 or not rest[position - 1].startswith("-")):
                 self.error(f"argument {word!r} belongs to no option")
         import petsc4py
 
         # PETSc then names, at the end, the options that no solve has asked for: misspelt ones
-        petsc4py.init([sys.argv[0], *rest] + ([] if any(w.startswith("-options_left") for w in rest) or not rest else ["-options_left"]))
+        petsc4py.init(
+            [sys.argv[0], *rest]
+            + ([] if any(w.startswith("-options_left") for w in rest) or not rest else ["-options_left"])
+        )
         return own
 
     def error(self, message: str) -> None:
@@ -70,18 +108,26 @@ class Parser(argparse.ArgumentParser):
 def console(comm):
     """A rich console that writes on rank 0 alone.
 
-    At least 120 columns wide, so that no table loses digits to "..."; plain text under mpiexec, which may give rank 0 a terminal of its own.
+    At least 120 columns wide, so that no table loses digits to "..."; plain text under mpiexec, which may
+    give rank 0 a terminal of its own.
     """
     import shutil
 
     from rich.console import Console
 
     plain = comm.size > 1 or not sys.stdout.isatty()
-    return Console(quiet=comm.rank > 0, highlight=False, force_terminal=False if plain else None, width=max(120, shutil.get_terminal_size((120, 24)).columns))
+    return Console(
+        quiet=comm.rank > 0,
+        highlight=False,
+        force_terminal=False if plain else None,
+        width=max(120, shutil.get_terminal_size((120, 24)).columns),
+    )
 
 
 def begin(output: str):
-    """Communicator, console and checked output folder of a program that has read its options; prints the versions."""
+    """Communicator, console and checked output folder of a program that has read its options; prints the
+    versions.
+    """
     from mpi4py import MPI
 
     from .petsc import version_line
@@ -95,9 +141,11 @@ def begin(output: str):
 
 
 def run(main) -> None:
-    """Call `main()` as a program: an error of the user's input or of a solve is one sentence on stderr and exit code 1.
+    """Call `main()` as a program: an error of the user's input or of a solve is one sentence on stderr and
+    exit code 1.
 
-    On several ranks an error that all of them raise is printed once; one that a single rank raises stops the others too.
+    On several ranks an error that all of them raise is printed once; one that a single rank raises stops the
+    others too.
     """
     from mpi4py import MPI
 

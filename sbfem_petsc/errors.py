@@ -9,7 +9,9 @@ class UnknownName(KeyError):
 
 
 class SolveError(RuntimeError):
-    """A linear, nonlinear or eigenvalue solve failed; the message names the solve, the reason and the remedy."""
+    """A linear, nonlinear or eigenvalue solve failed; the message names the solve, the reason and the
+    remedy.
+    """
 
 
 def on_all_ranks(error: Exception) -> Exception:
@@ -21,5 +23,7 @@ def on_all_ranks(error: Exception) -> Exception:
 def at_point(table: dict, point: str):
     """The entry of a named point, or an error that lists the points."""
     if point not in table:
-        raise UnknownName(f"point {point!r} does not exist; the model has {', '.join(map(repr, table)) or 'none'}")
+        raise UnknownName(
+            f"point {point!r} does not exist; the model has {', '.join(map(repr, table)) or 'none'}"
+        )
     return table[point]

@@ -1,7 +1,8 @@
-"""Damage indicators of time histories: spectra, harmonics, subharmonics, sidebands, contact duty, frequency shifts.
+"""Damage indicators of time histories: spectra, harmonics, subharmonics, sidebands, contact duty, frequency
+shifts.
 
-Everything works on plain arrays with a uniform time step. Complex amplitudes are one-sided and refer to the given
-times: u(t) = Re sum c_k exp(i 2 pi f_k t), c_0 the mean.
+Everything works on plain arrays with a uniform time step. Complex amplitudes are one-sided and refer to the
+given times: u(t) = Re sum c_k exp(i 2 pi f_k t), c_0 the mean.
 """
 
 from __future__ import annotations
@@ -34,7 +35,10 @@ def _record(owner: str, time, values, columns: bool = False) -> tuple[np.ndarray
         if array.dtype.kind not in "iuf":
             raise TypeError(f"{owner}: {name} holds entries of type {array.dtype}; real numbers are expected")
         if array.ndim != 1 and not (columns and name == "values" and array.ndim > 1):
-            raise ValueError(f"{owner}: {name} has the shape {array.shape}; one dimension is expected (one component, such as values[:, 1])")
+            raise ValueError(
+                f"{owner}: {name} has the shape {array.shape}; one dimension is expected (one component, "
+                "such as values[:, 1])"
+            )
         if not np.isfinite(array).all():
             place = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
             raise ValueError(f"{owner}: {name}[{', '.join(map(str, place))}] = {array[place]} must be finite")
@@ -50,7 +54,10 @@ def _record(owner: str, time, values, columns: bool = False) -> tuple[np.ndarray
     error = np.abs(t - (t[0] + step * np.arange(len(t))))
     if error.max() > UNIFORM * step + 8.0 * np.finfo(float).eps * np.abs(t).max():
         worst = int(np.argmax(np.abs(np.diff(t) - step)))
-        raise ValueError(f"{owner}: the step after time[{worst}] is {t[worst + 1] - t[worst]:g} s and the mean step {step:g} s; uniform steps are expected")
+        raise ValueError(
+            f"{owner}: the step after time[{worst}] is {t[worst + 1] - t[worst]:g} s and the mean step "
+            f"{step:g} s; uniform steps are expected"
+        )
     return t, u, float(step)
 
 
@@ -58,12 +65,19 @@ def _tones(owner: str, frequencies, step: float, zero: bool = False) -> np.ndarr
     """Checked frequencies below half the sampling rate."""
     tones = np.atleast_1d(np.asarray(frequencies))
     if tones.ndim != 1 or not tones.size or tones.dtype.kind not in "iuf":
-        raise TypeError(f"{owner}: frequencies = {frequencies!r} must be a number or a sequence of numbers, in Hz")
+        raise TypeError(
+            f"{owner}: frequencies = {frequencies!r} must be a number or a sequence of numbers, in Hz"
+        )
     for tone in tones:
         if not (np.isfinite(tone) and (tone > 0.0 or zero and tone == 0.0)):
-            raise ValueError(f"{owner}: frequency {tone:g} Hz must be {'zero or ' if zero else ''}positive and finite")
+            raise ValueError(
+                f"{owner}: frequency {tone:g} Hz must be {'zero or ' if zero else ''}positive and finite"
+            )
         if not tone * step < 0.5:
-            raise ValueError(f"{owner}: frequency {tone:.10g} Hz is not below half the sampling rate, {0.5 / step:.10g} Hz; a smaller step is needed")
+            raise ValueError(
+                f"{owner}: frequency {tone:.10g} Hz is not below half the sampling rate, {0.5 / step:.10g} "
+                "Hz; a smaller step is needed"
+            )
     return tones.astype(float)
 
 
@@ -107,18 +121,26 @@ def coherent_record(time, values, frequencies) -> tuple[np.ndarray, np.ndarray]:
     Raises
     ------
     ValueError
-        If there is none; the sentence proposes the nearest tones that fit, and a longer record if one would do.
+        If there is none; the sentence proposes the nearest tones that fit, and a longer record if one would
+        do.
     """
     t, u, step = _record("coherent_record", time, values, columns=True)
     tones = _tones("coherent_record", frequencies, step)
     if length := _coherent_length(len(t), step, tones):
         return t[-length:], u[-length:]
     if len(t) * step * tones.min() < 1.0 - COHERENT:
-        raise ValueError(f"coherent_record: the record of {len(t) * step:g} s is shorter than one period of {tones.min():.9g} Hz, {1.0 / tones.min():g} s")
+        raise ValueError(
+            f"coherent_record: the record of {len(t) * step:g} s is shorter than one period of "
+            f"{tones.min():.9g} Hz, {1.0 / tones.min():g} s"
+        )
     lengths = np.arange(len(t) // 2, len(t) + 1)
     nearest = int(lengths[np.argmin(np.max([_off(lengths * step * tone) for tone in tones], axis=0))])
     fitting = np.maximum(np.round(nearest * step * tones), 1.0) / (nearest * step)
-    text = f"coherent_record: no trailing part of the {len(t)} samples (step {step:g} s, {len(t) * step:g} s in all) holds whole periods of {_listed(tones)}; the nearest, {nearest} samples, would for {_listed(fitting)}"
+    text = (
+        f"coherent_record: no trailing part of the {len(t)} samples (step {step:g} s, {len(t) * step:g} s in "
+        f"all) holds whole periods of {_listed(tones)}; the nearest, {nearest} samples, would for "
+        f"{_listed(fitting)}"
+    )
     needed = math.lcm(*(Fraction(tone * step).limit_denominator(10**7).denominator for tone in tones))
     if len(t) < needed <= 10**8 and _off(needed * step * tones).max() <= COHERENT:
         text += f", and {needed} samples ({needed * step:g} s) for the given ones"
@@ -139,11 +161,12 @@ class Spectrum:
     frequency : (m,) array
         Hz, from 0 to half the sampling rate.
     amplitude : (m,) complex array
-        Divided by the window's mean: a tone A sin in the middle of a line has |amplitude| = A. The mean at frequency 0.
+        Divided by the window's mean: a tone A sin in the middle of a line has |amplitude| = A. The mean at
+        frequency 0.
     window : str, tuple or None
     coherent : bool
-        Whether the record holds whole periods, so that without a window no line leaks: of the tones that were named,
-        else of the strongest line (to 1e-3 of a line, as far as it can be told from its neighbours).
+        Whether the record holds whole periods, so that without a window no line leaks: of the tones that were
+        named, else of the strongest line (to 1e-3 of a line, as far as it can be told from its neighbours).
     weights : (n,) array
         The window's values.
     start, step : float
@@ -159,19 +182,32 @@ class Spectrum:
     step: float
 
     def at(self, frequency: float) -> complex:
-        """Amplitude of a lone tone between the lines: the nearest line, divided by what the window leaves of it there (scalloping)."""
+        """Amplitude of a lone tone between the lines: the nearest line, divided by what the window leaves of
+        it there (scalloping).
+        """
         tone = _tones("Spectrum", frequency, self.step)[0]
         line = int(np.clip(round(tone / self.frequency[1]), 1, len(self.frequency) - 2))
-        turn = np.exp(2j * np.pi * (tone - self.frequency[line]) * (self.start + self.step * np.arange(len(self.weights))))
+        turn = np.exp(
+            2j
+            * np.pi
+            * (tone - self.frequency[line])
+            * (self.start + self.step * np.arange(len(self.weights)))
+        )
         return complex(self.amplitude[line] * self.weights.sum() / (self.weights @ turn))
 
     def __repr__(self) -> str:
         strongest = 1 + int(np.argmax(np.abs(self.amplitude[1:])))
-        return (f"Spectrum({len(self.frequency)} lines every {self.frequency[1]:.6g} Hz up to {self.frequency[-1]:.6g} Hz, window={self.window!r}, "
-                f"{'coherent' if self.coherent else 'not coherent'}; strongest line {abs(self.amplitude[strongest]):.4g} at {self.frequency[strongest]:.6g} Hz)")
+        return (
+            f"Spectrum({len(self.frequency)} lines every {self.frequency[1]:.6g} Hz up to "
+            f"{self.frequency[-1]:.6g} Hz, window={self.window!r}, "
+            f"{'coherent' if self.coherent else 'not coherent'}; strongest line "
+            f"{abs(self.amplitude[strongest]):.4g} at {self.frequency[strongest]:.6g} Hz)"
+        )
 
 
-def spectrum(time, values, window: str | tuple | None = None, detrend: str | None = None, frequencies=None) -> Spectrum:
+def spectrum(
+    time, values, window: str | tuple | None = None, detrend: str | None = None, frequencies=None
+) -> Spectrum:
     """Amplitude spectrum of a record.
 
     Parameters
@@ -179,8 +215,8 @@ def spectrum(time, values, window: str | tuple | None = None, detrend: str | Non
     time, values : (n,) arrays
         Uniform times, s, and what was recorded.
     window : None, str or tuple
-        None for a coherent record; otherwise "hann", "flattop" (0.11 % low at most between the lines) or another
-        name of `scipy.signal.get_window`.
+        None for a coherent record; otherwise "hann", "flattop" (0.11 % low at most between the lines) or
+        another name of `scipy.signal.get_window`.
     detrend : {None, "constant", "linear"}
         What is taken off first.
     frequencies : float or sequence of float, optional
@@ -194,7 +230,10 @@ def spectrum(time, values, window: str | tuple | None = None, detrend: str | Non
     try:
         weights = np.ones(len(u)) if window is None else get_window(window, len(u))
     except (ValueError, TypeError) as error:
-        raise ValueError(f'spectrum: window = {window!r} is unknown to scipy.signal.get_window ({error}); use None, "hann" or "flattop"') from None
+        raise ValueError(
+            f"spectrum: window = {window!r} is unknown to scipy.signal.get_window ({error}); use None, "
+            '"hann" or "flattop"'
+        ) from None
     frequency = rfftfreq(len(u), step)
     one_sided = np.full(len(frequency), 2.0)
     one_sided[0] = 1.0
@@ -212,7 +251,8 @@ def _strongest_is_centred(lines: np.ndarray) -> bool:
     k = 1 + int(np.argmax(np.abs(lines[1:-1])))
     if abs(lines[k]) <= 1e-12 * np.abs(lines).max():
         return True  # nothing but a mean
-    # Jacobsen's estimate of a tone's distance from the line, exact for a single complex tone in a long record.
+    # Jacobsen's estimate of a tone's distance from the line, exact for a single complex tone in a long
+    # record.
     curvature = 2.0 * lines[k] - lines[k - 1] * (k > 1) - lines[k + 1]
     return bool(abs(lines[k - 1] * (k > 1) - lines[k + 1]) <= 1e-3 * abs(curvature))
 
@@ -220,8 +260,9 @@ def _strongest_is_centred(lines: np.ndarray) -> bool:
 def tones(time, values, frequencies) -> np.ndarray:
     """Complex amplitudes of tones of known frequencies.
 
-    In a coherent trailing part of the record these are its Fourier coefficients; otherwise a least-squares fit,
-    weighted by a Hann window when the record is long enough, which keeps out what is at other frequencies.
+    In a coherent trailing part of the record these are its Fourier coefficients; otherwise a least-squares
+    fit, weighted by a Hann window when the record is long enough, which keeps out what is at other
+    frequencies.
 
     Parameters
     ----------
@@ -244,10 +285,18 @@ def tones(time, values, frequencies) -> np.ndarray:
 
 
 def _fit(owner: str, t: np.ndarray, u: np.ndarray, step: float, frequencies: np.ndarray) -> np.ndarray:
-    # A tone has an image at minus its frequency: the one nearest to zero is parted from its own by twice its frequency.
-    spacing = np.diff(np.sort(np.concatenate([-frequencies[frequencies > 0.0], frequencies]))).min(initial=np.inf)
+    # A tone has an image at minus its frequency: the one nearest to zero is parted from its own by twice its
+    # frequency.
+    spacing = np.diff(np.sort(np.concatenate([-frequencies[frequencies > 0.0], frequencies]))).min(
+        initial=np.inf
+    )
     if spacing * len(t) * step < 1.0 - COHERENT:
-        raise ValueError(f"{owner}: the record of {len(t) * step:g} s is too short to tell apart lines {spacing:g} Hz apart; at least {1.0 / spacing:g} s are needed" if spacing else f"{owner}: a frequency is given twice; different ones are expected")
+        raise ValueError(
+            f"{owner}: the record of {len(t) * step:g} s is too short to tell apart lines {spacing:g} Hz "
+            f"apart; at least {1.0 / spacing:g} s are needed"
+            if spacing
+            else f"{owner}: a frequency is given twice; different ones are expected"
+        )
     length = _coherent_length(len(t), step, frequencies[frequencies > 0.0])
     if length * step * spacing > 1.0 - COHERENT:
         t, u, weights = t[-length:], u[-length:], np.ones(length)
@@ -283,38 +332,58 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
     Returns
     -------
     (count + 1,) complex array
-        c_0 (the mean) to c_count; exact to round-off if the record holds nothing else, or whole periods in a whole
-        number of steps.
+        c_0 (the mean) to c_count; exact to round-off if the record holds nothing else, or whole periods in a
+        whole number of steps.
     """
     t, u, step = _record("harmonics", time, values)
     count = _count("harmonics", "count", count, 1)
-    return _fit("harmonics", t, u, step, _tones("harmonics", positive("harmonics", "frequency", frequency, "Hz") * np.arange(count + 1), step, zero=True))
+    return _fit(
+        "harmonics",
+        t,
+        u,
+        step,
+        _tones(
+            "harmonics",
+            positive("harmonics", "frequency", frequency, "Hz") * np.arange(count + 1),
+            step,
+            zero=True,
+        ),
+    )
 
 
 def _amplitudes(owner: str, c, least: int) -> np.ndarray:
     """|c_k| of the last axis."""
     amplitude = np.abs(np.asarray(c))
     if amplitude.ndim < 1 or amplitude.shape[-1] <= least:
-        raise ValueError(f"{owner}: harmonics of shape {amplitude.shape} were given; c_0 to c_{least} are needed along the last axis")
+        raise ValueError(
+            f"{owner}: harmonics of shape {amplitude.shape} were given; c_0 to c_{least} are needed along "
+            "the last axis"
+        )
     if not (np.isfinite(amplitude).all() and (amplitude[..., 1] > 0.0).all()):
         raise ValueError(f"{owner}: harmonics must be finite and A_1 = |c_1| not zero")
     return amplitude
 
 
 def harmonic_ratios(c) -> np.ndarray:
-    """A_n / A_1 for n = 0, 1, ... along the last axis, from harmonics c_0, c_1, ... as `harmonics` gives them."""
+    """A_n / A_1 for n = 0, 1, ... along the last axis, from harmonics c_0, c_1, ... as `harmonics` gives
+    them.
+    """
     amplitude = _amplitudes("harmonic_ratios", c, 1)
     return amplitude / amplitude[..., 1:2]
 
 
 def beta(c) -> np.ndarray:
-    """Second-order nonlinearity A_2 / A_1^2 (1/m for displacements) of harmonics c_0, c_1, ... along the last axis."""
+    """Second-order nonlinearity A_2 / A_1^2 (1/m for displacements) of harmonics c_0, c_1, ... along the last
+    axis.
+    """
     amplitude = _amplitudes("beta", c, 2)
     return amplitude[..., 2] / amplitude[..., 1] ** 2
 
 
 def gamma(c) -> np.ndarray:
-    """Third-order nonlinearity A_3 / A_1^3 (1/m^2 for displacements) of harmonics c_0, c_1, ... along the last axis."""
+    """Third-order nonlinearity A_3 / A_1^3 (1/m^2 for displacements) of harmonics c_0, c_1, ... along the
+    last axis.
+    """
     amplitude = _amplitudes("gamma", c, 3)
     return amplitude[..., 3] / amplitude[..., 1] ** 3
 
@@ -349,7 +418,11 @@ class Subharmonics:
         return float(np.abs(self.amplitude[between]).max() / at_drive) if at_drive > 0.0 else math.inf
 
     def __repr__(self) -> str:
-        return f"Subharmonics(drive {self.drive:.6g} Hz / {self.divisor}: {abs(self.amplitude[1]):.4g} at {self.frequency[1]:.6g} Hz, {abs(self.amplitude[self.divisor]):.4g} at the drive, largest ratio {self.ratio:.3g})"
+        return (
+            f"Subharmonics(drive {self.drive:.6g} Hz / {self.divisor}: {abs(self.amplitude[1]):.4g} at "
+            f"{self.frequency[1]:.6g} Hz, {abs(self.amplitude[self.divisor]):.4g} at the drive, largest "
+            f"ratio {self.ratio:.3g})"
+        )
 
 
 def subharmonics(time, values, frequency: float, divisor: int = 2, count: int = 3) -> Subharmonics:
@@ -374,7 +447,8 @@ class Sidebands:
     lower, upper : (order,) complex arrays
         Amplitudes at carrier - n modulation and carrier + n modulation, n = 1 to order.
     inseparable : tuple of int
-        Harmonics of the modulation that this record cannot tell from one of the lines: what they hold is counted there.
+        Harmonics of the modulation that this record cannot tell from one of the lines: what they hold is
+        counted there.
     """
 
     carrier: float
@@ -386,27 +460,37 @@ class Sidebands:
 
     @property
     def indices(self) -> np.ndarray:
-        """(order,) modulation indices (A_L + A_R)/A_0 of the pairs of order n, |lower| + |upper| over |centre|."""
+        """(order,) modulation indices (A_L + A_R)/A_0 of the pairs of order n, |lower| + |upper| over
+        |centre|.
+        """
         with np.errstate(divide="ignore", invalid="ignore"):
             return (np.abs(self.lower) + np.abs(self.upper)) / np.abs(self.centre)
 
     @property
     def modulation_index(self) -> float:
-        """(A_L + A_R)/A_0 of the first pair; m for a carrier multiplied by 1 + m sin (sidebands m A_0 / 2 each)."""
+        """(A_L + A_R)/A_0 of the first pair; m for a carrier multiplied by 1 + m sin (sidebands m A_0 / 2
+        each).
+        """
         return float(self.indices[0])
 
     def __repr__(self) -> str:
         text = f"Sidebands(carrier {self.carrier:.6g} Hz: {abs(self.centre):.4g}; " + ", ".join(
-            f"-+{n} x {self.modulation:.6g} Hz: {abs(low):.4g}, {abs(high):.4g}" for n, (low, high) in enumerate(zip(self.lower, self.upper), 1))
-        held = f"; lines include harmonics {', '.join(map(str, self.inseparable))} of the modulation" if self.inseparable else ""
+            f"-+{n} x {self.modulation:.6g} Hz: {abs(low):.4g}, {abs(high):.4g}"
+            for n, (low, high) in enumerate(zip(self.lower, self.upper), 1)
+        )
+        held = (
+            f"; lines include harmonics {', '.join(map(str, self.inseparable))} of the modulation"
+            if self.inseparable
+            else ""
+        )
         return f"{text}; modulation index (A_L + A_R)/A_0 = {self.modulation_index:.4g}{held})"
 
 
 def sidebands(time, values, carrier: float, modulation: float, order: int = 1) -> Sidebands:
     """Amplitudes at carrier -+ n modulation and the modulation index (A_L + A_R)/A_0.
 
-    The mean, the modulation's own harmonics and two further pairs of sidebands are fitted beside them, so that they do
-    not leak into the lines.
+    The mean, the modulation's own harmonics and two further pairs of sidebands are fitted beside them, so
+    that they do not leak into the lines.
 
     Parameters
     ----------
@@ -419,15 +503,25 @@ def sidebands(time, values, carrier: float, modulation: float, order: int = 1) -
     """
     t, u, step = _record("sidebands", time, values)
     order = _count("sidebands", "order", order, 1)
-    carrier, modulation = positive("sidebands", "carrier", carrier, "Hz"), positive("sidebands", "modulation", modulation, "Hz")
+    carrier, modulation = (
+        positive("sidebands", "carrier", carrier, "Hz"),
+        positive("sidebands", "modulation", modulation, "Hz"),
+    )
     if carrier <= order * modulation:
-        raise ValueError(f"sidebands: carrier = {carrier:g} Hz must be above order * modulation = {order * modulation:g} Hz")
+        raise ValueError(
+            f"sidebands: carrier = {carrier:g} Hz must be above order * modulation = {order * modulation:g} "
+            "Hz"
+        )
     duration = len(t) * step
     if duration * modulation < 2.0 - COHERENT:
-        raise ValueError(f"sidebands: the record of {duration:g} s is too short for sidebands {modulation:g} Hz apart; at least {2.0 / modulation:g} s are needed")
+        raise ValueError(
+            f"sidebands: the record of {duration:g} s is too short for sidebands {modulation:g} Hz apart; at "
+            f"least {2.0 / modulation:g} s are needed"
+        )
     pairs = np.arange(-order, order + 1)
     lines = _tones("sidebands", carrier + pairs * modulation, step)
-    # Closer than this to another line, a further one cannot be fitted; in a coherent record all lines are orthogonal.
+    # Closer than this to another line, a further one cannot be fitted; in a coherent record all lines are
+    # orthogonal.
     apart = (0.5 if _coherent_length(len(t), step, np.array([carrier, modulation])) else 2.0) / duration
     around = np.arange(-order - 2, order + 3) * modulation
     own = np.unique(np.concatenate([np.arange(6), np.round((carrier + around) / modulation)])).astype(int)
@@ -435,10 +529,16 @@ def sidebands(time, values, carrier: float, modulation: float, order: int = 1) -
     held = tuple(int(k) for k in own if k and np.abs(lines - k * modulation).min() < apart)
     fitted = list(lines)
     for further in np.concatenate([own * modulation, carrier + around]):
-        if 0.0 <= further < 0.5 / step - apart and min(abs(further - line) for line in fitted) > apart and (further == 0.0 or further > 0.5 * apart):
+        if (
+            0.0 <= further < 0.5 / step - apart
+            and min(abs(further - line) for line in fitted) > apart
+            and (further == 0.0 or further > 0.5 * apart)
+        ):
             fitted.append(further)
     amplitude = _fit("sidebands", t, u, step, np.array(fitted))[: 2 * order + 1]
-    return Sidebands(carrier, modulation, complex(amplitude[order]), amplitude[:order][::-1], amplitude[order + 1 :], held)
+    return Sidebands(
+        carrier, modulation, complex(amplitude[order]), amplitude[:order][::-1], amplitude[order + 1 :], held
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -458,7 +558,10 @@ class ContactDuty:
     all: float
 
     def __repr__(self) -> str:
-        return f"ContactDuty({len(self.pairs)} pairs: any in contact {100 * self.any:.4g} %, all {100 * self.all:.4g} % of the time)"
+        return (
+            f"ContactDuty({len(self.pairs)} pairs: any in contact {100 * self.any:.4g} %, all "
+            f"{100 * self.all:.4g} % of the time)"
+        )
 
 
 def contact_duty(time, contact_force, threshold: float = 0.0) -> ContactDuty:
@@ -468,19 +571,27 @@ def contact_duty(time, contact_force, threshold: float = 0.0) -> ContactDuty:
     """
     _, force, _ = _record("contact_duty", time, contact_force, columns=True)
     if force.ndim > 2 or force.size == 0:
-        raise ValueError(f"contact_duty: contact_force has the shape {force.shape}; (times,) or (times, pairs) is expected")
+        raise ValueError(
+            f"contact_duty: contact_force has the shape {force.shape}; (times,) or (times, pairs) is expected"
+        )
     touching = force.reshape(len(force), -1) > threshold
-    return ContactDuty(touching.mean(axis=0), float(touching.any(axis=1).mean()), float(touching.all(axis=1).mean()))
+    return ContactDuty(
+        touching.mean(axis=0), float(touching.any(axis=1).mean()), float(touching.all(axis=1).mean())
+    )
 
 
 def frequency_shift(cracked: Sequence[float], healthy: Sequence[float]) -> np.ndarray:
-    """(cracked - healthy) / healthy of natural frequencies, mode by mode; negative where the crack lowers them.
+    """(cracked - healthy) / healthy of natural frequencies, mode by mode; negative where the crack lowers
+    them.
 
     The modes must have been paired before, by their shapes where frequencies cross.
     """
     pair = [np.asarray(given, dtype=float) for given in (cracked, healthy)]
     if pair[0].shape != pair[1].shape:
-        raise ValueError(f"frequency_shift: {pair[0].shape} cracked and {pair[1].shape} healthy frequencies were given; their shapes must agree")
+        raise ValueError(
+            f"frequency_shift: {pair[0].shape} cracked and {pair[1].shape} healthy frequencies were given; "
+            "their shapes must agree"
+        )
     for name, array in zip(("cracked", "healthy"), pair):
         if not (np.isfinite(array) & (array > 0.0)).all():
             raise ValueError(f"frequency_shift: {name} frequencies must be positive and finite, in Hz")

@@ -24,10 +24,10 @@ class PointForce:
     fx: float | Signal = 0.0
     fy: float | Signal = 0.0
 
-    def __add__(self, other: "Load | Loads") -> "Loads":
+    def __add__(self, other: Load | Loads) -> Loads:
         return Loads((self,)) + other
 
-    def __radd__(self, other: int) -> "Loads":
+    def __radd__(self, other: int) -> Loads:
         return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
 
 
@@ -50,16 +50,17 @@ class EdgeLoad:
     ty: float | Signal = 0.0
     pressure: float | Signal = 0.0
 
-    def __add__(self, other: "Load | Loads") -> "Loads":
+    def __add__(self, other: Load | Loads) -> Loads:
         return Loads((self,)) + other
 
-    def __radd__(self, other: int) -> "Loads":
+    def __radd__(self, other: int) -> Loads:
         return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
 
 
 @dataclass(frozen=True)
 class SupportMotion:
-    """Acceleration of all supports together: the structure rides on them, and displacements are relative to them.
+    """Acceleration of all supports together: the structure rides on them, and displacements are relative to
+    them.
 
     It acts as the inertia force -density * acceleration on the whole structure; a constant one is a weight
     (`SupportMotion(ay=9.81)` for gravity in -y).
@@ -73,10 +74,10 @@ class SupportMotion:
     ax: float | Signal = 0.0
     ay: float | Signal = 0.0
 
-    def __add__(self, other: "Load | Loads") -> "Loads":
+    def __add__(self, other: Load | Loads) -> Loads:
         return Loads((self,)) + other
 
-    def __radd__(self, other: int) -> "Loads":
+    def __radd__(self, other: int) -> Loads:
         return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
 
 
@@ -89,7 +90,7 @@ class Loads:
 
     parts: tuple[Load, ...] = ()
 
-    def __add__(self, other: "Load | Loads") -> "Loads":
+    def __add__(self, other: Load | Loads) -> Loads:
         return Loads(self.parts + as_loads(other).parts)
 
 
@@ -111,7 +112,9 @@ def as_loads(load) -> Loads:
 
 
 def separate(load, number=as_signal) -> tuple[list[Load], list[Signal]]:
-    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero; `number` makes a signal of a plain number."""
+    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero;
+    `number` makes a signal of a plain number.
+    """
     units, signals = [], []
     for item in as_loads(load).parts:
         names = [f.name for f in fields(item)]

@@ -46,11 +46,17 @@ class Material:
         positive("Material", "young", self.young, "Pa")
         positive("Material", "density", self.density, "kg/m^3")
         _check_plane(self.plane)
-        if isinstance(self.poisson, bool) or not isinstance(self.poisson, (int, float, np.integer, np.floating)):
+        if isinstance(self.poisson, bool) or not isinstance(
+            self.poisson, (int, float, np.integer, np.floating)
+        ):
             raise TypeError(f"Material: poisson = {self.poisson!r} is not a number")
         upper_ok = self.poisson <= 0.5 if self.plane == "stress" else self.poisson < 0.5
         if not (self.poisson > -1.0 and upper_ok):
-            limit = "-1 < poisson <= 0.5 in plane stress" if self.plane == "stress" else "-1 < poisson < 0.5 in plane strain"
+            limit = (
+                "-1 < poisson <= 0.5 in plane stress"
+                if self.plane == "stress"
+                else "-1 < poisson < 0.5 in plane strain"
+            )
             raise ValueError(f"Material: poisson = {self.poisson!r} is outside its range ({limit})")
 
     isotropic = True
@@ -66,10 +72,15 @@ class Material:
         nu = self.poisson
         if self.plane == "stress":
             return np.array([[1.0, nu, 0.0], [nu, 1.0, 0.0], [0.0, 0.0, 0.5 * (1.0 - nu)]]) / (1.0 - nu * nu)
-        return np.array([[1.0 - nu, nu, 0.0], [nu, 1.0 - nu, 0.0], [0.0, 0.0, 0.5 - nu]]) / ((1.0 + nu) * (1.0 - 2.0 * nu))
+        return np.array([[1.0 - nu, nu, 0.0], [nu, 1.0 - nu, 0.0], [0.0, 0.0, 0.5 - nu]]) / (
+            (1.0 + nu) * (1.0 - 2.0 * nu)
+        )
 
     def __repr__(self) -> str:
-        return f"Material(young={self.young:g} Pa, poisson={self.poisson:g}, density={self.density:g} kg/m^3, plane={self.plane!r})"
+        return (
+            f"Material(young={self.young:g} Pa, poisson={self.poisson:g}, density={self.density:g} kg/m^3, "
+            f"plane={self.plane!r})"
+        )
 
 
 @dataclass(frozen=True)
@@ -79,10 +90,11 @@ class OrthotropicMaterial:
     Parameters
     ----------
     young_1, young_2, young_3 : float
-        Young's moduli along the principal axes, Pa; axis 3 is normal to the plane and matters in plane strain only
-        (`young_3` defaults to `young_2`).
+        Young's moduli along the principal axes, Pa; axis 3 is normal to the plane and matters in plane strain
+        only (`young_3` defaults to `young_2`).
     poisson_12, poisson_13, poisson_23 : float
-        -eps_2 / eps_1 under stress along 1, and so on; the last two matter in plane strain only (default: `poisson_12`).
+        -eps_2 / eps_1 under stress along 1, and so on; the last two matter in plane strain only (default:
+        `poisson_12`).
     shear_12 : float
         Shear modulus, Pa.
     density : float
@@ -119,7 +131,11 @@ class OrthotropicMaterial:
             if not math.isfinite(value):
                 raise ValueError(f"OrthotropicMaterial: {name} = {value!r} must be finite")
         if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
-            raise ValueError(f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an indefinite elasticity; poisson_12^2 < young_1 / young_2 is needed (and the like for axis 3)")
+            raise ValueError(
+                f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "
+                "indefinite elasticity; poisson_12^2 < young_1 / young_2 is needed (and the like for axis "
+                "3)"
+            )
 
     isotropic = False
 
@@ -149,7 +165,9 @@ class OrthotropicMaterial:
             principal = np.linalg.inv(self._compliance())[np.ix_([0, 1, 3], [0, 1, 3])]
         c, s = math.cos(math.radians(self.angle)), math.sin(math.radians(self.angle))
         # strains of the principal axes from those of x, y
-        turn = np.array([[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]])
+        turn = np.array(
+            [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
+        )
         return turn.T @ principal @ turn / self.modulus
 
 

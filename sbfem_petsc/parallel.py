@@ -18,7 +18,7 @@ class collective:
     def __init__(self, comm: MPI.Comm):
         self.comm = comm
 
-    def __enter__(self) -> "collective":
+    def __enter__(self) -> collective:
         return self
 
     def __exit__(self, kind, error, trace) -> bool:

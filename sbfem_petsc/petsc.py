@@ -11,7 +11,8 @@ try:
 except ImportError as error:  # pragma: no cover - depends on the machine
     raise ImportError(
         f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}). Use ./run in the project's folder, "
-        "or `conda env create -f environment.yml`, or `pip install petsc petsc4py slepc slepc4py` (a source build)."
+        "or `conda env create -f environment.yml`, or `pip install petsc petsc4py slepc slepc4py` (a source "
+        "build)."
     ) from error
 
 from .errors import SolveError, on_all_ranks
@@ -44,14 +45,18 @@ def direct_solver(comm: MPI.Comm, positive_definite: bool = True) -> tuple[str, 
     if PETSc.Sys.hasExternalPackage("superlu_dist"):
         return "lu", "superlu_dist"
     if comm.size > 1:
-        raise SolveError("this PETSc has neither MUMPS nor SuperLU_DIST, so a direct solve runs on one rank only: use one rank, or an iterative solver (for statics: -static_ksp_type cg -static_pc_type gamg)")
+        raise SolveError(
+            "this PETSc has neither MUMPS nor SuperLU_DIST, so a direct solve runs on one rank only: use one "
+            "rank, or an iterative solver (for statics: -static_ksp_type cg -static_pc_type gamg)"
+        )
     return ("cholesky" if positive_definite else "lu"), "petsc"
 
 
 def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> PETSc.KSP:
     """Linear solver for a symmetric matrix: direct by default, all of it an option under `prefix`.
 
-    An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told otherwise.
+    An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told
+    otherwise.
     """
     factorisation, package = direct_solver(matrix.comm.tompi4py(), positive_definite)
     ksp = PETSc.KSP().create(matrix.comm)
@@ -81,7 +86,15 @@ def check_ksp(ksp: PETSc.KSP, what: str) -> None:
         return
     names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
     if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
-        remedy = "the factorisation failed: is the structure supported against every rigid-body motion, and is every part of it connected?"
+        remedy = (
+            "the factorisation failed: is the structure supported against every rigid-body motion, and is "
+            "every part of it connected?"
+        )
     else:
         remedy = f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
-    raise on_all_ranks(SolveError(f"{what}: the linear solve did not converge ({names.get(reason, reason)} after {ksp.getIterationNumber()} iterations); {remedy}"))
+    raise on_all_ranks(
+        SolveError(
+            f"{what}: the linear solve did not converge ({names.get(reason, reason)} after "
+            f"{ksp.getIterationNumber()} iterations); {remedy}"
+        )
+    )

@@ -1,4 +1,6 @@
-"""Lowest modes plus residual flexibility for contact pairs, loads and sensors; contact carries no mass (MacNeal 1971)."""
+"""Lowest modes plus residual flexibility for contact pairs, loads and sensors; contact carries no mass
+(MacNeal 1971).
+"""
 
 from __future__ import annotations
 
@@ -16,7 +18,8 @@ from .system.model import Model
 
 @dataclass(frozen=True, eq=False)
 class Reduction:
-    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what was left out.
+    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what was
+    left out.
 
     q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap_modes^T force,
     gap = gap_modes q + gap_flexibility force + gap_loads s + initial_gap,
@@ -72,7 +75,10 @@ class Reduction:
     tip_pairs: np.ndarray
 
     def __repr__(self) -> str:
-        return f"Reduction({len(self.omega)} modes up to {self.frequencies[-1]:.6g} Hz, {len(self.initial_gap)} contact pairs, {self.load_modes.shape[1]} unit loads)"
+        return (
+            f"Reduction({len(self.omega)} modes up to {self.frequencies[-1]:.6g} Hz, {len(self.initial_gap)} "
+            f"contact pairs, {self.load_modes.shape[1]} unit loads)"
+        )
 
 
 def communicator(model: Model | Reduction) -> MPI.Comm:
@@ -91,15 +97,33 @@ def communicator(model: Model | Reduction) -> MPI.Comm:
 def check_reduction(model: Model, reduction: Reduction, unit_loads, what: str) -> None:
     """Raise ValueError if a reduction was made for another model or other loads, as far as it tells."""
     if reduction.load_modes.shape[1] != len(unit_loads):
-        raise ValueError(f"{what}: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has {len(unit_loads)}; reduce the model again")
-    if len(reduction.initial_gap) != len(model.pairs) or not np.allclose(reduction.damping, model.damping_ratios(reduction.omega), rtol=1e-6, atol=0.0):
-        raise ValueError(f"{what}: the reduction was made for a model of other contact pairs or damping; reduce the model again, with reduction = 'modes'")
+        raise ValueError(
+            f"{what}: the reduction has {reduction.load_modes.shape[1]} unit loads, the load has "
+            f"{len(unit_loads)}; reduce the model again"
+        )
+    if len(reduction.initial_gap) != len(model.pairs) or not np.allclose(
+        reduction.damping, model.damping_ratios(reduction.omega), rtol=1e-6, atol=0.0
+    ):
+        raise ValueError(
+            f"{what}: the reduction was made for a model of other contact pairs or damping; reduce the model "
+            "again, with reduction = 'modes'"
+        )
     for k, unit in enumerate(unit_loads):
         # a force at a point acts on the modes as they move that point
         if isinstance(unit, PointForce):
-            moved = reduction.sensor_modes[reduction.points.index(unit.point), 0 if unit.fx else 1] if unit.point in reduction.points else np.inf
-            if np.abs(reduction.load_modes[:, k] - moved).max() > 1e-6 * np.abs(reduction.load_modes[:, k]).max():
-                raise ValueError(f"{what}: the reduction was made for other loads than {unit!r}; reduce the model again, with reduction = 'modes'")
+            moved = (
+                reduction.sensor_modes[reduction.points.index(unit.point), 0 if unit.fx else 1]
+                if unit.point in reduction.points
+                else np.inf
+            )
+            if (
+                np.abs(reduction.load_modes[:, k] - moved).max()
+                > 1e-6 * np.abs(reduction.load_modes[:, k]).max()
+            ):
+                raise ValueError(
+                    f"{what}: the reduction was made for other loads than {unit!r}; reduce the model again, "
+                    "with reduction = 'modes'"
+                )
 
 
 def reduce(model: Model, unit_loads, modes: int) -> Reduction:
@@ -115,8 +139,8 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
 
     Notes
     -----
-    One static solve a contact pair and a load (prefix ``static_``), one eigenvalue problem (prefix ``modal_``). All
-    that is kept is small and the same on every rank.
+    One static solve a contact pair and a load (prefix ``static_``), one eigenvalue problem (prefix
+    ``modal_``). All that is kept is small and the same on every rank.
     """
     model.require_support("the reduction")
     found = modal(model, modes)
@@ -124,7 +148,11 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     pairs, loads = len(rows.rows), len(unit_loads)
     gap_modes = rows.local(found.shapes)
     model.comm.Allreduce(MPI.IN_PLACE, gap_modes)
-    sensor_modes = np.stack([found.point_shapes[name].T for name in model.points]) if model.points else np.zeros((0, 2, modes))
+    sensor_modes = (
+        np.stack([found.point_shapes[name].T for name in model.points])
+        if model.points
+        else np.zeros((0, 2, modes))
+    )
 
     # inertia forces of unit accelerations, the auxiliary unknowns' share included
     translation = found.auxiliary_inertia.copy()
@@ -161,7 +189,10 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     for k, unit in enumerate(unit_loads):
         if isinstance(unit, SupportMotion):
             load_modes[:, k] = -translation @ [unit.ax, unit.ay]
-    tip_modes = np.stack([np.array(list(model.tips.evaluate(found.nodal(k)).values())).reshape(-1, 2) for k in range(modes)], axis=-1)
+    tip_modes = np.stack(
+        [np.array(list(model.tips.evaluate(found.nodal(k)).values())).reshape(-1, 2) for k in range(modes)],
+        axis=-1,
+    )
     tip_columns = np.stack(tip_columns, axis=-1) if columns else np.zeros((len(model.tips.names), 2, 0))
     for item in (right, solution, ksp, *load_vectors):
         item.destroy()
@@ -172,20 +203,50 @@ def reduce(model: Model, unit_loads, modes: int) -> Reduction:
     def residual(columns_of, modes_of):
         return columns_of - modes_of @ modal_columns
 
-    gap_columns, sensor_columns, tip_columns = residual(gap_columns, gap_modes), residual(sensor_columns, sensor_modes), residual(tip_columns, tip_modes)
+    gap_columns, sensor_columns, tip_columns = (
+        residual(gap_columns, gap_modes),
+        residual(sensor_columns, sensor_modes),
+        residual(tip_columns, tip_modes),
+    )
     work = residual(work, load_modes.T)
     flexibility = gap_columns[:, :pairs]
-    return Reduction(found.frequencies, omega, model.damping_ratios(omega), gap_modes, 0.5 * (flexibility + flexibility.T), gap_columns[:, pairs:], load_modes,
-                     0.5 * (work[:, pairs:] + work[:, pairs:].T), model.pairs.gap.copy(), tuple(model.points), sensor_modes, sensor_columns[..., pairs:],
-                     sensor_columns[..., :pairs], translation, model.tips.names, tip_modes, tip_columns[..., pairs:], tip_columns[..., :pairs])
+    return Reduction(
+        found.frequencies,
+        omega,
+        model.damping_ratios(omega),
+        gap_modes,
+        0.5 * (flexibility + flexibility.T),
+        gap_columns[:, pairs:],
+        load_modes,
+        0.5 * (work[:, pairs:] + work[:, pairs:].T),
+        model.pairs.gap.copy(),
+        tuple(model.points),
+        sensor_modes,
+        sensor_columns[..., pairs:],
+        sensor_columns[..., :pairs],
+        translation,
+        model.tips.names,
+        tip_modes,
+        tip_columns[..., pairs:],
+        tip_columns[..., :pairs],
+    )
 
 
-def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.ndarray, gap: np.ndarray, loads: np.ndarray, sensors: dict[str, int],
-                    modes: int | None = None, damping: float | np.ndarray = 0.0, compliance: np.ndarray | None = None) -> Reduction:
+def reduce_matrices(
+    mass: np.ndarray,
+    stiffness: np.ndarray,
+    contact_rows: np.ndarray,
+    gap: np.ndarray,
+    loads: np.ndarray,
+    sensors: dict[str, int],
+    modes: int | None = None,
+    damping: float | np.ndarray = 0.0,
+    compliance: np.ndarray | None = None,
+) -> Reduction:
     """A system given by its matrices: textbook oscillators, bars, other codes' examples.
 
-    `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model, with a number or a signal
-    for each unit load.
+    `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model,
+    with a number or a signal for each unit load.
 
     Parameters
     ----------
@@ -208,14 +269,24 @@ def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.nd
     Raises
     ------
     ValueError
-        If shapes do not fit, if a damping matrix couples the modes, or if a contact row has no compliance at all: a rigid stop on an unknown
-        whose mass is kept in full has no law in this form.
+        If shapes do not fit, if a damping matrix couples the modes, or if a contact row has no compliance at
+        all: a rigid stop on an unknown whose mass is kept in full has no law in this form.
     """
-    mass, stiffness, contact_rows, gap, loads = (np.asarray(item, dtype=float) for item in (mass, stiffness, contact_rows, gap, loads))
+    mass, stiffness, contact_rows, gap, loads = (
+        np.asarray(item, dtype=float) for item in (mass, stiffness, contact_rows, gap, loads)
+    )
     n, pairs = len(mass), len(gap)
-    for name, array, shape in (("mass", mass, (n, n)), ("stiffness", stiffness, (n, n)), ("contact_rows", contact_rows, (pairs, n)), ("loads", loads, (n, *loads.shape[1:2]))):
+    for name, array, shape in (
+        ("mass", mass, (n, n)),
+        ("stiffness", stiffness, (n, n)),
+        ("contact_rows", contact_rows, (pairs, n)),
+        ("loads", loads, (n, *loads.shape[1:2])),
+    ):
         if array.shape != shape or not np.isfinite(array).all():
-            raise ValueError(f"reduce_matrices: {name} has shape {array.shape}; finite values of shape {shape} are expected")
+            raise ValueError(
+                f"reduce_matrices: {name} has shape {array.shape}; finite values of shape {shape} are "
+                "expected"
+            )
     modes = n if modes is None else modes
     values, vectors = linalg.eigh(stiffness, mass)
     # rigid-body modes come out at round-off's level
@@ -224,10 +295,15 @@ def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.nd
     omega = np.sqrt(values[:modes])
     columns = np.concatenate([contact_rows.T, loads], axis=1)
     flexibility = (left / values[modes:]) @ (left.T @ columns)
-    gap_flexibility = contact_rows @ flexibility[:, :pairs] + np.diag(np.zeros(pairs) if compliance is None else compliance)
+    gap_flexibility = contact_rows @ flexibility[:, :pairs] + np.diag(
+        np.zeros(pairs) if compliance is None else compliance
+    )
     weak = np.flatnonzero(np.diag(gap_flexibility) <= 0.0)
     if len(weak):
-        raise ValueError(f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer modes than unknowns or give the stop a compliance")
+        raise ValueError(
+            f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer "
+            "modes than unknowns or give the stop a compliance"
+        )
     index = list(sensors.values())
 
     def at_sensors(array):
@@ -235,9 +311,26 @@ def reduce_matrices(mass: np.ndarray, stiffness: np.ndarray, contact_rows: np.nd
         result[:, 1] = array[index]
         return result
 
-    return Reduction(omega / (2.0 * np.pi), omega, _ratios(damping, kept, omega), contact_rows @ kept, gap_flexibility, contact_rows @ flexibility[:, pairs:], kept.T @ loads,
-                     loads.T @ flexibility[:, pairs:], gap, tuple(sensors), at_sensors(kept), at_sensors(flexibility[:, pairs:]),
-                     at_sensors(flexibility[:, :pairs]), np.zeros((modes, 2)), (), np.zeros((0, 2, modes)), np.zeros((0, 2, loads.shape[1])), np.zeros((0, 2, pairs)))
+    return Reduction(
+        omega / (2.0 * np.pi),
+        omega,
+        _ratios(damping, kept, omega),
+        contact_rows @ kept,
+        gap_flexibility,
+        contact_rows @ flexibility[:, pairs:],
+        kept.T @ loads,
+        loads.T @ flexibility[:, pairs:],
+        gap,
+        tuple(sensors),
+        at_sensors(kept),
+        at_sensors(flexibility[:, pairs:]),
+        at_sensors(flexibility[:, :pairs]),
+        np.zeros((modes, 2)),
+        (),
+        np.zeros((0, 2, modes)),
+        np.zeros((0, 2, loads.shape[1])),
+        np.zeros((0, 2, pairs)),
+    )
 
 
 def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
@@ -248,8 +341,15 @@ def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
     own = np.diag(modal)
     coupling = np.abs(modal - np.diag(own)).max(initial=0.0)
     if coupling > 1e-9 * np.abs(own).max():
-        raise ValueError(f"reduce_matrices: the damping matrix couples the modes (up to {coupling / np.abs(own).max():.2g} of the largest modal damping); give modal damping ratios, or a matrix such as a M + b K")
+        raise ValueError(
+            "reduce_matrices: the damping matrix couples the modes (up to "
+            f"{coupling / np.abs(own).max():.2g} of the largest modal damping); give modal damping ratios, "
+            "or a matrix such as a M + b K"
+        )
     rigid = omega == 0.0
     if (np.abs(own[rigid]) > 1e-9 * np.abs(own).max()).any():
-        raise ValueError("reduce_matrices: the damping matrix damps a rigid-body motion, which has no damping ratio; hold the system by a weak spring")
+        raise ValueError(
+            "reduce_matrices: the damping matrix damps a rigid-body motion, which has no damping ratio; hold "
+            "the system by a weak spring"
+        )
     return np.where(rigid, 0.0, own / (2.0 * np.where(rigid, 1.0, omega)))

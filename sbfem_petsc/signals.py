@@ -1,7 +1,8 @@
 """Signals: functions of time that drive forces, tractions or the motion of a support.
 
-A signal is a frozen value: called with times (s) it gives values of the same shape, in the unit of what it drives
-(N as a component of a force). Signals add with `+`, also with numbers, and are scaled with `*` and `/`.
+A signal is a frozen value: called with times (s) it gives values of the same shape, in the unit of what it
+drives (N as a component of a force). Signals add with `+`, also with numbers, and are scaled with `*` and
+`/`.
 """
 
 from __future__ import annotations
@@ -48,30 +49,30 @@ class Signal:
     def _values(self, t: np.ndarray) -> np.ndarray:
         raise NotImplementedError
 
-    def _scaled(self, factor: float) -> "Signal":
+    def _scaled(self, factor: float) -> Signal:
         return replace(self, amplitude=factor * self.amplitude)
 
-    def __add__(self, other) -> "Signal":
+    def __add__(self, other) -> Signal:
         return _total((self, as_signal(other)))
 
-    def __radd__(self, other) -> "Signal":
+    def __radd__(self, other) -> Signal:
         return _total((as_signal(other), self))
 
-    def __sub__(self, other) -> "Signal":
+    def __sub__(self, other) -> Signal:
         return self + -1.0 * as_signal(other)
 
-    def __rsub__(self, other) -> "Signal":
+    def __rsub__(self, other) -> Signal:
         return as_signal(other) + -1.0 * self
 
-    def __neg__(self) -> "Signal":
+    def __neg__(self) -> Signal:
         return -1.0 * self
 
-    def __mul__(self, factor: float) -> "Signal":
+    def __mul__(self, factor: float) -> Signal:
         return self._scaled(_finite(type(self).__name__, "factor", factor))
 
     __rmul__ = __mul__
 
-    def __truediv__(self, divisor: float) -> "Signal":
+    def __truediv__(self, divisor: float) -> Signal:
         if _finite(type(self).__name__, "divisor", divisor) == 0.0:
             raise ValueError(f"{type(self).__name__}: divisor = {divisor!r} must not be zero")
         return self._scaled(1.0 / divisor)
@@ -87,12 +88,16 @@ class Signal:
     def _check(self, **checks: Callable) -> None:
         """Replace the named fields by checked floats."""
         for name, check in checks.items():
-            object.__setattr__(self, name, check(type(self).__name__, name, getattr(self, name), self._units.get(name, "")))
+            object.__setattr__(
+                self, name, check(type(self).__name__, name, getattr(self, name), self._units.get(name, ""))
+            )
 
 
 def _finite(owner: str, name: str, value, unit: str = "") -> float:
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):
-        raise TypeError(f"{owner}: {name} = {value!r} is not a number" + (f"; give it in {unit}" if unit else ""))
+        raise TypeError(
+            f"{owner}: {name} = {value!r} is not a number" + (f"; give it in {unit}" if unit else "")
+        )
     if not math.isfinite(value):
         raise ValueError(f"{owner}: {name} = {value!r} must be finite" + (f" ({unit})" if unit else ""))
     return float(value)
@@ -118,7 +123,7 @@ class Constant(Signal):
     def _values(self, t: np.ndarray) -> np.ndarray:
         return np.full(t.shape, self.value)
 
-    def _scaled(self, factor: float) -> "Constant":
+    def _scaled(self, factor: float) -> Constant:
         return Constant(factor * self.value)
 
 
@@ -147,7 +152,8 @@ class Harmonic(Signal):
 class ToneBurst(Signal):
     """Tone burst of eq. (39): F sin(2 pi fc t) (1 - cos(2 pi fc t / n)) for 0 <= t <= n / fc, zero elsewhere.
 
-    F is `amplitude`, fc the carrier's `frequency` in Hz, n its `cycles` in the burst. The envelope peaks at 2 F.
+    F is `amplitude`, fc the carrier's `frequency` in Hz, n its `cycles` in the burst. The envelope peaks at 2
+    F.
     """
 
     amplitude: float
@@ -170,15 +176,20 @@ class ToneBurst(Signal):
 
     def _values(self, t: np.ndarray) -> np.ndarray:
         phase = 2.0 * np.pi * self.frequency * t
-        return np.where((t >= 0.0) & (t <= self.end), self.amplitude * np.sin(phase) * (1.0 - np.cos(phase / self.cycles)), 0.0)
+        return np.where(
+            (t >= 0.0) & (t <= self.end),
+            self.amplitude * np.sin(phase) * (1.0 - np.cos(phase / self.cycles)),
+            0.0,
+        )
 
 
 @dataclass(frozen=True, repr=False)
 class Chirp(Signal):
-    """Sine whose frequency runs linearly from `start` to `stop` (Hz) for 0 <= t <= duration (s); zero elsewhere.
+    """Sine whose frequency runs linearly from `start` to `stop` (Hz) for 0 <= t <= duration (s); zero
+    elsewhere.
 
-    A falling chirp is legal. `phase` (radian) is that at t = 0; over `taper` (s) it rises as half a cosine at its
-    beginning and falls at its end.
+    A falling chirp is legal. `phase` (radian) is that at t = 0; over `taper` (s) it rises as half a cosine at
+    its beginning and falls at its end.
     """
 
     amplitude: float
@@ -191,11 +202,23 @@ class Chirp(Signal):
     _units = {"start": "Hz", "stop": "Hz", "duration": "s", "phase": "rad", "taper": "s"}
 
     def __post_init__(self) -> None:
-        self._check(amplitude=_finite, start=_not_negative, stop=_not_negative, duration=positive, phase=_finite, taper=_not_negative)
+        self._check(
+            amplitude=_finite,
+            start=_not_negative,
+            stop=_not_negative,
+            duration=positive,
+            phase=_finite,
+            taper=_not_negative,
+        )
         if self.start == self.stop == 0.0:
-            raise ValueError("Chirp: start = 0 Hz and stop = 0 Hz leave no oscillation; one of them must be positive")
+            raise ValueError(
+                "Chirp: start = 0 Hz and stop = 0 Hz leave no oscillation; one of them must be positive"
+            )
         if self.taper > 0.5 * self.duration:
-            raise ValueError(f"Chirp: taper = {self.taper:g} s must be at most half the duration, {0.5 * self.duration:g} s")
+            raise ValueError(
+                f"Chirp: taper = {self.taper:g} s must be at most half the duration, {0.5 * self.duration:g} "
+                "s"
+            )
 
     @property
     def end(self) -> float:
@@ -237,7 +260,11 @@ class Step(Signal):
         return self.time + self.rise
 
     def _values(self, t: np.ndarray) -> np.ndarray:
-        return self.amplitude * (t >= self.time - 1e-3 * ROUND_OFF * abs(self.time)) * _smooth(t - self.time, self.rise)
+        return (
+            self.amplitude
+            * (t >= self.time - 1e-3 * ROUND_OFF * abs(self.time))
+            * _smooth(t - self.time, self.rise)
+        )
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -261,20 +288,30 @@ class Samples(Signal):
         for name in ("time", "value"):
             object.__setattr__(self, name, _column(name, getattr(self, name)))
         if len(self.time) != len(self.value):
-            raise ValueError(f"Samples: {len(self.time)} times and {len(self.value)} values were given; their numbers must agree")
+            raise ValueError(
+                f"Samples: {len(self.time)} times and {len(self.value)} values were given; their numbers "
+                "must agree"
+            )
         if len(self.time) < 2:
             raise ValueError(f"Samples: the number of samples is {len(self.time)}; at least 2 are needed")
         if (bad := np.flatnonzero(np.diff(self.time) <= 0.0)).size:
-            raise ValueError(f"Samples: time[{bad[0] + 1}] = {self.time[bad[0] + 1]:g} s follows {self.time[bad[0]]:g} s; times must rise")
+            raise ValueError(
+                f"Samples: time[{bad[0] + 1}] = {self.time[bad[0] + 1]:g} s follows {self.time[bad[0]]:g} s; "
+                "times must rise"
+            )
         if self.interpolation not in ("linear", "cubic"):
-            raise ValueError(f'Samples: interpolation = {self.interpolation!r} is unknown; use "linear" or "cubic"')
+            raise ValueError(
+                f'Samples: interpolation = {self.interpolation!r} is unknown; use "linear" or "cubic"'
+            )
 
     @classmethod
-    def from_csv(cls, path, interpolation: str = "linear", time_scale: float = 1.0, value_scale: float = 1.0) -> "Samples":
+    def from_csv(
+        cls, path, interpolation: str = "linear", time_scale: float = 1.0, value_scale: float = 1.0
+    ) -> Samples:
         """Samples from a text file with two columns, time and value.
 
-        Columns are parted by comma, semicolon, tab or blanks; lines that begin with # and empty lines at the end are
-        left out, and the first line may be a header.
+        Columns are parted by comma, semicolon, tab or blanks; lines that begin with # and empty lines at the
+        end are left out, and the first line may be a header.
 
         Parameters
         ----------
@@ -286,10 +323,13 @@ class Samples(Signal):
         Raises
         ------
         ValueError
-            With one sentence that names the file and the line: missing or unreadable file, gap, text, number that is
-            not finite, time that does not rise.
+            With one sentence that names the file and the line: missing or unreadable file, gap, text, number
+            that is not finite, time that does not rise.
         """
-        scales = positive("Samples", "time_scale", time_scale, "s per unit of the file"), _finite("Samples", "value_scale", value_scale)
+        scales = (
+            positive("Samples", "time_scale", time_scale, "s per unit of the file"),
+            _finite("Samples", "value_scale", value_scale),
+        )
         return cls(*(_read_csv(path) * scales).T, interpolation)
 
     @property
@@ -298,7 +338,9 @@ class Samples(Signal):
 
     @cached_property
     def highest_frequency(self) -> float:
-        """Frequency below which 99.99 % of the oscillation's energy lies, Hz, and at most half the sampling rate."""
+        """Frequency below which 99.99 % of the oscillation's energy lies, Hz, and at most half the sampling
+        rate.
+        """
         count = int(np.clip(round((self.time[-1] - self.time[0]) / np.diff(self.time).min()), 2, 2**20))
         t, step = np.linspace(self.time[0], self.time[-1], count, endpoint=False, retstep=True)
         # Without the line between the ends: their difference would pass for a jump and fill the spectrum.
@@ -316,9 +358,13 @@ class Samples(Signal):
         slack = ROUND_OFF * (self.time[-1] - self.time[0]) / (len(self.time) - 1)
         inside = (t >= self.time[0] - slack) & (t <= self.time[-1] + slack)
         at = np.clip(t, self.time[0], self.time[-1])
-        return np.where(inside, np.interp(at, self.time, self.value) if self.interpolation == "linear" else self._spline(at), 0.0)
+        return np.where(
+            inside,
+            np.interp(at, self.time, self.value) if self.interpolation == "linear" else self._spline(at),
+            0.0,
+        )
 
-    def _scaled(self, factor: float) -> "Samples":
+    def _scaled(self, factor: float) -> Samples:
         return replace(self, value=factor * self.value)
 
     def _key(self) -> tuple:
@@ -331,7 +377,10 @@ class Samples(Signal):
         return hash(self._key())
 
     def __repr__(self) -> str:
-        return f"Samples({len(self.time)} samples from {self.time[0]:.6g} s to {self.time[-1]:.6g} s, values from {self.value.min():.6g} to {self.value.max():.6g}, {self.interpolation})"
+        return (
+            f"Samples({len(self.time)} samples from {self.time[0]:.6g} s to {self.time[-1]:.6g} s, values "
+            f"from {self.value.min():.6g} to {self.value.max():.6g}, {self.interpolation})"
+        )
 
 
 def _column(name: str, values) -> np.ndarray:
@@ -339,7 +388,10 @@ def _column(name: str, values) -> np.ndarray:
     try:
         column = np.array(values, dtype=float)
     except (TypeError, ValueError):
-        raise TypeError(f"Samples: {name} must be a sequence of real numbers, not {type(values).__name__} with other entries") from None
+        raise TypeError(
+            f"Samples: {name} must be a sequence of real numbers, not {type(values).__name__} with other "
+            "entries"
+        ) from None
     if column.ndim != 1:
         raise ValueError(f"Samples: {name} has the shape {column.shape}; one dimension is expected")
     if (bad := np.flatnonzero(~np.isfinite(column))).size:
@@ -356,8 +408,14 @@ def _read_csv(path) -> np.ndarray:
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror or error}") from None
     except UnicodeDecodeError:
-        raise ValueError(f"{path}: is no text file; two columns of numbers, time and value, are expected") from None
-    content = [(f"{path}, line {number}", line) for number, line in enumerate(lines, 1) if not line.lstrip().startswith("#")]
+        raise ValueError(
+            f"{path}: is no text file; two columns of numbers, time and value, are expected"
+        ) from None
+    content = [
+        (f"{path}, line {number}", line)
+        for number, line in enumerate(lines, 1)
+        if not line.lstrip().startswith("#")
+    ]
     rows: list[list[float]] = []
     for index, (where, line) in enumerate(content):
         entries = _entries(line)
@@ -367,7 +425,10 @@ def _read_csv(path) -> np.ndarray:
         if len(rows) > 1 and not rows[-1][0] > rows[-2][0]:
             raise ValueError(f"{where}: time {rows[-1][0]:g} follows {rows[-2][0]:g}; times must rise")
     if len(rows) < 2:
-        raise ValueError(f"{path}, line {max(len(lines), 1)}: the number of samples is {len(rows)} where the file ends; at least 2 are needed")
+        raise ValueError(
+            f"{path}, line {max(len(lines), 1)}: the number of samples is {len(rows)} where the file ends; "
+            "at least 2 are needed"
+        )
     return np.array(rows)
 
 
@@ -387,7 +448,11 @@ def _row(where: str, entries: list[str]) -> list[float]:
         if not math.isfinite(number):
             raise ValueError(f"{where}: {entry!r} is not finite")
     if len(entries) != 2:
-        raise ValueError(f"{where}: the number of columns is {len(entries)}; two, time and value, are expected" if any(entries) else f"{where}: the line is empty; a time and a value are expected")
+        raise ValueError(
+            f"{where}: the number of columns is {len(entries)}; two, time and value, are expected"
+            if any(entries)
+            else f"{where}: the line is empty; a time and a value are expected"
+        )
     return numbers
 
 
@@ -400,10 +465,11 @@ def _as_number(text: str) -> float | None:
 
 @dataclass(frozen=True, repr=False)
 class Custom(Signal):
-    """amplitude * function(t), for a function that takes an (n,) array of times (s) and returns one finite number for each.
+    """amplitude * function(t), for a function that takes an (n,) array of times (s) and returns one finite
+    number for each.
 
-    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known. The function is tried at
-    two times here and checked whenever it is called.
+    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known. The function is
+    tried at two times here and checked whenever it is called.
     """
 
     function: Callable[[np.ndarray], np.ndarray]
@@ -414,7 +480,10 @@ class Custom(Signal):
 
     def __post_init__(self) -> None:
         if not callable(self.function):
-            raise TypeError(f"Custom: function = {self.function!r} cannot be called; a function of an array of times is expected")
+            raise TypeError(
+                f"Custom: function = {self.function!r} cannot be called; a function of an array of times is "
+                "expected"
+            )
         self._check(amplitude=_finite)
         if self.highest_frequency is not None:
             self._check(highest_frequency=_not_negative)
@@ -430,13 +499,24 @@ class Custom(Signal):
             result = np.asarray(self.function(times))
         except Exception as error:
             reason = " ".join(f"{type(error).__name__}: {error}".split())
-            raise ValueError(f"Custom: {self._name} failed for an array of {times.size} times ({reason}); it must take an array, as numpy.vectorize({self._name}) does") from error
+            raise ValueError(
+                f"Custom: {self._name} failed for an array of {times.size} times ({reason}); it must take an "
+                f"array, as numpy.vectorize({self._name}) does"
+            ) from error
         if result.dtype.kind not in "iuf":
-            raise TypeError(f"Custom: {self._name} returned values of type {result.dtype}; real numbers are expected")
+            raise TypeError(
+                f"Custom: {self._name} returned values of type {result.dtype}; real numbers are expected"
+            )
         if result.shape != times.shape:
-            raise ValueError(f"Custom: {self._name} returned the shape {result.shape} for {times.size} times; one number for each is expected")
+            raise ValueError(
+                f"Custom: {self._name} returned the shape {result.shape} for {times.size} times; one number "
+                "for each is expected"
+            )
         if (bad := np.flatnonzero(~np.isfinite(result))).size:
-            raise ValueError(f"Custom: {self._name} returned {result[bad[0]]} at t = {times[bad[0]]:g} s; finite numbers are expected")
+            raise ValueError(
+                f"Custom: {self._name} returned {result[bad[0]]} at t = {times[bad[0]]:g} s; finite numbers "
+                "are expected"
+            )
         return self.amplitude * result.reshape(t.shape)
 
     def __repr__(self) -> str:
@@ -469,7 +549,7 @@ class Sum(Signal):
     def _values(self, t: np.ndarray) -> np.ndarray:
         return sum(part._values(t) for part in self.parts)
 
-    def _scaled(self, factor: float) -> "Sum":
+    def _scaled(self, factor: float) -> Sum:
         return Sum(tuple(part._scaled(factor) for part in self.parts))
 
     def __repr__(self) -> str:
@@ -487,7 +567,9 @@ def _total(signals: tuple[Signal, ...]) -> Signal:
 
 
 def as_signal(value) -> Signal:
-    """A number as a `Constant`, a function of time as a `Custom` of unknown band, a signal as it is; else a TypeError."""
+    """A number as a `Constant`, a function of time as a `Custom` of unknown band, a signal as it is; else a
+    TypeError.
+    """
     if isinstance(value, Signal):
         return value
     if isinstance(value, Real) and not isinstance(value, (bool, np.bool_)):

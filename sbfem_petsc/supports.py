@@ -16,8 +16,8 @@ class Support:
     where : str
         Name of an edge set or of a point.
     x, y : bool or float
-        True: held fixed; False: free; a positive number: an elastic support, in N/m^3 (stiffness per unit area)
-        on an edge set and in N/m on a point.
+        True: held fixed; False: free; a positive number: an elastic support, in N/m^3 (stiffness per unit
+        area) on an edge set and in N/m on a point.
     """
 
     where: str
@@ -34,8 +34,13 @@ class Support:
             elif isinstance(value, numbers.Real):
                 object.__setattr__(self, name, float(value))
             value = getattr(self, name)
-            if not isinstance(value, bool) and not (isinstance(value, float) and math.isfinite(value) and value >= 0):
-                raise ValueError(f"Support({self.where!r}): {name} = {value!r} must be True (fixed), False (free) or a stiffness >= 0 (N/m^3 on edges, N/m on a point)")
+            if not isinstance(value, bool) and not (
+                isinstance(value, float) and math.isfinite(value) and value >= 0
+            ):
+                raise ValueError(
+                    f"Support({self.where!r}): {name} = {value!r} must be True (fixed), False (free) or a "
+                    "stiffness >= 0 (N/m^3 on edges, N/m on a point)"
+                )
 
     @property
     def fixed(self) -> tuple[bool, bool]:
@@ -49,10 +54,15 @@ class Support:
 
 
 def as_supports(clamped, supports) -> tuple[Support, ...]:
-    """The supports of a model from its `clamped` names (a name, several, or None) and its further supports."""
+    """The supports of a model from its `clamped` names (a name, several, or None) and its further
+    supports.
+    """
     names = () if clamped is None else (clamped,) if isinstance(clamped, str) else clamped
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
-        raise TypeError(f"clamped = {clamped!r} must be the name of an edge set or a point, several of them, or None; further supports go to supports=")
+        raise TypeError(
+            f"clamped = {clamped!r} must be the name of an edge set or a point, several of them, or None; "
+            "further supports go to supports="
+        )
     further = (supports,) if isinstance(supports, Support) else () if supports is None else supports
     if not isinstance(further, (tuple, list)) or not all(isinstance(item, Support) for item in further):
         raise TypeError(f"supports = {supports!r} must be a Support or a sequence of them")

@@ -1,4 +1,6 @@
-"""Converged values of an independent hp finite element code (examples/reference/reference.json) and the paper's beam."""
+"""Converged values of an independent hp finite element code (examples/reference/reference.json) and the
+paper's beam.
+"""
 
 import json
 import pathlib
@@ -7,7 +9,9 @@ import numpy as np
 
 from meshing import Beam, VNotch
 
-DATA = json.loads((pathlib.Path(__file__).parents[1] / "examples" / "reference" / "reference.json").read_text())
+DATA = json.loads(
+    (pathlib.Path(__file__).parents[1] / "examples" / "reference" / "reference.json").read_text()
+)
 
 
 def frequencies(case: str) -> np.ndarray:

@@ -1,9 +1,23 @@
-"""Indicators: the bilinear oscillator's exact harmonics, amplitude modulation, spectra, duty, shifts, and bad input."""
+"""Indicators: the bilinear oscillator's exact harmonics, amplitude modulation, spectra, duty, shifts, and bad
+input.
+"""
 
 import numpy as np
 import pytest
 
-from sbfem_petsc.indicators import beta, coherent_record, contact_duty, frequency_shift, gamma, harmonic_ratios, harmonics, sidebands, spectrum, subharmonics, tones
+from sbfem_petsc.indicators import (
+    beta,
+    coherent_record,
+    contact_duty,
+    frequency_shift,
+    gamma,
+    harmonic_ratios,
+    harmonics,
+    sidebands,
+    spectrum,
+    subharmonics,
+    tones,
+)
 
 
 def grid(count, step, start=0.0):
@@ -18,7 +32,9 @@ def bilinear(t, w_open, w_closed):
 
 
 def bilinear_harmonics(w_open, w_closed, count):
-    """c_k of it in closed form; the integral of sin(w s) exp(-i O s) over half a period is w (1 + exp(-i O pi / w)) / (w^2 - O^2)."""
+    """c_k of it in closed form; the integral of sin(w s) exp(-i O s) over half a period is w (1 + exp(-i O pi
+    / w)) / (w^2 - O^2).
+    """
     w = 2.0 * w_open * w_closed / (w_open + w_closed)
     turn = w * np.arange(count + 1)
 
@@ -34,8 +50,12 @@ BILINEAR = {0.9: (0.06704, 0.01488, 5.18e-4), 0.5: (0.43210, 1.0 / 11.0, 0.01920
 
 
 @pytest.mark.parametrize("ratio", BILINEAR)
-# samples per period, samples, error relative to A_1: a coherent record of 4 periods, then 30.3, 10.0 and 3.3 periods
-@pytest.mark.parametrize("rate, count, error", [(1024.0, 4096, 1e-11), (300.37, 9100, 1e-10), (300.37, 3000, 1e-9), (300.37, 1000, 1e-6)])
+# samples per period, samples, error relative to A_1: a coherent record of 4 periods, then 30.3, 10.0 and 3.3
+# periods
+@pytest.mark.parametrize(
+    "rate, count, error",
+    [(1024.0, 4096, 1e-11), (300.37, 9100, 1e-10), (300.37, 3000, 1e-9), (300.37, 1000, 1e-6)],
+)
 def test_bilinear_oscillator(ratio, rate, count, error):
     w_open = 2.0 * np.pi * 60.0
     w_closed = w_open / ratio
@@ -54,15 +74,23 @@ def test_bilinear_oscillator(ratio, rate, count, error):
 
 
 def test_harmonics_to_round_off():
-    """Five harmonics with phases, on a record without whole periods in whole steps, and the convention of the sign."""
+    """Five harmonics with phases, on a record without whole periods in whole steps, and the convention of the
+    sign.
+    """
     given = np.array([0.3, 1.0 - 2.0j, 0.1j, -0.02, 1e-6 + 1e-6j, 1e-9])
     t = grid(4321, 1e-6, start=0.07)
     u = sum((c * np.exp(2j * np.pi * k * 2950.0 * t)).real for k, c in enumerate(given))
     np.testing.assert_allclose(harmonics(t, u, 2950.0, 5), given, atol=1e-12)
     np.testing.assert_allclose(harmonics(t, u, 2950.0, 8)[6:], 0.0, atol=1e-12)
     # sin = Re(-i exp): one period is enough
-    np.testing.assert_allclose(harmonics(grid(100, 0.01), np.sin(2.0 * np.pi * grid(100, 0.01)), 1.0, 2), [0.0, -1.0j, 0.0], atol=1e-14)
-    np.testing.assert_allclose(tones(t, u, [5900.0, 0.0, 2950.0, 8850.0, 11800.0, 14750.0]), given[[2, 0, 1, 3, 4, 5]], atol=1e-12)
+    np.testing.assert_allclose(
+        harmonics(grid(100, 0.01), np.sin(2.0 * np.pi * grid(100, 0.01)), 1.0, 2),
+        [0.0, -1.0j, 0.0],
+        atol=1e-14,
+    )
+    np.testing.assert_allclose(
+        tones(t, u, [5900.0, 0.0, 2950.0, 8850.0, 11800.0, 14750.0]), given[[2, 0, 1, 3, 4, 5]], atol=1e-12
+    )
 
 
 def test_ratios_along_a_curve():
@@ -84,7 +112,10 @@ def test_coherent_record():
     assert len(times) == 200000
     with pytest.raises(ValueError) as error:
         coherent_record(grid(33000, 1e-6), grid(33000, 1e-6), [433.0, 3000.0])
-    assert "the nearest, 32333 samples, would for 432.994155 Hz and 3000.03093 Hz, and 1000000 samples (1 s) for the given ones" in str(error.value)
+    assert (
+        "the nearest, 32333 samples, would for 432.994155 Hz and 3000.03093 Hz, and 1000000 samples (1 s) "
+        "for the given ones" in str(error.value)
+    )
     # the proposals hold what they promise
     nearby = np.round(32333e-6 * np.array([433.0, 3000.0])) / 32333e-6
     assert len(coherent_record(grid(33000, 1e-6), grid(33000, 1e-6), nearby)[0]) == 32333
@@ -104,13 +135,19 @@ def test_spectrum_of_a_coherent_record(window):
     assert at[0.0] == pytest.approx(0.7, rel=tolerance)
     assert at[250.0] == pytest.approx(3.0 * np.exp(1j * (0.4 - np.pi / 2.0)), rel=tolerance)
     assert abs(at[1000.0]) == pytest.approx(0.01, rel=tolerance)
-    assert result.coherent and result.frequency[1] == pytest.approx(5.0) and result.frequency[-1] == pytest.approx(5000.0)
+    assert (
+        result.coherent
+        and result.frequency[1] == pytest.approx(5.0)
+        and result.frequency[-1] == pytest.approx(5000.0)
+    )
     assert "1001 lines every 5 Hz" in repr(result) and ", coherent;" in repr(result)
 
 
 @pytest.mark.parametrize("offset", [-0.5, -0.3, 0.1, 0.25, 0.5])
 def test_windowed_amplitude_between_the_lines(offset):
-    """Within 0.1 % (measured 1e-5) with the scalloping taken out; the flat top alone has 0.01 dB, 0.112 %, of it."""
+    """Within 0.1 % (measured 1e-5) with the scalloping taken out; the flat top alone has 0.01 dB, 0.112 %, of
+    it.
+    """
     t = grid(2000, 1e-4, start=0.3)
     frequency = 5.0 * (50 + offset)
     u = 3.0 * np.sin(2.0 * np.pi * frequency * t)
@@ -120,13 +157,18 @@ def test_windowed_amplitude_between_the_lines(offset):
     assert np.abs(flat_top.amplitude).max() == pytest.approx(3.0, rel=1.13e-3)
     assert not hann.coherent and not flat_top.coherent
     if abs(offset) == 0.5:
-        assert np.abs(hann.amplitude).max() == pytest.approx(3.0 * 0.84883, rel=1e-4)  # 8 / (3 pi), its scalloping
+        assert np.abs(hann.amplitude).max() == pytest.approx(
+            3.0 * 0.84883, rel=1e-4
+        )  # 8 / (3 pi), its scalloping
 
 
 def test_coherent_flag():
     t = grid(1000, 1e-3)
     assert spectrum(t, np.ones(1000)).coherent
-    assert spectrum(t, np.sin(2.0 * np.pi * t)).coherent and not spectrum(t, np.sin(2.0 * np.pi * 1.4 * t)).coherent
+    assert (
+        spectrum(t, np.sin(2.0 * np.pi * t)).coherent
+        and not spectrum(t, np.sin(2.0 * np.pi * 1.4 * t)).coherent
+    )
     u = np.sin(2.0 * np.pi * 50.0 * t) + 0.1 * np.sin(2.0 * np.pi * 70.5 * t)
     assert spectrum(t, u).coherent
     assert spectrum(t, u, frequencies=50.0).coherent and not spectrum(t, u, frequencies=[50.0, 70.5]).coherent
@@ -142,7 +184,9 @@ def test_parseval_and_synthesis(count):
     alone[0], alone[-1] = True, count % 2 == 0
     assert np.sum(np.where(alone, power, 0.5 * power)) == pytest.approx(np.mean(u**2), rel=1e-12)
     some = t[::97]
-    np.testing.assert_allclose((np.exp(2j * np.pi * np.outer(some, result.frequency)) @ result.amplitude).real, u[::97], atol=1e-11)
+    np.testing.assert_allclose(
+        (np.exp(2j * np.pi * np.outer(some, result.frequency)) @ result.amplitude).real, u[::97], atol=1e-11
+    )
 
 
 def test_detrend():
@@ -150,12 +194,19 @@ def test_detrend():
     u = 5.0 + 2.0 * t + np.sin(2.0 * np.pi * 50.0 * t)
     assert abs(spectrum(t, u, detrend="constant").amplitude[0]) < 1e-12
     line = spectrum(t, u, "hann", detrend="linear")
-    assert np.abs(line.amplitude[:20]).max() < 0.02 < 0.4 < np.abs(spectrum(t, u, "hann").amplitude[:20]).max()
+    assert (
+        np.abs(line.amplitude[:20]).max() < 0.02 < 0.4 < np.abs(spectrum(t, u, "hann").amplitude[:20]).max()
+    )
 
 
 def test_subharmonics():
     t = grid(33000, 1e-6)
-    u = 2.0 * np.sin(2.0 * np.pi * 14100.0 * t) + 0.3 * np.cos(2.0 * np.pi * 7050.0 * t) + 0.05 * np.cos(2.0 * np.pi * 21150.0 * t) + 0.5
+    u = (
+        2.0 * np.sin(2.0 * np.pi * 14100.0 * t)
+        + 0.3 * np.cos(2.0 * np.pi * 7050.0 * t)
+        + 0.05 * np.cos(2.0 * np.pi * 21150.0 * t)
+        + 0.5
+    )
     half = subharmonics(t, u, 14100.0, 2, count=2)
     np.testing.assert_allclose(half.amplitude, [0.5, 0.3, -2.0j, 0.05, 0.0], atol=1e-12)
     np.testing.assert_allclose(half.frequency, [0.0, 7050.0, 14100.0, 21150.0, 28200.0])
@@ -165,13 +216,19 @@ def test_subharmonics():
 
 
 def modulated(t, depth, pump=0.0):
-    """Carrier 1 um at 3000 Hz, modulated by 1 + depth sin + depth/4 cos(2 .), beside a pump at 433 Hz with harmonics 2 and 7."""
+    """Carrier 1 um at 3000 Hz, modulated by 1 + depth sin + depth/4 cos(2 .), beside a pump at 433 Hz with
+    harmonics 2 and 7.
+    """
     w, carrier = 2.0 * np.pi * 433.0, np.sin(2.0 * np.pi * 3000.0 * t)
     envelope = 1.0 + depth * np.sin(w * t + 1.0) + 0.25 * depth * np.cos(2.0 * w * t)
-    return 1e-6 * (envelope * carrier + pump * (10.0 * np.sin(w * t) + np.sin(2.0 * w * t + 0.3) + 0.1 * np.cos(7.0 * w * t)))
+    return 1e-6 * (
+        envelope * carrier
+        + pump * (10.0 * np.sin(w * t) + np.sin(2.0 * w * t + 0.3) + 0.1 * np.cos(7.0 * w * t))
+    )
 
 
-# duration, step, error relative to the carrier: coherent, then a record in which 7 x 433 = 3031 Hz can be told from 3000 Hz
+# duration, step, error relative to the carrier: coherent, then a record in which 7 x 433 = 3031 Hz can be
+# told from 3000 Hz
 @pytest.mark.parametrize("duration, step, error", [(1.0, 2e-5, 1e-12), (0.1, 1e-6, 1e-10)])
 def test_sidebands(duration, step, error):
     t = grid(round(duration / step), step)
@@ -189,10 +246,14 @@ def test_sidebands(duration, step, error):
 
 
 def test_inseparable_sidebands_are_named():
-    """33 ms: the pump's seventh harmonic is one line from the carrier. And a carrier that is a multiple of the modulation."""
+    """33 ms: the pump's seventh harmonic is one line from the carrier. And a carrier that is a multiple of
+    the modulation.
+    """
     t = grid(33000, 1e-6)
     result = sidebands(t, modulated(t, 0.02, 1.0), 3000.0, 433.0)
-    assert result.inseparable == (6, 7, 8) and "lines include harmonics 6, 7, 8 of the modulation" in repr(result)
+    assert result.inseparable == (6, 7, 8) and "lines include harmonics 6, 7, 8 of the modulation" in repr(
+        result
+    )
     assert result.modulation_index == pytest.approx(0.02, rel=0.2)
     u = (1.0 + 0.1 * np.sin(2.0 * np.pi * 300.0 * t)) * np.sin(2.0 * np.pi * 3000.0 * t)
     result = sidebands(t, u, 3000.0, 300.0)
@@ -212,7 +273,9 @@ def test_contact_duty():
 
 
 def test_frequency_shift():
-    np.testing.assert_allclose(frequency_shift([59.54, 200.0], [60.22, 200.0]), [-0.68 / 60.22, 0.0], rtol=1e-12)
+    np.testing.assert_allclose(
+        frequency_shift([59.54, 200.0], [60.22, 200.0]), [-0.68 / 60.22, 0.0], rtol=1e-12
+    )
 
 
 T = grid(1000, 1e-3)
@@ -226,7 +289,10 @@ CASES = {
     "spectrum(T, np.where(T > 0.5, np.nan, U))": (ValueError, "values[501] = nan must be finite"),
     "spectrum(T, 1j * U)": (TypeError, "values holds entries of type complex128"),
     "spectrum(['a'] * 4, U[:4])": (TypeError, "time holds entries of type"),
-    "spectrum(T, np.stack([U, U], axis=1))": (ValueError, "one dimension is expected (one component, such as values[:, 1])"),
+    "spectrum(T, np.stack([U, U], axis=1))": (
+        ValueError,
+        "one dimension is expected (one component, such as values[:, 1])",
+    ),
     "spectrum(JUMP, U)": (ValueError, "the step after time[500] is 0.00101 s and the mean step"),
     "spectrum(T[::-1], U)": (ValueError, "times must rise"),
     "spectrum(np.zeros(9), U[:9])": (ValueError, "times must rise"),
@@ -238,8 +304,14 @@ CASES = {
     "coherent_record(T, U, 'fast')": (TypeError, "frequencies = 'fast' must be"),
     "coherent_record(T, U, [5.0, 0.0])": (ValueError, "frequency 0 Hz must be positive"),
     "coherent_record(T, U, 500.0)": (ValueError, "500 Hz is not below half the sampling rate"),
-    "harmonics(T, U, 100.0, 5)": (ValueError, "harmonics: frequency 500 Hz is not below half the sampling rate"),
-    "harmonics(T, U, 0.5, 3)": (ValueError, "the record of 1 s is too short to tell apart lines 0.5 Hz apart; at least 2 s"),
+    "harmonics(T, U, 100.0, 5)": (
+        ValueError,
+        "harmonics: frequency 500 Hz is not below half the sampling rate",
+    ),
+    "harmonics(T, U, 0.5, 3)": (
+        ValueError,
+        "the record of 1 s is too short to tell apart lines 0.5 Hz apart; at least 2 s",
+    ),
     "harmonics(T, U, -5.0)": (ValueError, "harmonics: frequency = -5.0"),
     "harmonics(T, U, '5')": (TypeError, "harmonics: frequency = '5'"),
     "harmonics(T, U, 5.0, 0)": (ValueError, "harmonics: count = 0 must be at least 1"),
@@ -254,7 +326,10 @@ CASES = {
     "subharmonics(T, U, 50.0, 1)": (ValueError, "divisor = 1 must be at least 2"),
     "subharmonics(T, U, 50.0, 100)": (ValueError, "lines 0.5 Hz apart"),
     "sidebands(T, U, 50.0, 60.0)": (ValueError, "carrier = 50 Hz must be above order * modulation = 60 Hz"),
-    "sidebands(T, U, 50.0, 20.0, 3)": (ValueError, "carrier = 50 Hz must be above order * modulation = 60 Hz"),
+    "sidebands(T, U, 50.0, 20.0, 3)": (
+        ValueError,
+        "carrier = 50 Hz must be above order * modulation = 60 Hz",
+    ),
     "sidebands(T, U, 50.0, 1.5)": (ValueError, "too short for sidebands 1.5 Hz apart; at least 1.33333 s"),
     "sidebands(T, U, 450.0, 60.0)": (ValueError, "510 Hz is not below half the sampling rate"),
     "sidebands(T, U, 450.0, 6.0, 0)": (ValueError, "order = 0 must be at least 1"),

@@ -18,11 +18,15 @@ def test_harmonic():
 
 
 def test_tone_burst_is_eq_39():
-    """fc = 3000 Hz, n = 100: at t = (j + 1/4) / fc the carrier is 1 and the envelope 1 - cos(2 pi (j + 1/4) / 100)."""
+    """fc = 3000 Hz, n = 100: at t = (j + 1/4) / fc the carrier is 1 and the envelope 1 - cos(2 pi (j + 1/4) /
+    100).
+    """
     burst = ToneBurst(300.0, 3000.0, 100)
     quarter = (np.array([0, 10, 25, 50, 99]) + 0.25) / 3000.0
     # 300 (1 - cos(0.9 deg)), (36.9 deg), (90.9 deg), (180.9 deg), (357.3 deg)
-    np.testing.assert_allclose(burst(quarter), [0.03701025549, 60.09460250, 304.7121951, 599.9629897, 0.3330375114], rtol=1e-9)
+    np.testing.assert_allclose(
+        burst(quarter), [0.03701025549, 60.09460250, 304.7121951, 599.9629897, 0.3330375114], rtol=1e-9
+    )
     assert burst.end == pytest.approx(1.0 / 30.0, rel=1e-15)
     assert burst.highest_frequency == pytest.approx(3060.0)
     fine = burst(np.linspace(0.0, burst.end, 400001))
@@ -42,14 +46,24 @@ def test_chirp():
     chirp = Chirp(2.0, 100.0, 500.0, 0.02)
     assert (chirp.highest_frequency, chirp.end) == (500.0, 0.02)
     inside = T[T <= 0.02]
-    np.testing.assert_allclose(chirp(inside), 2.0 * np.sin(2.0 * np.pi * (100.0 * inside + 400.0 / 0.04 * inside**2)), atol=1e-12)
+    np.testing.assert_allclose(
+        chirp(inside), 2.0 * np.sin(2.0 * np.pi * (100.0 * inside + 400.0 / 0.04 * inside**2)), atol=1e-12
+    )
     assert not chirp(np.array([-1e-6, 0.020001, 1.0])).any()
-    # 100 Hz * 0.02 s + 400 Hz * 0.02 s / 2 = 6 periods: 12 zero crossings after the start, the last at the end
+    # 100 Hz * 0.02 s + 400 Hz * 0.02 s / 2 = 6 periods: 12 zero crossings after the start, the last at the
+    # end
     assert np.count_nonzero(np.diff(np.sign(chirp(inside[1:-1])))) == 11
     falling = Chirp(1.0, 500.0, 0.0, 0.02, phase=np.pi / 2, taper=0.005)
     assert falling.highest_frequency == 500.0
     np.testing.assert_allclose(falling([0.0, 0.02]), 0.0, atol=1e-15)
-    np.testing.assert_allclose(falling([0.0025, 0.0175]), 0.5 * np.cos(2.0 * np.pi * (500.0 * np.array([0.0025, 0.0175]) - 12500.0 * np.array([0.0025, 0.0175]) ** 2)), atol=1e-12)
+    np.testing.assert_allclose(
+        falling([0.0025, 0.0175]),
+        0.5
+        * np.cos(
+            2.0 * np.pi * (500.0 * np.array([0.0025, 0.0175]) - 12500.0 * np.array([0.0025, 0.0175]) ** 2)
+        ),
+        atol=1e-12,
+    )
 
 
 def test_step():
@@ -58,7 +72,11 @@ def test_step():
     assert Step(5.0, time=0.1 + 0.2)(0.3) == 5.0
     np.testing.assert_array_equal(Step(5.0)([-1e-6, 0.0]), [0.0, 5.0])
     smooth = Step(4.0, time=0.1, rise=0.2)
-    np.testing.assert_allclose(smooth([0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 9.0]), [0.0, 0.0, 2.0 - np.sqrt(2.0), 2.0, 2.0 + np.sqrt(2.0), 4.0, 4.0], atol=1e-14)
+    np.testing.assert_allclose(
+        smooth([0.0, 0.1, 0.15, 0.2, 0.25, 0.3, 9.0]),
+        [0.0, 0.0, 2.0 - np.sqrt(2.0), 2.0, 2.0 + np.sqrt(2.0), 4.0, 4.0],
+        atol=1e-14,
+    )
     assert (smooth.end, smooth.highest_frequency) == (pytest.approx(0.3), 0.0)
 
 
@@ -68,8 +86,20 @@ def test_constant_and_numbers():
     assert (Constant(3.0).end, Constant(3.0).highest_frequency) == (0.0, 0.0)
 
 
-@pytest.mark.parametrize("signal", [Constant(1.0), Harmonic(1.0, 5.0), ToneBurst(1.0, 5.0, 3), Chirp(1.0, 1.0, 9.0, 1.0), Step(1.0, 0.5, 0.1),
-                                    Samples([0.0, 1.0], [1.0, 2.0]), Samples([0.0, 1.0, 2.0], [1.0, 2.0, 0.0], "cubic"), Custom(np.cos), Harmonic(1.0, 5.0) + 2.0])
+@pytest.mark.parametrize(
+    "signal",
+    [
+        Constant(1.0),
+        Harmonic(1.0, 5.0),
+        ToneBurst(1.0, 5.0, 3),
+        Chirp(1.0, 1.0, 9.0, 1.0),
+        Step(1.0, 0.5, 0.1),
+        Samples([0.0, 1.0], [1.0, 2.0]),
+        Samples([0.0, 1.0, 2.0], [1.0, 2.0, 0.0], "cubic"),
+        Custom(np.cos),
+        Harmonic(1.0, 5.0) + 2.0,
+    ],
+)
 def test_calls_keep_the_shape_and_signals_are_values(signal):
     t = np.linspace(0.1, 0.9, 6)
     values = signal(t)
@@ -100,12 +130,17 @@ def test_sums():
     assert (pump + Custom(np.sin)).highest_frequency is None
     assert (pump + Custom(np.sin, highest_frequency=700.0)).highest_frequency == 700.0
     np.testing.assert_allclose((pump + np.cos)(T), pump(T) + np.cos(T), atol=1e-12)
-    assert repr(ToneBurst(1.0, 3000.0, 100) + 2.0) == "Constant(value=2) + ToneBurst(amplitude=1, frequency=3000 Hz, cycles=100)"
+    assert (
+        repr(ToneBurst(1.0, 3000.0, 100) + 2.0)
+        == "Constant(value=2) + ToneBurst(amplitude=1, frequency=3000 Hz, cycles=100)"
+    )
 
 
 def test_samples():
     line = Samples([0.0, 1.0, 3.0], [0.0, 2.0, -2.0])
-    np.testing.assert_allclose(line([-0.1, 0.0, 0.25, 1.0, 2.0, 3.0, 3.1]), [0.0, 0.0, 0.5, 2.0, 0.0, -2.0, 0.0], atol=1e-15)
+    np.testing.assert_allclose(
+        line([-0.1, 0.0, 0.25, 1.0, 2.0, 3.0, 3.1]), [0.0, 0.0, 0.5, 2.0, 0.0, -2.0, 0.0], atol=1e-15
+    )
     assert line.end == 3.0
     t = np.linspace(0.0, 1.0, 201)
     cubic, linear = Samples(t, np.sin(7.0 * t), "cubic"), Samples(t, np.sin(7.0 * t))
@@ -121,7 +156,11 @@ def test_samples():
     kept = Samples(given, given)
     given[1] = 7.0
     assert kept(1.0) == 1.0
-    assert line == Samples([0, 1, 3], [0, 2, -2]) and line != Samples([0, 1, 3], [0, 2, -2], "cubic") and line != 3
+    assert (
+        line == Samples([0, 1, 3], [0, 2, -2])
+        and line != Samples([0, 1, 3], [0, 2, -2], "cubic")
+        and line != 3
+    )
     assert repr(line) == "Samples(3 samples from 0 s to 3 s, values from -2 to 2, linear)"
 
 
@@ -129,8 +168,12 @@ def test_band_of_samples():
     t = np.linspace(0.0, 1.0, 1001)
     assert Samples(t, np.sin(2.0 * np.pi * 50.0 * t)).highest_frequency == pytest.approx(50.0)
     assert Samples(t, 3.0 + 2.0 * t).highest_frequency == 0.0
-    assert Samples(t, np.sin(2.0 * np.pi * 50.0 * t) + 0.02 * np.sin(2.0 * np.pi * 200.0 * t)).highest_frequency == pytest.approx(200.0)
-    assert Samples(t, np.sin(2.0 * np.pi * 50.0 * t) + 0.005 * np.sin(2.0 * np.pi * 200.0 * t)).highest_frequency == pytest.approx(50.0)
+    assert Samples(
+        t, np.sin(2.0 * np.pi * 50.0 * t) + 0.02 * np.sin(2.0 * np.pi * 200.0 * t)
+    ).highest_frequency == pytest.approx(200.0)
+    assert Samples(
+        t, np.sin(2.0 * np.pi * 50.0 * t) + 0.005 * np.sin(2.0 * np.pi * 200.0 * t)
+    ).highest_frequency == pytest.approx(50.0)
     burst = ToneBurst(1.0, 50.0, 20)
     assert Samples(t, burst(t)).highest_frequency == pytest.approx(burst.highest_frequency, abs=2.0)
     noise = Samples(t, np.random.default_rng(1).standard_normal(1001))
@@ -144,14 +187,25 @@ def write(folder, text):
     return path
 
 
-@pytest.mark.parametrize("text", ["0,1\n0.5,2\n2,-3\n", "time (s),force (N)\n0,1\n0.5,2\n2,-3", '# recorded\n"t";"F"\n0;1\n0.5;2\n# pause\n2;-3\n\n\n',
-                                  "t\tF\n0\t1\n5e-1\t2\n2\t-3\n", "0 1\n 0.5   2\n2 -3\n", "\ufefft,F\r\n0,1\r\n0.5,2\r\n2,-3\r\n"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0,1\n0.5,2\n2,-3\n",
+        "time (s),force (N)\n0,1\n0.5,2\n2,-3",
+        '# recorded\n"t";"F"\n0;1\n0.5;2\n# pause\n2;-3\n\n\n',
+        "t\tF\n0\t1\n5e-1\t2\n2\t-3\n",
+        "0 1\n 0.5   2\n2 -3\n",
+        "\ufefft,F\r\n0,1\r\n0.5,2\r\n2,-3\r\n",
+    ],
+)
 def test_csv(tmp_path, text):
     assert Samples.from_csv(write(tmp_path, text)) == Samples([0.0, 0.5, 2.0], [1.0, 2.0, -3.0])
 
 
 def test_csv_scales(tmp_path):
-    signal = Samples.from_csv(str(write(tmp_path, "ms,kN\n0,1\n500,2\n2000,-3\n")), "cubic", time_scale=1e-3, value_scale=1e3)
+    signal = Samples.from_csv(
+        str(write(tmp_path, "ms,kN\n0,1\n500,2\n2000,-3\n")), "cubic", time_scale=1e-3, value_scale=1e3
+    )
     assert signal == Samples([0.0, 0.5, 2.0], [1e3, 2e3, -3e3], "cubic")
 
 
@@ -197,7 +251,9 @@ def test_custom():
     pulse = Custom(lambda t: np.where(t < 1e-3, 300.0, 0.0), highest_frequency=2000.0)
     np.testing.assert_array_equal(pulse([0.0, 9e-4, 1e-3]), [300.0, 300.0, 0.0])
     assert (pulse.highest_frequency, pulse.end, (2 * pulse)(0.0)) == (2000.0, np.inf, 600.0)
-    assert "highest_frequency=2000 Hz" in repr(pulse) and "sin, highest_frequency=unknown" in repr(as_signal(np.sin))
+    assert "highest_frequency=2000 Hz" in repr(pulse) and "sin, highest_frequency=unknown" in repr(
+        as_signal(np.sin)
+    )
     late = Custom(lambda t: np.where(t < 1.0, t, np.nan))
     with pytest.raises(ValueError, match="returned nan at t = 2 s; finite numbers"):
         late([0.5, 2.0])
@@ -217,7 +273,10 @@ CASES = {
     "Chirp(1.0, -1.0, 5.0, 1.0)": (ValueError, "Chirp: start = -1.0 must not be negative (Hz)"),
     "Chirp(1.0, 0.0, 0.0, 1.0)": (ValueError, "Chirp: start = 0 Hz and stop = 0 Hz"),
     "Chirp(1.0, 1.0, 5.0, 0.0)": (ValueError, "Chirp: duration = 0.0"),
-    "Chirp(1.0, 1.0, 5.0, 1.0, taper=0.6)": (ValueError, "Chirp: taper = 0.6 s must be at most half the duration, 0.5 s"),
+    "Chirp(1.0, 1.0, 5.0, 1.0, taper=0.6)": (
+        ValueError,
+        "Chirp: taper = 0.6 s must be at most half the duration, 0.5 s",
+    ),
     "Step(1.0, rise=-1.0)": (ValueError, "Step: rise = -1.0"),
     "Step(1.0, time=None)": (TypeError, "Step: time = None is not a number; give it in s"),
     "Constant(np.inf)": (ValueError, "Constant: value = inf"),
@@ -239,7 +298,10 @@ CASES = {
     "Custom(lambda t: t[:1])": (ValueError, "returned the shape (1,) for 2 times"),
     "Custom(lambda t: 1j * t)": (TypeError, "type complex128; real numbers"),
     "Custom(lambda t: t + np.inf)": (ValueError, "returned inf at t = 0 s"),
-    "Custom(np.sin, highest_frequency=-1.0)": (ValueError, "highest_frequency = -1.0 must not be negative (Hz)"),
+    "Custom(np.sin, highest_frequency=-1.0)": (
+        ValueError,
+        "highest_frequency = -1.0 must not be negative (Hz)",
+    ),
     "Sum(())": (ValueError, "Sum: no signals"),
     "Sum(('x',))": (TypeError, "signal 'x' is neither"),
     "as_signal('x')": (TypeError, "signal 'x' is neither a number nor a signal nor a function of time"),

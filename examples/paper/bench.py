@@ -15,7 +15,8 @@ from sbfem_petsc.reduction import reduce
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[1] / "reference"
 
-# Meshes: the default, one that is refined towards the tip for histories, and one whose own error is below the reference's.
+# Meshes: the default, one that is refined towards the tip for histories, and one whose own error is below the
+# reference's.
 REFINED = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
 CONVERGED = {"order": 8, "grading": 1.8, "tip_size": 1e-6}
 
@@ -40,7 +41,10 @@ CASES = {
     "healthy": lambda: (_slender(), _aluminium(0.33)),
     "Long, cracked": lambda: (Beam(0.406, 0.012, [VNotch(0.176, 0.0038, 0.0)]), sb.Material(**_STEEL)),
     "Long, healthy": lambda: (Beam(0.406, 0.012), sb.Material(**_STEEL)),
-    "hole, cracked": lambda: (_slender([VNotch(0.080, 0.0015, OPENING)], [Hole(0.065, 0.0025, 0.0025)]), _aluminium(0.33)),
+    "hole, cracked": lambda: (
+        _slender([VNotch(0.080, 0.0015, OPENING)], [Hole(0.065, 0.0025, 0.0025)]),
+        _aluminium(0.33),
+    ),
     "hole, healthy": lambda: (_slender((), [Hole(0.065, 0.0025, 0.0025)]), _aluminium(0.33)),
 }
 
@@ -74,12 +78,22 @@ class Bench:
         key = (case, damping, continued_fraction, *sorted(mesh.items()))
         if key not in self._models:
             beam, material = CASES[case]()
-            self._models[key] = sb.Model(beam.mesh(**mesh), material, clamped="left", continued_fraction=continued_fraction, damping=damping, comm=self.comm)
+            self._models[key] = sb.Model(
+                beam.mesh(**mesh),
+                material,
+                clamped="left",
+                continued_fraction=continued_fraction,
+                damping=damping,
+                comm=self.comm,
+            )
         return self._models[key]
 
     def reduction(self, case: str, damping: float = 0.0, modes: int = 80, **mesh):
         """Lowest modes and residual flexibility of a case under a force at A in y."""
-        return self.once(("reduction", case, damping, modes, *sorted(mesh.items())), lambda: reduce(self.model(case, damping, **mesh), [push(1.0)], modes))
+        return self.once(
+            ("reduction", case, damping, modes, *sorted(mesh.items())),
+            lambda: reduce(self.model(case, damping, **mesh), [push(1.0)], modes),
+        )
 
     @staticmethod
     def beam(case: str) -> Beam:
@@ -93,8 +107,12 @@ class Bench:
 
 
 def closed_frequencies(reduction) -> np.ndarray:
-    """Natural frequencies with all contact pairs tied along their normal, Hz: the forces that hold the gaps at zero are -R^-1 G Phi q."""
-    stiffness = np.diag(reduction.omega**2) + reduction.gap_modes.T @ np.linalg.solve(reduction.gap_flexibility, reduction.gap_modes)
+    """Natural frequencies with all contact pairs tied along their normal, Hz: the forces that hold the
+    gaps at zero are -R^-1 G Phi q.
+    """
+    stiffness = np.diag(reduction.omega**2) + reduction.gap_modes.T @ np.linalg.solve(
+        reduction.gap_flexibility, reduction.gap_modes
+    )
     return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2.0 * np.pi)
 
 

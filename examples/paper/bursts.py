@@ -21,7 +21,9 @@ def history(bench: Bench, case: str, force: float, **mesh):
     reduction = bench.reduction(case, **mesh)
     return bench.once(
         ("burst", case, force, *sorted(mesh.items())),
-        lambda: sb.transient(model, burst(force), DURATION, step=STEP, reduction=reduction, decimation=2, progress=None),
+        lambda: sb.transient(
+            model, burst(force), DURATION, step=STEP, reduction=reduction, decimation=2, progress=None
+        ),
     )
 
 
@@ -31,9 +33,14 @@ def tone_burst(force: float):
     def compute(bench: Bench) -> Finding:
         names = REFERENCE[force]
         times, exact = bench.histories[names[0]], bench.histories[names[1]]
-        refined, default, elsewhere = (history(bench, case, force, **mesh) for case, mesh in (("tables", REFINED), ("tables", {}), ("100 mm", {})))
+        refined, default, elsewhere = (
+            history(bench, case, force, **mesh)
+            for case, mesh in (("tables", REFINED), ("tables", {}), ("100 mm", {}))
+        )
         u, far = refined.displacement("A")[:, 1], elsewhere.displacement("A")[:, 1]
-        errors = [distance(np.interp(times, h.time, h.displacement("A")[:, 1]), exact) for h in (refined, default)]
+        errors = [
+            distance(np.interp(times, h.time, h.displacement("A")[:, 1]), exact) for h in (refined, default)
+        ]
         energy = refined.energy
         work = float(np.abs(energy.external).max())
         balance = float(np.abs(energy.balance).max() / work)
@@ -62,17 +69,32 @@ def tone_burst(force: float):
                 "check",
             ),
         ]
-        curves = {"time": refined.time, "found": u, "reference_time": times, "reference": exact, "far_time": elsewhere.time, "far": far}
+        curves = {
+            "time": refined.time,
+            "found": u,
+            "reference_time": times,
+            "reference": exact,
+            "far_time": elsewhere.time,
+            "far": far,
+        }
         if force == 1.0:
             open_crack = sb.transient(
-                bench.model("tables", **REFINED), burst(force), DURATION, step=STEP, reduction=refined.reduction, decimation=2, contact=False, progress=None
+                bench.model("tables", **REFINED),
+                burst(force),
+                DURATION,
+                step=STEP,
+                reduction=refined.reduction,
+                decimation=2,
+                contact=False,
+                progress=None,
             )
             change = distance(u, open_crack.displacement("A")[:, 1])
             numbers["contact_changes"] = change
             claims.append(
                 Claim(
                     "1 N is a load without contact",
-                    f"contact changes the history by {change:.1e} (relative L2); peak contact resultant {refined.contact_resultant.max():.2g} N outside the tip"
+                    f"contact changes the history by {change:.1e} (relative L2); peak contact resultant "
+                    f"{refined.contact_resultant.max():.2g} N outside the tip"
                     " element of 5 µm",
                     change < 1e-3,
                 )
@@ -89,7 +111,8 @@ def tone_burst(force: float):
             claims += [
                 Claim(
                     "the crack breathes at 300 N",
-                    f"the history differs from 300 times that of 1 N by {size(scaled)} (relative L2), peak contact resultant {peak / 1e3:.2f} kN",
+                    f"the history differs from 300 times that of 1 N by {size(scaled)} (relative L2), peak "
+                    f"contact resultant {peak / 1e3:.2f} kN",
                     scaled > 0.01,
                 ),
                 Claim(
@@ -103,7 +126,12 @@ def tone_burst(force: float):
         ratio = float(np.abs(u).max() / np.abs(far).max())
         rows = [
             ["80 mm (tables)", np.abs(u).max(), np.abs(u[refined.time >= LATE]).max(), 3005.79],
-            ["100 mm (text)", np.abs(far).max(), np.abs(far[elsewhere.time >= LATE]).max(), float(elsewhere.reduction.frequencies[6])],
+            [
+                "100 mm (text)",
+                np.abs(far).max(),
+                np.abs(far[elsewhere.time >= LATE]).max(),
+                float(elsewhere.reduction.frequencies[6]),
+            ],
         ]
         numbers["ratio_80_to_100_mm"], numbers["f7_at_100_mm"] = ratio, rows[1][3]
         tables = [
@@ -116,10 +144,12 @@ def tone_burst(force: float):
         ]
         notes = [
             (
-                f"The answer depends on where the crack is: at 80 mm mode 7 lies beside the drive of 3000 Hz and the peak is {ratio:.2g} times that of a crack"
+                "The answer depends on where the crack is: at 80 mm mode 7 lies beside the drive of 3000 Hz "
+                f"and the peak is {ratio:.2g} times that of a crack"
                 " at 100 mm. The beam is undamped; the paper gives no damping."
             ),
-            "Eq. (39) with its misplaced bracket mended is F sin(2π f t) (1 − cos(2π f t / n)), n = 100, from 0 to n / f; it peaks at 2 F.",
+            "Eq. (39) with its misplaced bracket mended is F sin(2π f t) (1 − cos(2π f t / n)), n = 100, "
+            "from 0 to n / f; it peaks at 2 F.",
         ]
         return Finding(numbers, tables, claims, notes, curves)
 
@@ -141,14 +171,23 @@ def draw(finding: Finding, path: str) -> None:
         panels.append(
             Panel(
                 "resultant (kN)",
-                {"reference": (c["reference_time"], c["reference_resultant"]), "sbfem-petsc": (c["time"], c["resultant"])},
+                {
+                    "reference": (c["reference_time"], c["reference_resultant"]),
+                    "sbfem-petsc": (c["time"], c["resultant"]),
+                },
                 1e-3,
                 (LATE, DURATION),
                 "(c) contact resultant, 30-33 ms",
             )
         )
     panels.append(
-        Panel(label, {"sbfem-petsc": (c["far_time"], c["far"])}, scale, (0.0, DURATION), f"({'d' if 'resultant' in c else 'c'}) crack at 100 mm, as printed")
+        Panel(
+            label,
+            {"sbfem-petsc": (c["far_time"], c["far"])},
+            scale,
+            (0.0, DURATION),
+            f"({'d' if 'resultant' in c else 'c'}) crack at 100 mm, as printed",
+        )
     )
     plot_histories(panels, path, Bench.comm)
 
@@ -159,7 +198,8 @@ PARTS = [
         "Fig. 5: tone burst of 1 N",
         tone_burst(1.0),
         draw,
-        "Displacement of A under the 1 N tone burst, crack at 80 mm, beside the independent reference; below, a crack at 100 mm.",
+        "Displacement of A under the 1 N tone burst, crack at 80 mm, beside the independent reference; "
+        "below, a crack at 100 mm.",
         2.5,
     ),
     Part(
@@ -167,7 +207,8 @@ PARTS = [
         "Fig. 6: tone burst of 300 N",
         tone_burst(300.0),
         draw,
-        "Displacement of A and contact resultant under the 300 N tone burst, crack at 80 mm, beside the independent reference; below, a crack at 100 mm.",
+        "Displacement of A and contact resultant under the 300 N tone burst, crack at 80 mm, beside the "
+        "independent reference; below, a crack at 100 mm.",
         3.0,
     ),
 ]

@@ -22,7 +22,8 @@ class Claim:
         What was computed.
     holds : bool
     source : str
-        Who says so: "paper"; "implied" for what its text takes for granted; "check" for what the report demands of itself.
+        Who says so: "paper"; "implied" for what its text takes for granted; "check" for what the report
+        demands of itself.
     """
 
     says: str
@@ -42,7 +43,8 @@ class Table:
     rows : list of lists
         Texts, numbers, or None for an empty cell.
     formats : list of str
-        Of each column: "text", "value" (five digits), "frequency" (three decimals), "percent" (a ratio as signed percentage), "error" (two digits), "count".
+        Of each column: "text", "value" (five digits), "frequency" (three decimals), "percent" (a ratio as
+        signed percentage), "error" (two digits), "count".
     """
 
     caption: str
@@ -53,7 +55,8 @@ class Table:
     def __post_init__(self):
         if any(len(row) != len(self.columns) for row in [self.formats, *self.rows]):
             raise ValueError(
-                f"table {self.caption!r}: {len(self.columns)} columns, {len(self.formats)} formats and rows of {sorted({len(row) for row in self.rows})} cells"
+                f"table {self.caption!r}: {len(self.columns)} columns, {len(self.formats)} formats and rows "
+                f"of {sorted({len(row) for row in self.rows})} cells"
             )
 
 
@@ -108,7 +111,9 @@ class Part:
 
 
 def plain(value):
-    """Numbers, lists and dicts of JSON from NumPy's types, dataclasses and complex numbers ([real, imaginary])."""
+    """Numbers, lists and dicts of JSON from NumPy's types, dataclasses and complex numbers ([real,
+    imaginary]).
+    """
     if dataclasses.is_dataclass(value):
         return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, dict):

@@ -1,4 +1,6 @@
-"""Eqs. (1)-(19): line elements, stiffness, mass and continued fraction of one S-element, held against closed forms and book values."""
+"""Eqs. (1)-(19): line elements, stiffness, mass and continued fraction of one S-element, held against
+closed forms and book values.
+"""
 
 from __future__ import annotations
 
@@ -13,15 +15,21 @@ from sbfem_petsc.selement.solution import solve_selement
 
 from .findings import Claim, Finding, Part, Table
 
-# First rows of K and M of the square (+-1)^2 with two-node edges, E = 10, nu = 0, rho = 2 (Song, The Scaled Boundary Finite Element Method, 2018).
-BOOK = {"K": [4.8936, 1.25, -2.3936, -1.25, -2.6064, -1.25, 0.1064, 1.25], "M": [0.8954, 0.0851, 0.4380, 0.0, 0.2287, 0.0851, 0.4380, 0.0]}
+# First rows of K and M of the square (+-1)^2 with two-node edges, E = 10, nu = 0, rho = 2 (Song, The Scaled
+# Boundary Finite Element Method, 2018).
+BOOK = {
+    "K": [4.8936, 1.25, -2.3936, -1.25, -2.6064, -1.25, 0.1064, 1.25],
+    "M": [0.8954, 0.0851, 0.4380, 0.0, 0.2287, 0.0851, 0.4380, 0.0],
+}
 TERMS = (0, 1, 2, 3, 4, 6)
 
 
 def polygon(corners: np.ndarray, order: int) -> np.ndarray:
     """(nodes, 2): GLL nodes on the edges of a polygon about the origin."""
     fraction = 0.5 * (1.0 + gll_nodes(order))[:-1, None]
-    return np.concatenate([start + fraction * (end - start) for start, end in zip(corners, np.roll(corners, -1, axis=0))])
+    return np.concatenate(
+        [start + fraction * (end - start) for start, end in zip(corners, np.roll(corners, -1, axis=0))]
+    )
 
 
 def square(order: int, half: float) -> np.ndarray:
@@ -45,7 +53,9 @@ def circular(element, keep=None) -> np.ndarray:
 
 
 def line_elements(bench) -> Finding:
-    """Eqs. (1)-(11): book values, uniform strain on an irregular polygon, and the Lame mode over the order."""
+    """Eqs. (1)-(11): book values, uniform strain on an irregular polygon, and the Lame mode over the
+    order.
+    """
     book = solve_selement(square(1, 1.0), 1, True, elasticity(0.0), 0)
     rows = {"K": 10.0 * book.stiffness[0], "M": 2.0 * book.mass[0]}
     error = max(float(np.abs(rows[name] - BOOK[name]).max()) for name in BOOK)
@@ -58,7 +68,12 @@ def line_elements(bench) -> Finding:
         element = solve_selement(nodes, int(order), True, elasticity(0.3), 0)
         strain = np.array([1.0, -0.4, 0.6])  # xx, yy, 2 xy
         uniform = (nodes @ np.array([[strain[0], 0.5 * strain[2]], [0.5 * strain[2], strain[1]]])).ravel()
-        area = 0.5 * abs(np.sum(irregular[:, 0] * np.roll(irregular[:, 1], -1) - irregular[:, 1] * np.roll(irregular[:, 0], -1)))
+        area = 0.5 * abs(
+            np.sum(
+                irregular[:, 0] * np.roll(irregular[:, 1], -1)
+                - irregular[:, 1] * np.roll(irregular[:, 0], -1)
+            )
+        )
         energy = area * strain @ elasticity(0.3) @ strain
         patch.append(abs(uniform @ element.stiffness @ uniform / energy - 1.0))
         found = circular(solve_selement(square(int(order), 0.5), int(order), True, elasticity(0.3), 4))
@@ -79,7 +94,8 @@ def line_elements(bench) -> Finding:
         ),
         Claim(
             "line elements of any order with GLL nodes converge exponentially",
-            f"the Lamé mode of a free square is off by {lame[1]:.1e} (p = 2), {lame[3]:.1e} (p = 4), {lame[7]:.1e} (p = 8)",
+            f"the Lamé mode of a free square is off by {lame[1]:.1e} (p = 2), {lame[3]:.1e} (p = 4), "
+            f"{lame[7]:.1e} (p = 8)",
             bool(lame[7] < 1e-5 * lame[1]),
         ),
     ]
@@ -87,12 +103,23 @@ def line_elements(bench) -> Finding:
         Table(
             "First rows of K (E = 10) and M (ρ = 2) of the square (±1)², two-node edges, ν = 0",
             ["", *(str(k) for k in range(1, 9))],
-            [row for name in BOOK for row in ([f"{name}, literature", *BOOK[name]], [f"{name}, sbfem-petsc", *np.round(rows[name], 4)])],
+            [
+                row
+                for name in BOOK
+                for row in (
+                    [f"{name}, literature", *BOOK[name]],
+                    [f"{name}, sbfem-petsc", *np.round(rows[name], 4)],
+                )
+            ],
             ["text"] + ["value"] * 8,
         )
     ]
     return Finding(
-        numbers, tables, claims, ["With four terms of the continued fraction round-off is reached at p = 8."], {"orders": orders, "lame": np.array(lame)}
+        numbers,
+        tables,
+        claims,
+        ["With four terms of the continued fraction round-off is reached at p = 8."],
+        {"orders": orders, "lame": np.array(lame)},
     )
 
 
@@ -100,7 +127,14 @@ def draw_line_elements(finding: Finding, path: str) -> None:
     """Error of the Lame mode over the order."""
     drawing = figure(2.6, 4.6)
     axes = drawing.subplots()
-    axes.semilogy(finding.curves["orders"], finding.curves["lame"], color=CYCLE[0], marker="o", markersize=4, linewidth=1.0)
+    axes.semilogy(
+        finding.curves["orders"],
+        finding.curves["lame"],
+        color=CYCLE[0],
+        marker="o",
+        markersize=4,
+        linewidth=1.0,
+    )
     axes.set_xlabel("order p of the line elements")
     axes.set_ylabel("relative error of ω")
     axes.set_title("Lamé mode of a free square, one S-element", fontsize=8)
@@ -116,7 +150,11 @@ def continued_fraction(bench) -> Finding:
     keep = np.stack([np.abs(np.abs(coordinates[:, k]) - 0.5) > 1e-9 for k in (0, 1)], axis=1).ravel()
     m, n = np.meshgrid(np.arange(30), np.arange(30))
     radius = np.pi * np.hypot(m, n)
-    exact = np.sort(np.concatenate([radius[(m + n) > 0] / np.sqrt(1.0 - 0.3**2), radius[(m > 0) & (n > 0)] * np.sqrt(0.5 / 1.3)]))
+    exact = np.sort(
+        np.concatenate(
+            [radius[(m + n) > 0] / np.sqrt(1.0 - 0.3**2), radius[(m > 0) & (n > 0)] * np.sqrt(0.5 / 1.3)]
+        )
+    )
     errors, good, residual = {}, {}, {}
     for terms in TERMS:
         element = solve_selement(coordinates, 16, True, elasticity(0.3), terms)
@@ -129,7 +167,8 @@ def continued_fraction(bench) -> Finding:
     claims = [
         Claim(
             "K from the Riccati equation (12) is exact to round-off",
-            f"relative residual {residual[0]:.1e}, asymmetry {element.asymmetry:.1e}, rigid-body forces {element.rigid_body_residual:.1e}",
+            f"relative residual {residual[0]:.1e}, asymmetry {element.asymmetry:.1e}, rigid-body forces "
+            f"{element.rigid_body_residual:.1e}",
             residual[0] < 1e-10,
             "check",
         ),
@@ -138,18 +177,26 @@ def continued_fraction(bench) -> Finding:
             f"modes within 1 %: {', '.join(f'{good[t]} (Mcf = {t})' for t in TERMS)}",
             bool((np.diff(list(good.values())) > 0).all()),
         ),
-        Claim("as many modes as in an independent prototype", f"{list(good.values())} and {list(known.values())}", good == known, "check"),
+        Claim(
+            "as many modes as in an independent prototype",
+            f"{list(good.values())} and {list(known.values())}",
+            good == known,
+            "check",
+        ),
     ]
     tables = [
         Table(
-            "Square on roller edges, one S-element of order 16: lowest modes within 1 % of the exact frequencies",
+            "Square on roller edges, one S-element of order 16: lowest modes within 1 % of the exact "
+            "frequencies",
             ["terms Mcf", "modes within 1 %", "auxiliary unknowns"],
             [[str(t), good[t], t * 2 * len(coordinates)] for t in TERMS],
             ["text", "count", "count"],
         )
     ]
     curves = {"exact": exact[:120], **{f"terms_{t}": errors[t] for t in TERMS}}
-    return Finding({"modes_within_1_percent": good, "riccati_residual": residual[0]}, tables, claims, [], curves)
+    return Finding(
+        {"modes_within_1_percent": good, "riccati_residual": residual[0]}, tables, claims, [], curves
+    )
 
 
 def draw_continued_fraction(finding: Finding, path: str) -> None:
@@ -185,7 +232,8 @@ PARTS = [
         "Eqs. 1-11: line elements and coefficient matrices",
         line_elements,
         draw_line_elements,
-        "Relative error of the Lamé mode of a free square, one S-element with four terms of the continued fraction, over the order of its edges.",
+        "Relative error of the Lamé mode of a free square, one S-element with four terms of the continued "
+        "fraction, over the order of its edges.",
         0.5,
     ),
     Part(
@@ -193,7 +241,8 @@ PARTS = [
         "Eqs. 12-19: stiffness, mass and continued fraction",
         continued_fraction,
         draw_continued_fraction,
-        "Relative error of the natural frequencies of a square on roller edges, one S-element of order 16, for 0 to 6 terms of the continued fraction.",
+        "Relative error of the natural frequencies of a square on roller edges, one S-element of order 16, "
+        "for 0 to 6 terms of the continued fraction.",
         2.0,
     ),
 ]

@@ -19,12 +19,19 @@ def geometry(bench: Bench) -> Finding:
         found[case] = sb.modal(bench.model(case), len(exact[case])).frequencies
         error[case] = float(np.abs(found[case] / exact[case] - 1.0).max())
     shift = found["hole, cracked"] / found["hole, healthy"] - 1.0
-    rows = [[str(k + 1), *(array[k] for case in found for array in (found[case], exact[case])), shift[k]] for k in range(len(shift))]
+    rows = [
+        [str(k + 1), *(array[k] for case in found for array in (found[case], exact[case])), shift[k]]
+        for k in range(len(shift))
+    ]
     model = bench.model("hole, cracked")
     mesh = bench.beam("hole, cracked").mesh()
     beam = bench.beam("hole, cracked")
     rim = mesh.nodes[np.unique(mesh.edges[np.asarray(mesh.edge_sets["hole1"])])]
-    roundness = float(np.abs(np.linalg.norm(rim - [beam.holes[0].x, beam.holes[0].y], axis=1) / beam.holes[0].radius - 1.0).max())
+    roundness = float(
+        np.abs(
+            np.linalg.norm(rim - [beam.holes[0].x, beam.holes[0].y], axis=1) / beam.holes[0].radius - 1.0
+        ).max()
+    )
     numbers = {
         "largest_error": error,
         "frequencies": found,
@@ -40,10 +47,16 @@ def geometry(bench: Bench) -> Finding:
             max(error.values()) < 3e-5,
             "check",
         ),
-        Claim("nodes on the hole are on the circle", f"largest relative distance {roundness:.0e}", roundness < 1e-12, "check"),
+        Claim(
+            "nodes on the hole are on the circle",
+            f"largest relative distance {roundness:.0e}",
+            roundness < 1e-12,
+            "check",
+        ),
         Claim(
             "the linear response of the cracked beam is not distinct from the healthy one's",
-            f"the open crack shifts f1 by {percent(shift[0])} and mode {int(np.argmin(shift)) + 1} by {percent(shift.min())}",
+            f"the open crack shifts f1 by {percent(shift[0])} and mode {int(np.argmin(shift)) + 1} by "
+            f"{percent(shift.min())}",
             bool(np.abs(shift).max() < 1e-3),
         ),
     ]
@@ -55,7 +68,12 @@ def geometry(bench: Bench) -> Finding:
             ["text", "frequency", "frequency", "frequency", "frequency", "percent"],
         )
     ]
-    return Finding(numbers, tables, claims, ["The hole is 2.5 mm in diameter at mid-height, x = 65 mm; the crack is 1.5 mm deep at 80 mm."])
+    return Finding(
+        numbers,
+        tables,
+        claims,
+        ["The hole is 2.5 mm in diameter at mid-height, x = 65 mm; the crack is 1.5 mm deep at 80 mm."],
+    )
 
 
 def draw_geometry(finding: Finding, path: str) -> None:
@@ -63,4 +81,13 @@ def draw_geometry(finding: Finding, path: str) -> None:
     plot_discretisation(Bench().beam("hole, cracked").mesh(), path, Bench.comm)
 
 
-PARTS = [Part("fig12", "Fig. 12: beam with a hole", geometry, draw_geometry, "S-elements of the beam with a hole: the whole beam, the crack, its tip.", 1.5)]
+PARTS = [
+    Part(
+        "fig12",
+        "Fig. 12: beam with a hole",
+        geometry,
+        draw_geometry,
+        "S-elements of the beam with a hole: the whole beam, the crack, its tip.",
+        1.5,
+    )
+]

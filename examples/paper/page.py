@@ -24,10 +24,13 @@ pre { font-size: .8rem; overflow-x: auto; background: #f5f5f5; padding: .6rem; }
 """
 
 INTRODUCTION = (
-    "Every table and figure of Sepehry, Ehsani, Zhu and Bakhtiari-Nejad (2020), <i>Application of scaled boundary finite element method for vibration-based"
+    "Every table and figure of Sepehry, Ehsani, Zhu and Bakhtiari-Nejad (2020), <i>Application of scaled "
+    "boundary finite element method for vibration-based"
     " structural health monitoring of breathing cracks</i>, Journal of Vibration and Control, doi <a"
-    ' href="https://doi.org/10.1177/1077546320968646">10.1177/1077546320968646</a>, recomputed by sbfem-petsc. What the paper\'s text says is held against'
-    " numbers; a statement that is not met is reported as such, with what was found instead. &ldquo;Reference&rdquo; is a converged independent hp finite"
+    ' href="https://doi.org/10.1177/1077546320968646">10.1177/1077546320968646</a>, recomputed by '
+    "sbfem-petsc. What the paper's text says is held against"
+    " numbers; a statement that is not met is reported as such, with what was found instead. "
+    "&ldquo;Reference&rdquo; is a converged independent hp finite"
     " element code; the paper's curves are not available as numbers."
 )
 
@@ -48,12 +51,14 @@ def page(parts: list[Part], outcomes: dict[str, Outcome], store: Store, version:
         Of the libraries.
     """
     body = [
-        f"<h1>A paper on breathing cracks, recomputed</h1>\n<p>{INTRODUCTION}</p>\n<p>{_verdict(outcomes)}</p>\n<p>{html.escape(version)}</p>",
+        "<h1>A paper on breathing cracks, "
+        f"recomputed</h1>\n<p>{INTRODUCTION}</p>\n<p>{_verdict(outcomes)}</p>\n<p>{html.escape(version)}</p>",
         _contents(parts, outcomes),
     ]
     body += [_section(part, outcomes[part.name], store) for part in parts if part.name in outcomes]
     return (
-        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>sbfem-petsc:'
+        '<!DOCTYPE html>\n<html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
+        'content="width=device-width, initial-scale=1"><title>sbfem-petsc:'
         f" the paper, reproduced</title><style>{STYLE}</style></head>\n<body>\n"
         + "\n".join(body)
         + "\n</body></html>\n"
@@ -63,9 +68,14 @@ def page(parts: list[Part], outcomes: dict[str, Outcome], store: Store, version:
 def _verdict(outcomes: dict[str, Outcome]) -> str:
     """How many statements are met, in a sentence."""
     claims = [claim for outcome in outcomes.values() if outcome.finding for claim in outcome.finding.claims]
-    met = {source: f"{sum(c.holds for c in claims if c.source == source)} of {sum(c.source == source for c in claims)}" for source in SOURCES}
+    met = {
+        source: f"{sum(c.holds for c in claims if c.source == source)} of "
+        f"{sum(c.source == source for c in claims)}"
+        for source in SOURCES
+    }
     return (
-        f"Of the paper's own statements {met['paper']} hold, of those that its text takes for granted {met['implied']}; of this report's checks {met['check']}"
+        f"Of the paper's own statements {met['paper']} hold, of those that its text takes for granted "
+        f"{met['implied']}; of this report's checks {met['check']}"
         " are met."
     )
 
@@ -77,14 +87,26 @@ def _contents(parts: list[Part], outcomes: dict[str, Outcome]) -> str:
         if outcome is None:
             state, seconds = "not computed in this run", ""
         elif outcome.finding is None:
-            state, seconds = f'<span class="failed">failed: {html.escape(outcome.error)}</span>', f"{outcome.seconds:.1f}"
+            state, seconds = (
+                f'<span class="failed">failed: {html.escape(outcome.error)}</span>',
+                f"{outcome.seconds:.1f}",
+            )
         else:
             claims = outcome.finding.claims
             met = sum(claim.holds for claim in claims)
-            state, seconds = (f"{met} of {len(claims)} statements hold" if claims else "no statement to check"), f"{outcome.seconds:.1f}"
-        title = f'<a href="#{part.name}">{html.escape(part.title)}</a>' if outcome else html.escape(part.title)
+            state, seconds = (
+                (f"{met} of {len(claims)} statements hold" if claims else "no statement to check"),
+                f"{outcome.seconds:.1f}",
+            )
+        title = (
+            f'<a href="#{part.name}">{html.escape(part.title)}</a>' if outcome else html.escape(part.title)
+        )
         rows.append(f'<tr><td class="text">{title}</td><td class="text">{state}</td><td>{seconds}</td></tr>')
-    return '<nav><table><tr><th class="text">part</th><th class="text">verdict</th><th>seconds</th></tr>\n' + "\n".join(rows) + "</table></nav>"
+    return (
+        '<nav><table><tr><th class="text">part</th><th class="text">verdict</th><th>seconds</th></tr>\n'
+        + "\n".join(rows)
+        + "</table></nav>"
+    )
 
 
 def _section(part: Part, outcome: Outcome, store: Store) -> str:
@@ -107,14 +129,14 @@ def _section(part: Part, outcome: Outcome, store: Store) -> str:
 
 def _claims(claims: list[Claim]) -> str:
     rows = [
-        f'<tr><td class="text">{SOURCES[claim.source]}: {_prose(claim.says)}</td><td class="text">{_prose(claim.found)}</td>'
+        f'<tr><td class="text">{SOURCES[claim.source]}: {_prose(claim.says)}</td><td '
+        f'class="text">{_prose(claim.found)}</td>'
         f'<td class="text"><span class="{"yes" if claim.holds else "no"}">{"✓ holds" if claim.holds else "✗ does not hold"}</span></td></tr>'
         for claim in claims
     ]
     return (
-        '<div class="wide"><table><tr><th class="text">statement</th><th class="text">found</th><th class="text">verdict</th></tr>\n'
-        + "\n".join(rows)
-        + "</table></div>"
+        '<div class="wide"><table><tr><th class="text">statement</th><th class="text">found</th><th '
+        'class="text">verdict</th></tr>\n' + "\n".join(rows) + "</table></div>"
     )
 
 
@@ -122,10 +144,19 @@ def _table(table: Table) -> str:
     kinds = [' class="text"' if form == "text" else "" for form in table.formats]
     head = "".join(f"<th{kind}>{html.escape(name)}</th>" for kind, name in zip(kinds, table.columns))
     rows = [
-        "<tr>" + "".join(f"<td{kind}>{_typeset(cell(value, form))}</td>" for value, form, kind in zip(row, table.formats, kinds)) + "</tr>"
+        "<tr>"
+        + "".join(
+            f"<td{kind}>{_typeset(cell(value, form))}</td>"
+            for value, form, kind in zip(row, table.formats, kinds)
+        )
+        + "</tr>"
         for row in table.rows
     ]
-    return f'<div class="wide"><table><caption>{html.escape(table.caption)}</caption><tr>{head}</tr>\n' + "\n".join(rows) + "</table></div>"
+    return (
+        f'<div class="wide"><table><caption>{html.escape(table.caption)}</caption><tr>{head}</tr>\n'
+        + "\n".join(rows)
+        + "</table></div>"
+    )
 
 
 def _typeset(text: str) -> str:

@@ -16,7 +16,9 @@ LARGE = 20e3  # N
 
 
 def bilinear(bench: Bench) -> Finding:
-    """Free vibration of the beam of Long et al. in mode 1, closed crack, undamped, against 2 f_o f_c / (f_o + f_c)."""
+    """Free vibration of the beam of Long et al. in mode 1, closed crack, undamped, against 2 f_o f_c /
+    (f_o + f_c).
+    """
     model = bench.model("Long, cracked", order=4)
     reduction = bench.reduction("Long, cracked", modes=20, order=4)
     opened, closed = float(reduction.frequencies[0]), float(closed_frequencies(reduction)[0])
@@ -25,7 +27,13 @@ def bilinear(bench: Bench) -> Finding:
     velocity = np.zeros(len(reduction.omega))
     velocity[0] = 1e-3
     history = sb.transient(
-        model, push(0.0), PERIODS / expected, step=1.0 / (STEPS * expected), modes=len(velocity), start=(np.zeros_like(velocity), velocity), progress=None
+        model,
+        push(0.0),
+        PERIODS / expected,
+        step=1.0 / (STEPS * expected),
+        modes=len(velocity),
+        start=(np.zeros_like(velocity), velocity),
+        progress=None,
     )
     u = history.displacement("A")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0.0) & (u[1:] >= 0.0))
@@ -59,18 +67,26 @@ def bilinear(bench: Bench) -> Finding:
     claims = [
         Claim(
             "the frequency of the breathing beam is 2 f_o f_c / (f_o + f_c) within 1e-4",
-            f"{found:.4f} Hz against {expected:.4f} Hz ({percent(found / expected - 1.0)}), between {opened:.4f} (open) and {closed:.4f} Hz (closed)",
+            f"{found:.4f} Hz against {expected:.4f} Hz ({percent(found / expected - 1.0)}), between "
+            f"{opened:.4f} (open) and {closed:.4f} Hz (closed)",
             abs(found / expected - 1.0) < 1e-4,
             "check",
         ),
         Claim(
-            f"so is the resonance of mode 17 under a force beside which the mouth's 2 µm are small, within 1e-3 ({LARGE / 1e3:g} kN, ζ = 0.002)",
-            f"peak at {high['peak']:.1f} Hz against {high['bilinear']:.1f} Hz ({percent(high['peak'] / high['bilinear'] - 1.0)}), between {high['open']:.1f}"
+            "so is the resonance of mode 17 under a force beside which the mouth's 2 µm are small, within "
+            f"1e-3 ({LARGE / 1e3:g} kN, ζ = 0.002)",
+            f"peak at {high['peak']:.1f} Hz against {high['bilinear']:.1f} Hz "
+            f"({percent(high['peak'] / high['bilinear'] - 1.0)}), between {high['open']:.1f}"
             f" and {high['closed']:.1f} Hz",
             abs(high["peak"] / high["bilinear"] - 1.0) < 1e-3,
             "check",
         ),
-        Claim("energy is conserved within 1e-5 over 200 periods", f"largest change {drift:.1e}", drift < 1e-5, "check"),
+        Claim(
+            "energy is conserved within 1e-5 over 200 periods",
+            f"largest change {drift:.1e}",
+            drift < 1e-5,
+            "check",
+        ),
     ]
     tables = [
         Table("First frequency of the beam of Long et al., Hz", ["state", "Hz"], rows, ["text", "frequency"]),
@@ -83,10 +99,17 @@ def bilinear(bench: Bench) -> Finding:
     ]
     notes = [
         "A closed crack without friction is hardly softer than none: its faces may slide.",
-        "The harmonics at A are not those of the bilinear oscillator with the same two frequencies: the kink at the crack is not of the first mode's shape.",
+        "The harmonics at A are not those of the bilinear oscillator with the same two frequencies: the kink "
+        "at the crack is not of the first mode's shape.",
     ]
     shown = history.time < SHOWN / expected
-    return Finding(numbers, tables, claims, notes, {"time": history.time[shown], "u": u[shown], "resultant": history.contact_resultant[shown]})
+    return Finding(
+        numbers,
+        tables,
+        claims,
+        notes,
+        {"time": history.time[shown], "u": u[shown], "resultant": history.contact_resultant[shown]},
+    )
 
 
 def formula(opened: float, closed: float) -> float:
@@ -98,15 +121,33 @@ def resonance(bench: Bench) -> dict[str, float]:
     """Peak of the paper's beam near mode 17 under a large force, and the bilinear formula, Hz."""
     reduction = bench.reduction("tables", 0.002)
     opened, closed = float(reduction.frequencies[16]), float(closed_frequencies(reduction)[16])
-    curve = sb.frequency_response(bench.model("tables", 0.002), push(LARGE), 14100.0, 14400.0, steps=256, reduction=reduction, stability=False, progress=None)
-    return {"open": opened, "closed": closed, "bilinear": formula(opened, closed), "peak": curve.peak("A").frequency}
+    curve = sb.frequency_response(
+        bench.model("tables", 0.002),
+        push(LARGE),
+        14100.0,
+        14400.0,
+        steps=256,
+        reduction=reduction,
+        stability=False,
+        progress=None,
+    )
+    return {
+        "open": opened,
+        "closed": closed,
+        "bilinear": formula(opened, closed),
+        "peak": curve.peak("A").frequency,
+    }
 
 
 def textbook_ratios(ratio: float, count: int = 4) -> np.ndarray:
-    """|c_k| / |c_1| of the free vibration of a bilinear oscillator that is soft on one side, ratio = w_open / w_closed < 1."""
+    """|c_k| / |c_1| of the free vibration of a bilinear oscillator that is soft on one side, ratio =
+    w_open / w_closed < 1.
+    """
     t = np.linspace(0.0, 1.0, 200001)[:-1]
     half = ratio / (1.0 + ratio)  # the stiff side's share of the period; unit velocity at both crossings
-    u = np.where(t < half, np.sin(np.pi * t / half) * half, -np.sin(np.pi * (t - half) / (1.0 - half)) * (1.0 - half))
+    u = np.where(
+        t < half, np.sin(np.pi * t / half) * half, -np.sin(np.pi * (t - half) / (1.0 - half)) * (1.0 - half)
+    )
     c = np.abs(np.fft.rfft(u))[: count + 1] / len(t)
     c[1:] *= 2.0
     return c / c[1]
@@ -136,7 +177,8 @@ PARTS = [
         "Check: frequency of the breathing beam against the bilinear formula",
         bilinear,
         draw,
-        "Free vibration of the beam of Long et al. in its first mode, closed crack, undamped: displacement of A and contact resultant (broken).",
+        "Free vibration of the beam of Long et al. in its first mode, closed crack, undamped: displacement "
+        "of A and contact resultant (broken).",
         2.0,
     )
 ]

@@ -33,15 +33,31 @@ def readings(bench: Bench) -> Finding:
     def residual(parameters: np.ndarray) -> np.ndarray:
         return frequencies(bench, *parameters)[rows_of] / target - 1.0
 
-    scan = np.array([[np.sqrt(np.mean(residual(np.array([1e-3 * x, nu, 0.0025])) ** 2)) for x in POSITIONS] for nu in POISSON])
+    scan = np.array(
+        [
+            [np.sqrt(np.mean(residual(np.array([1e-3 * x, nu, 0.0025])) ** 2)) for x in POSITIONS]
+            for nu in POISSON
+        ]
+    )
     fitted = np.array([0.080, 0.33, 0.0025])
     for _ in range(2):
         here = residual(fitted)
-        slopes = np.stack([(residual(fitted + step * direction) - here) / step for step, direction in zip(STEPS, np.eye(3))], axis=1)
-        fitted = fitted - np.linalg.lstsq(slopes / np.abs(slopes).max(axis=0), here, rcond=None)[0] / np.abs(slopes).max(axis=0)
+        slopes = np.stack(
+            [
+                (residual(fitted + step * direction) - here) / step
+                for step, direction in zip(STEPS, np.eye(3))
+            ],
+            axis=1,
+        )
+        fitted = fitted - np.linalg.lstsq(slopes / np.abs(slopes).max(axis=0), here, rcond=None)[0] / np.abs(
+            slopes
+        ).max(axis=0)
     left = float(np.sqrt(np.mean(residual(fitted) ** 2)))
 
-    exact = {name: np.array(bench.reference["modes"][name]["frequency_Hz"]) for name in ("crack80_nu33", "crack80", "healthy_nu33")}
+    exact = {
+        name: np.array(bench.reference["modes"][name]["frequency_Hz"])
+        for name in ("crack80_nu33", "crack80", "healthy_nu33")
+    }
     text = sb.modal(bench.model("printed"), 46).frequencies
     misses = float(np.abs(text[rows_of] / target - 1.0).max())
     poisson_misses = float(exact["crack80"][45] / printed[46] - 1.0)
@@ -49,7 +65,12 @@ def readings(bench: Bench) -> Finding:
     # plane strain is plane stress with E / (1 - nu^2) and nu / (1 - nu)
     strain = float(
         sb.modal(
-            sb.Model(bench.beam("tables").mesh(), sb.Material(young=70e9 / (1 - 0.33**2), poisson=0.33 / 0.67, density=2700), comm=bench.comm), 1
+            sb.Model(
+                bench.beam("tables").mesh(),
+                sb.Material(young=70e9 / (1 - 0.33**2), poisson=0.33 / 0.67, density=2700),
+                comm=bench.comm,
+            ),
+            1,
         ).frequencies[0]
         / printed[1]
         - 1.0
@@ -60,15 +81,23 @@ def readings(bench: Bench) -> Finding:
             "crack position",
             "100 mm",
             "80 mm in Tables 2-6",
-            f"least squares over the 28 finite element frequencies of Table 6: {x:.2f} mm; at 100 mm modes miss by up to {size(misses)}",
+            f"least squares over the 28 finite element frequencies of Table 6: {x:.2f} mm; at 100 mm modes "
+            f"miss by up to {size(misses)}",
             "80 mm; 100 mm as a variant",
         ],
-        ["Poisson's ratio", "0.3", "0.33", f"the same fit: {nu:.3f}; with 0.30 mode 46 misses by {percent(poisson_misses)}", "0.33"],
+        [
+            "Poisson's ratio",
+            "0.3",
+            "0.33",
+            f"the same fit: {nu:.3f}; with 0.30 mode 46 misses by {percent(poisson_misses)}",
+            "0.33",
+        ],
         [
             "depth",
             "0.0025 mm",
             "2.5 mm",
-            f"the same fit: {depth:.3f} mm; without a crack f1 is {percent(healthy_misses)} off, and 0.0025 mm cannot be told from that",
+            f"the same fit: {depth:.3f} mm; without a crack f1 is {percent(healthy_misses)} off, and 0.0025 "
+            "mm cannot be told from that",
             "2.5 mm",
         ],
         [
@@ -78,8 +107,20 @@ def readings(bench: Bench) -> Finding:
             "u_x(C) − u_x(B) at 100 N is 2.000 µm in every SBFEM column of Table 4",
             "0.0458366°, the total angle",
         ],
-        ["stress state, thickness", "not given", "plane stress, 1 m", f"f1 of plane strain is {percent(strain)} off", "plane stress, unit thickness"],
-        ["Tables 2 and 4", "displacement in y", "displacement in x", "beam theory: u_y(A) is of the order of 3e-5 m at 1 N", "x"],
+        [
+            "stress state, thickness",
+            "not given",
+            "plane stress, 1 m",
+            f"f1 of plane strain is {percent(strain)} off",
+            "plane stress, unit thickness",
+        ],
+        [
+            "Tables 2 and 4",
+            "displacement in y",
+            "displacement in x",
+            "beam theory: u_y(A) is of the order of 3e-5 m at 1 N",
+            "x",
+        ],
         ["Table 2, C, p = 9", "9.5777 × 10⁻⁷", "9.5777 × 10⁻⁸", "its neighbours in the row", "10⁻⁸"],
         [
             "100 N, SBFEM columns",
@@ -88,8 +129,20 @@ def readings(bench: Bench) -> Finding:
             "see Tables 4 and 5: tension is admitted",
             "unilateral contact; the tie as a variant",
         ],
-        ["p = 7 and 9 columns", "refinement", "drift away from the converged values", "see Table 6", "never a target"],
-        ["eq. (33)", "λ = −G K⁻¹ Gᵀ (G (u + x₀))", "λ = (G K⁻¹ Gᵀ)⁻¹ G (u + x₀)", "eqs. (32) and (34); see eqs. 25-34 below", "with inverse"],
+        [
+            "p = 7 and 9 columns",
+            "refinement",
+            "drift away from the converged values",
+            "see Table 6",
+            "never a target",
+        ],
+        [
+            "eq. (33)",
+            "λ = −G K⁻¹ Gᵀ (G (u + x₀))",
+            "λ = (G K⁻¹ Gᵀ)⁻¹ G (u + x₀)",
+            "eqs. (32) and (34); see eqs. 25-34 below",
+            "with inverse",
+        ],
         [
             "eq. (39)",
             "1 − cos(2π f / n) t",
@@ -111,9 +164,27 @@ def readings(bench: Bench) -> Finding:
             "steady states, stability and subharmonics depend on it",
             "none in Figs. 5 and 6, modal ratio 0.002 elsewhere, stability over 0.0005 to 0.005",
         ],
-        ["433 Hz", "near a natural frequency", f"f3 = {exact['crack80_nu33'][2]:.1f} Hz", f"{percent(433.0 / exact['crack80_nu33'][2] - 1)} away", "433 Hz"],
-        ["hole", "radius 2.5 mm", "diameter 2.5 mm", "a radius of 2.5 mm cuts the 5 mm high beam in two", "diameter 2.5 mm at mid-height, x = 65 mm"],
-        ["beam with hole: crack", "depth 1.5 mm, 0.06°, position not given", "80 mm, 1.5 mm, 0.0458°", "as in the beam without a hole", "80 mm"],
+        [
+            "433 Hz",
+            "near a natural frequency",
+            f"f3 = {exact['crack80_nu33'][2]:.1f} Hz",
+            f"{percent(433.0 / exact['crack80_nu33'][2] - 1)} away",
+            "433 Hz",
+        ],
+        [
+            "hole",
+            "radius 2.5 mm",
+            "diameter 2.5 mm",
+            "a radius of 2.5 mm cuts the 5 mm high beam in two",
+            "diameter 2.5 mm at mid-height, x = 65 mm",
+        ],
+        [
+            "beam with hole: crack",
+            "depth 1.5 mm, 0.06°, position not given",
+            "80 mm, 1.5 mm, 0.0458°",
+            "as in the beam without a hole",
+            "80 mm",
+        ],
         [
             "beam of Long et al.",
             "f1 = 58.2 Hz",
@@ -138,14 +209,26 @@ def readings(bench: Bench) -> Finding:
     claims = [
         Claim(
             "the crack tip is at 100 mm",
-            f"the finite element frequencies of Table 6 are those of a crack at {x:.2f} mm: their root-mean-square distance is {size(numbers['rms_80_033'])} at"
+            f"the finite element frequencies of Table 6 are those of a crack at {x:.2f} mm: their "
+            f"root-mean-square distance is {size(numbers['rms_80_033'])} at"
             f" 80 mm and {size(numbers['rms_as_printed'])} as printed",
             abs(x - 100.0) < 1.0,
         ),
         Claim("Poisson's ratio is 0.3", f"the frequencies are those of {nu:.4f}", abs(nu - 0.30) < 0.005),
-        Claim("the depth is 0.0025 mm", f"the frequencies are those of {depth:.3f} mm", abs(depth - 0.0025) < 0.01),
+        Claim(
+            "the depth is 0.0025 mm",
+            f"the frequencies are those of {depth:.3f} mm",
+            abs(depth - 0.0025) < 0.01,
+        ),
     ]
-    tables = [Table("Text against numbers", ["item", "printed", "reading", "evidence", "this report"], rows, ["text"] * 5)]
+    tables = [
+        Table(
+            "Text against numbers",
+            ["item", "printed", "reading", "evidence", "this report"],
+            rows,
+            ["text"] * 5,
+        )
+    ]
     return Finding(numbers, tables, claims, [], {"positions": POSITIONS, "rms": scan, "fitted": fitted})
 
 
@@ -155,7 +238,13 @@ def draw(finding: Finding, path: str) -> None:
     axes = drawing.subplots()
     for k, nu in enumerate(POISSON):
         axes.semilogy(
-            finding.curves["positions"], 100.0 * finding.curves["rms"][k], color=CYCLE[k], marker=MARKERS[k], markersize=4, linewidth=1.0, label=f"ν = {nu:.2f}"
+            finding.curves["positions"],
+            100.0 * finding.curves["rms"][k],
+            color=CYCLE[k],
+            marker=MARKERS[k],
+            markersize=4,
+            linewidth=1.0,
+            label=f"ν = {nu:.2f}",
         )
     axes.axvline(100.0, color="#777777", linewidth=0.8, linestyle=(0, (4, 2)))
     axes.text(100.6, 0.045, "as printed", fontsize=7, verticalalignment="bottom")
@@ -174,7 +263,8 @@ PARTS = [
         "Text against numbers: which beam the paper computed",
         readings,
         draw,
-        "Root-mean-square deviation of frequencies 1-10, 20-30 and 40-46 from the paper's finite element column, over the position of the crack.",
+        "Root-mean-square deviation of frequencies 1-10, 20-30 and 40-46 from the paper's finite element "
+        "column, over the position of the crack.",
         5.0,
     )
 ]

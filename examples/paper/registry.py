@@ -34,7 +34,9 @@ def chosen(names: list[str] | None) -> list[Part]:
     known = {part.name: part for part in PARTS}
     unknown = [name for name in names or () if name not in known]
     if unknown:
-        error = ValueError(f"--only: there is no part {', '.join(map(repr, unknown))}; the parts are {', '.join(known)}")
+        error = ValueError(
+            f"--only: there is no part {', '.join(map(repr, unknown))}; the parts are {', '.join(known)}"
+        )
         error.on_all_ranks = True
         raise error
     return [part for part in PARTS if names is None or part.name in names]

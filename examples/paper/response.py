@@ -1,4 +1,6 @@
-"""Fig. 11: frequency response between 13.9 and 14.6 kHz with contact: symmetry, stability, lines between the harmonics."""
+"""Fig. 11: frequency response between 13.9 and 14.6 kHz with contact: symmetry, stability, lines between
+the harmonics.
+"""
 
 from __future__ import annotations
 
@@ -16,13 +18,15 @@ from .steady import DAMPING
 START, STOP, FORCES, MIDDLE = 13900.0, 14600.0, (300.0, 500.0, 700.0, 1500.0), DAMPING[1]
 # Around the peaks, Hz.
 NEAR = np.arange(14080.0, 14301.0, 4.0)
-# Largest multipliers at 256 steps a period are those at 1024 within 2e-4, and on 67 contact pairs instead of 26 too.
+# Largest multipliers at 256 steps a period are those at 1024 within 2e-4, and on 67 contact pairs instead of
+# 26 too.
 MODES, STEPS = 80, 256
-# History from an unstable steady state: periods of the drive, those at its end that are looked at, and the growth (as exponent) below which there is
-# nothing to see.
+# History from an unstable steady state: periods of the drive, those at its end that are looked at, and the
+# growth (as exponent) below which there is nothing to see.
 PERIODS, TAIL, GROWTH = 4000, 1000, 4.0
-# A resonance curve is called symmetric if its distance to its mirror image is less than this, within a half-power width of the linear response, 57 Hz,
-# of the peak: farther away neighbouring modes make the linear response unsymmetric too.
+# A resonance curve is called symmetric if its distance to its mirror image is less than this, within a
+# half-power width of the linear response, 57 Hz, of the peak: farther away neighbouring modes make the linear
+# response unsymmetric too.
 SYMMETRIC, REACH = 0.1, 57.0
 # Lines between the harmonics count from this fraction of the first harmonic.
 VISIBLE = 1e-3
@@ -63,7 +67,10 @@ def shape(bench: Bench, force: float, damping: float, contact: bool = True) -> t
         return frequency, amplitude
     near, fine = bench.once(("near", force, damping), lambda: near_peak(bench, force, damping, found))
     below, above = frequency < NEAR[0], frequency > NEAR[-1]
-    return tuple(np.concatenate([values[below], close, values[above]]) for values, close in ((frequency, near), (amplitude, fine)))
+    return tuple(
+        np.concatenate([values[below], close, values[above]])
+        for values, close in ((frequency, near), (amplitude, fine))
+    )
 
 
 def near_peak(bench: Bench, force: float, damping: float, found) -> tuple[np.ndarray, np.ndarray]:
@@ -71,13 +78,22 @@ def near_peak(bench: Bench, force: float, damping: float, found) -> tuple[np.nda
 
     Where Newton's method does not converge from there the curve's own points stand alone.
     """
-    kept = [found.orbit(int(k)) for k in np.flatnonzero((found.frequency >= NEAR[0]) & (found.frequency <= NEAR[-1]))]
+    kept = [
+        found.orbit(int(k))
+        for k in np.flatnonzero((found.frequency >= NEAR[0]) & (found.frequency <= NEAR[-1]))
+    ]
     for frequency in NEAR:
         nearest = min(kept, key=lambda o: abs(o.frequency - frequency))
         try:
             kept.append(
                 sb.periodic(
-                    bench.model("tables", damping), push(force), float(frequency), steps=STEPS, reduction=found.reduction, start=nearest, stability=False
+                    bench.model("tables", damping),
+                    push(force),
+                    float(frequency),
+                    steps=STEPS,
+                    reduction=found.reduction,
+                    start=nearest,
+                    stability=False,
                 )
             )
         except sb.SolveError:
@@ -162,13 +178,28 @@ def over_force(bench: Bench):
         f"Frequency response of A, 13.9-14.6 kHz, modal damping ratio {MIDDLE:g}",
         columns,
         rows,
-        ["text", "count", "frequency", "value", "value", "value", "value", "error", "value", "value", "count", "text"],
+        [
+            "text",
+            "count",
+            "frequency",
+            "value",
+            "value",
+            "value",
+            "value",
+            "error",
+            "value",
+            "value",
+            "count",
+            "text",
+        ],
     )
     return numbers, table, curves
 
 
 def over_damping(bench: Bench):
-    """The same at the lowest and highest force over the damping ratio, and what grows out of unstable steady states."""
+    """The same at the lowest and highest force over the damping ratio, and what grows out of unstable
+    steady states.
+    """
     numbers, rows = {}, []
     for damping in DAMPING:
         for force in (FORCES[0], FORCES[-1]):
@@ -183,7 +214,10 @@ def over_damping(bench: Bench):
                 "unstable_points": int((~found.stable).sum()),
                 "points": len(found.frequency),
                 "unstable": runs(found.frequency, ~found.stable),
-                "bifurcations": {kind: sum(b.kind == kind for b in found.bifurcations) for kind in sorted({b.kind for b in found.bifurcations})},
+                "bifurcations": {
+                    kind: sum(b.kind == kind for b in found.bifurcations)
+                    for kind in sorted({b.kind for b in found.bifurcations})
+                },
             }
             rows.append(
                 [
@@ -219,7 +253,20 @@ def over_damping(bench: Bench):
         "Symmetry, stability and lines between the harmonics over the damping ratio",
         columns,
         rows,
-        ["text", "text", "frequency", "value", "frequency", "text", "text", "frequency", "error", "value", "error", "value"],
+        [
+            "text",
+            "text",
+            "frequency",
+            "value",
+            "frequency",
+            "text",
+            "text",
+            "frequency",
+            "error",
+            "value",
+            "error",
+            "value",
+        ],
     )
 
 
@@ -229,7 +276,9 @@ def response(bench: Bench) -> Finding:
     damped, second_table = over_damping(bench)
     shapes = {name: n["asymmetry"] for name, n in numbers.items()}
     shift = numbers["1500 N"]["peak_frequency"] / numbers["no contact"]["peak_frequency"] - 1.0
-    begins = [f"{name}: {n['unstable'][0][0]:.0f} Hz" for name, n in numbers.items() if n["unstable"]] or ["none"]
+    begins = [f"{name}: {n['unstable'][0][0]:.0f} Hz" for name, n in numbers.items() if n["unstable"]] or [
+        "none"
+    ]
     high = {d: damped[1500.0, d] for d in DAMPING}
     parts = [f"{n['unstable_points']} of {n['points']} points (ζ = {d:g})" for d, n in high.items()]
     seen = {force: ", ".join(told(damped[force, d], d) for d in DAMPING) for force in (300.0, 1500.0)}
@@ -237,9 +286,12 @@ def response(bench: Bench) -> Finding:
     known = combination(bench, curve(bench, 1500.0, MIDDLE), high[MIDDLE])
     claims = [
         Claim(
-            f"at low force the response is symmetric around the natural frequency (asymmetry below {SYMMETRIC:g})",
-            f"at 300 N {shapes['300 N']:.3f} at ζ = {MIDDLE:g} (without contact {shapes['no contact']:.3f}), {damped[300.0, 0.005]['asymmetry']:.3f} at ζ ="
-            f" 0.005; peak at {numbers['300 N']['peak_frequency']:.1f} Hz, natural frequency {natural[16]:.1f} Hz",
+            "at low force the response is symmetric around the natural frequency (asymmetry below "
+            f"{SYMMETRIC:g})",
+            f"at 300 N {shapes['300 N']:.3f} at ζ = {MIDDLE:g} (without contact {shapes['no contact']:.3f}), "
+            f"{damped[300.0, 0.005]['asymmetry']:.3f} at ζ ="
+            f" 0.005; peak at {numbers['300 N']['peak_frequency']:.1f} Hz, natural frequency "
+            f"{natural[16]:.1f} Hz",
             shapes["300 N"] < SYMMETRIC,
         ),
         Claim(
@@ -247,45 +299,68 @@ def response(bench: Bench) -> Finding:
             f"asymmetry {', '.join(f'{shape:.3f} ({name})' for name, shape in shapes.items())}",
             min(shapes[f"{f:g} N"] for f in FORCES[1:]) > max(SYMMETRIC, 2.0 * shapes["no contact"]),
         ),
-        Claim("contact shifts the resonance", f"the peak moves by {percent(shift)} from the open crack to 1500 N", abs(shift) > 1e-3),
+        Claim(
+            "contact shifts the resonance",
+            f"the peak moves by {percent(shift)} from the open crack to 1500 N",
+            abs(shift) > 1e-3,
+        ),
         Claim(
             "the nonlinearity leads to unstable regions",
             f"they begin at ζ = {MIDDLE:g} with {', '.join(begins)}; at 1500 N {', '.join(parts)}",
             bool(numbers["1500 N"]["unstable"]),
         ),
-        Claim(f"the unstable line at 1500 N, ζ = {MIDDLE:g} is a combination resonance at twice the drive", known["text"], known["holds"], "check"),
+        Claim(
+            f"the unstable line at 1500 N, ζ = {MIDDLE:g} is a combination resonance at twice the drive",
+            known["text"],
+            known["holds"],
+            "check",
+        ),
         Claim(
             "with increasing force subharmonics appear",
-            f"strongest line below the drive in histories from unstable steady states: 300 N: {seen[300.0]}; 1500 N: {seen[1500.0]}",
+            f"strongest line below the drive in histories from unstable steady states: 300 N: {seen[300.0]}; "
+            f"1500 N: {seen[1500.0]}",
             high[MIDDLE]["line"] > VISIBLE,
         ),
     ]
     notes = [
         (
-            f"Asymmetry is the mean distance of a curve to its mirror image about its peak over its mean height, within {REACH:g} Hz of the peak; the symmetry"
-            " is called lost if every curve from 500 N on is at least twice as unsymmetric as the linear one. Skewness compares the two halves of the"
-            " half-power width: 0 if they are equal, above 0 if the peak leans to higher frequencies. At 1500 N all pairs close in most of the closed phase,"
-            " the peak nears that of a crack without a gap (the bilinear formula gives 14263 Hz for mode 17), and the asymmetry lies in a second, unstable"
+            "Asymmetry is the mean distance of a curve to its mirror image about its peak over its mean "
+            f"height, within {REACH:g} Hz of the peak; the symmetry"
+            " is called lost if every curve from 500 N on is at least twice as unsymmetric as the linear "
+            "one. Skewness compares the two halves of the"
+            " half-power width: 0 if they are equal, above 0 if the peak leans to higher frequencies. At "
+            "1500 N all pairs close in most of the closed phase,"
+            " the peak nears that of a crack without a gap (the bilinear formula gives 14263 Hz for mode "
+            "17), and the asymmetry lies in a second, unstable"
             " foot at the open crack's frequency, farther from the peak than the measure reaches."
         ),
         (
-            "Steady states of the drive's own period are followed by their arc length. Where one is unstable a history from it, disturbed by 1 %, shows what"
+            "Steady states of the drive's own period are followed by their arc length. Where one is unstable "
+            "a history from it, disturbed by 1 %, shows what"
             " the beam does instead."
         ),
         (
-            "The lines below the drive are no fractions f/2 or f/3. The other instability, above each peak, is slow: it modulates the response with the beam's"
+            "The lines below the drive are no fractions f/2 or f/3. The other instability, above each peak, "
+            "is slow: it modulates the response with the beam's"
             " first natural frequency."
         ),
     ]
     return Finding(
-        numbers | {"combination": known, "over_damping": {f"{f:g} N, {d:g}": n for (f, d), n in damped.items()}}, [table, second_table], claims, notes, curves
+        numbers
+        | {"combination": known, "over_damping": {f"{f:g} N, {d:g}": n for (f, d), n in damped.items()}},
+        [table, second_table],
+        claims,
+        notes,
+        curves,
     )
 
 
 def combination(bench: Bench, found, most: dict) -> dict:
-    """Two lines that add up to twice the drive, and the two modes below that which hold most of the unstable disturbance.
+    """Two lines that add up to twice the drive, and the two modes below that which hold most of the unstable
+    disturbance.
 
-    It is a combination resonance if the lines lie between these modes' frequencies with the crack open and closed.
+    It is a combination resonance if the lines lie between these modes' frequencies with the crack open and
+    closed.
     """
     passing = [b for b in found.bifurcations if b.kind == "Neimark-Sacker"]
     if not passing or not most["announced"]:
@@ -295,7 +370,10 @@ def combination(bench: Bench, found, most: dict) -> dict:
     share = (np.abs(nearest.direction.reshape(2, -1)) ** 2).sum(axis=0) * (opened < 2.0 * most["frequency"])
     modes = sorted(int(m) for m in np.argsort(-share)[:2])
     lines = [most["announced"] * most["frequency"], (2.0 - most["announced"]) * most["frequency"]]
-    text = " and ".join(f"{line:.0f} Hz beside mode {m + 1} ({opened[m]:.0f} Hz open, {closed[m]:.0f} Hz closed)" for m, line in zip(modes, lines))
+    text = " and ".join(
+        f"{line:.0f} Hz beside mode {m + 1} ({opened[m]:.0f} Hz open, {closed[m]:.0f} Hz closed)"
+        for m, line in zip(modes, lines)
+    )
     return {
         "holds": all(opened[m] < line < closed[m] for m, line in zip(modes, lines)),
         "text": f"{text} add up to 2 × {most['frequency']:.0f} Hz",
@@ -314,8 +392,9 @@ def told(found: dict, damping: float) -> str:
 def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     """What a history does that starts, disturbed, from the most unstable steady state of a curve.
 
-    Its frequency, growth a period of the drive and the line that the Floquet multiplier announces, over the drive; strongest line found below the
-    drive, over the drive's, and its frequency over the drive's. No line if all are stable or nothing grows within the history.
+    Its frequency, growth a period of the drive and the line that the Floquet multiplier announces, over the
+    drive; strongest line found below the drive, over the drive's, and its frequency over the drive's. No line
+    if all are stable or nothing grows within the history.
     """
     unstable = np.flatnonzero(~found.stable)
     if not len(unstable):
@@ -346,7 +425,10 @@ def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     level, fraction = np.abs(spectrum.amplitude), spectrum.frequency / frequency
     between = np.flatnonzero((fraction > 0.1) & (fraction < 0.95))
     line = between[level[between].argmax()]
-    return result | {"line": level[line] / level[np.abs(fraction - 1.0).argmin()], "line_over_drive": fraction[line]}
+    return result | {
+        "line": level[line] / level[np.abs(fraction - 1.0).argmin()],
+        "line_over_drive": fraction[line],
+    }
 
 
 def draw(finding: Finding, path: str) -> None:
@@ -355,8 +437,17 @@ def draw(finding: Finding, path: str) -> None:
     axes = drawing.subplots()
     names = [name.removesuffix("|frequency") for name in finding.curves if name.endswith("|frequency")]
     for name, colour in zip(names, (BLACK, *CYCLE)):
-        frequency, amplitude, unstable = (finding.curves[f"{name}|{kind}"] for kind in ("frequency", "amplitude", "unstable"))
-        axes.plot(frequency / 1e3, amplitude * 1e9, color=colour, linewidth=1.1, linestyle=(0, (4, 2)) if name.startswith("no") else "-", label=name)
+        frequency, amplitude, unstable = (
+            finding.curves[f"{name}|{kind}"] for kind in ("frequency", "amplitude", "unstable")
+        )
+        axes.plot(
+            frequency / 1e3,
+            amplitude * 1e9,
+            color=colour,
+            linewidth=1.1,
+            linestyle=(0, (4, 2)) if name.startswith("no") else "-",
+            label=name,
+        )
         axes.plot(
             unstable[0] / 1e3,
             unstable[1] * 1e9,
@@ -367,7 +458,16 @@ def draw(finding: Finding, path: str) -> None:
             markeredgecolor=colour,
             markeredgewidth=0.8,
         )
-    axes.plot([], [], linestyle="none", marker="o", markersize=3.5, markerfacecolor="white", markeredgecolor=BLACK, label="unstable")
+    axes.plot(
+        [],
+        [],
+        linestyle="none",
+        marker="o",
+        markersize=3.5,
+        markerfacecolor="white",
+        markeredgecolor=BLACK,
+        label="unstable",
+    )
     axes.set_xlim(START / 1e3, STOP / 1e3)
     axes.set_ylim(bottom=0.0)
     axes.set_xlabel("frequency (kHz)")
@@ -383,7 +483,8 @@ PARTS = [
         "Fig. 11: frequency response, 13.9-14.6 kHz",
         response,
         draw,
-        "Half the peak-to-peak displacement of A over the force, modal damping ratio 0.002; open marks are unstable steady states.",
+        "Half the peak-to-peak displacement of A over the force, modal damping ratio 0.002; open marks are "
+        "unstable steady states.",
         50.0,
     )
 ]

@@ -13,7 +13,8 @@ from .bench import Bench
 from .findings import Finding, Part
 from .store import Store
 
-# What a part may fail with for a reason that is one sentence; anything else is a mistake in the program and is shown with its stack.
+# What a part may fail with for a reason that is one sentence; anything else is a mistake in the program and
+# is shown with its stack.
 EXPECTED = (ValueError, TypeError, KeyError, RuntimeError, OSError)
 DONE = 7
 
@@ -47,7 +48,14 @@ def share_out(parts: Sequence[Part], ranks: int) -> list[list[Part]]:
     return shares
 
 
-def run_parts(parts: Sequence[Part], store: Store, comm, fresh: bool, pictures: bool, told: Callable[[str, float, Outcome], None]) -> dict[str, Outcome]:
+def run_parts(
+    parts: Sequence[Part],
+    store: Store,
+    comm,
+    fresh: bool,
+    pictures: bool,
+    told: Callable[[str, float, Outcome], None],
+) -> dict[str, Outcome]:
     """Compute parts, or take them from the store. Collective.
 
     Parameters
@@ -112,7 +120,11 @@ def attempt(part: Part, bench: Bench, store: Store, pictures: bool) -> Outcome:
         return Outcome(finding, time.perf_counter() - began)
     except EXPECTED as error:
         # str() of a KeyError is the repr of its text
-        return Outcome(None, time.perf_counter() - began, str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error))
+        return Outcome(
+            None,
+            time.perf_counter() - began,
+            str(error.args[0]) if isinstance(error, KeyError) and error.args else str(error),
+        )
     except Exception as error:
         traceback.print_exc()
         return Outcome(None, time.perf_counter() - began, f"{type(error).__name__}: {error}")
@@ -123,7 +135,9 @@ def progress(comm, out):
     """A callable that tells of a finished part: a bar on rank 0 and a terminal, a line elsewhere."""
 
     def line(name: str, fraction: float, outcome: Outcome) -> None:
-        out.print(f"[{100 * fraction:3.0f} %] {name}: {outcome.error or f'{outcome.seconds:.1f} s'}", markup=False)
+        out.print(
+            f"[{100 * fraction:3.0f} %] {name}: {outcome.error or f'{outcome.seconds:.1f} s'}", markup=False
+        )
 
     if comm.rank > 0 or not sys.stderr.isatty():
         yield line
@@ -133,4 +147,6 @@ def progress(comm, out):
 
     with Progress(console=Console(file=sys.stderr), transient=True) as bar:
         task = bar.add_task("reproduce_paper", total=1.0)
-        yield lambda name, fraction, outcome: bar.update(task, completed=fraction, description=f"{name}: {'failed' if outcome.error else 'done'}")
+        yield lambda name, fraction, outcome: bar.update(
+            task, completed=fraction, description=f"{name}: {'failed' if outcome.error else 'done'}"
+        )

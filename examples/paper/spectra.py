@@ -12,8 +12,9 @@ from .bench import Bench
 from .findings import Claim, Finding, Part, Table, percent, size
 
 DAMPING = (0.0005, 0.002, 0.005)
-# Modes and steps of the beam of Long et al.: contact forces jump in velocity at each closing, and steps that are long beside the highest mode's period let it
-# ring in the acceleration; samples are not thinned out, as what is above half of their rate would come down into the spectrum.
+# Modes and steps of the beam of Long et al.: contact forces jump in velocity at each closing, and steps that
+# are long beside the highest mode's period let it ring in the acceleration; samples are not thinned out, as
+# what is above half of their rate would come down into the spectrum.
 LONG_DURATION, LONG_MODES, STEPS_A_PERIOD = 4.0, 20, 640
 LOW, HIGH, PAIRS = 433.0, 3000.0, 3
 RISE, SETTLE, RECORD, SAMPLING, STEP = 0.5, 0.5, 1.0, 2e-5, 5e-6
@@ -24,7 +25,9 @@ PRESENT = 100.0
 # ---------------------------------------------------------------------- Fig. 7
 def long_beam(bench: Bench) -> Finding:
     """The beam of Long et al. driven at twice its first frequency."""
-    known = {case: bench.reference["modes"][f"long_{case}"]["frequency_Hz"][0] for case in ("cracked", "healthy")}
+    known = {
+        case: bench.reference["modes"][f"long_{case}"]["frequency_Hz"][0] for case in ("cracked", "healthy")
+    }
     first = {case: float(sb.modal(bench.model(f"Long, {case}", order=4), 1).frequencies[0]) for case in known}
     drive = 2.0 * first["cracked"]
     rows, curves, lines, consistent = [], {}, {}, 0.0
@@ -44,17 +47,30 @@ def long_beam(bench: Bench) -> Finding:
             for record, part in (("early", slice(None, half)), ("late", slice(half, None))):
                 found = indicators.spectrum(history.time[part], a[part], window="hann")
                 level = np.abs(found.amplitude)
-                lines[case, damping, record] = peaks = [strongest(found.frequency, level, k * first["cracked"], 0.05 * first["cracked"]) for k in range(1, 7)]
+                lines[case, damping, record] = peaks = [
+                    strongest(found.frequency, level, k * first["cracked"], 0.05 * first["cracked"])
+                    for k in range(1, 7)
+                ]
                 if case == "cracked" and record == "early":
                     moved = indicators.spectrum(history.time[part], u[part], window="hann")
                     inertia = [
                         strongest(
-                            moved.frequency, np.abs(moved.amplitude) * (2.0 * np.pi * moved.frequency) ** 2, k * first["cracked"], 0.05 * first["cracked"]
+                            moved.frequency,
+                            np.abs(moved.amplitude) * (2.0 * np.pi * moved.frequency) ** 2,
+                            k * first["cracked"],
+                            0.05 * first["cracked"],
                         )[1]
                         for k in (1, 2, 3)
                     ]
                     consistent = max(consistent, max(abs(p[1] / i - 1.0) for p, i in zip(peaks, inertia)))
-                rows.append([f"{case}, ζ = {damping:g}", record, *(p[1] for p in peaks), peaks[2][0] / first["cracked"]])
+                rows.append(
+                    [
+                        f"{case}, ζ = {damping:g}",
+                        record,
+                        *(p[1] for p in peaks),
+                        peaks[2][0] / first["cracked"],
+                    ]
+                )
                 if damping == DAMPING[1]:
                     shown = found.frequency < 6.6 * first["cracked"]
                     curves |= {f"{case}, {record}": np.stack([found.frequency[shown], level[shown]])}
@@ -71,7 +87,8 @@ def long_beam(bench: Bench) -> Finding:
     claims = [
         Claim(
             "the fundamental frequency is 58.2 Hz",
-            f"the stated data give {first['cracked']:.2f} Hz with the open crack and {first['healthy']:.2f} Hz without ({percent(58.2 / first['cracked'] - 1)}"
+            f"the stated data give {first['cracked']:.2f} Hz with the open crack and {first['healthy']:.2f} "
+            f"Hz without ({percent(58.2 / first['cracked'] - 1)}"
             " to the paper's): an ideal clamp is stiffer than the experiment's",
             abs(58.2 / first["cracked"] - 1.0) < 5e-3,
         ),
@@ -83,13 +100,20 @@ def long_beam(bench: Bench) -> Finding:
         ),
         Claim(
             "the spectrum has lines at f1, f_ω = 2 f1 and f1 + f_ω",
-            f"{', '.join(f'{p[1]:.3g} at {p[0]:.2f} Hz' for p in lines['cracked', DAMPING[1], 'early'][:3])} m/s²; without a crack {healthy:.1g} m/s² at 3 f1",
+            f"{', '.join(f'{p[1]:.3g} at {p[0]:.2f} Hz' for p in lines['cracked', DAMPING[1], 'early'][:3])} "
+            f"m/s²; without a crack {healthy:.1g} m/s² at 3 f1",
             combination[DAMPING[1]][1] > PRESENT * healthy,
         ),
-        Claim("the acceleration's lines are ω² times the displacement's within 2 %", f"largest difference {size(consistent)}", consistent < 0.02, "check"),
+        Claim(
+            "the acceleration's lines are ω² times the displacement's within 2 %",
+            f"largest difference {size(consistent)}",
+            consistent < 0.02,
+            "check",
+        ),
         Claim(
             "f1 + f_ω is present whatever the damping ratio from 0.0005 to 0.005",
-            f"{', '.join(f'{p[1]:.2e} m/s² (ζ = {d:g})' for d, p in combination.items())} in the first {LONG_DURATION / 2:g} s",
+            f"{', '.join(f'{p[1]:.2e} m/s² (ζ = {d:g})' for d, p in combination.items())} in the first "
+            f"{LONG_DURATION / 2:g} s",
             all(p[1] > PRESENT * healthy for p in combination.values()),
             "check",
         ),
@@ -104,11 +128,14 @@ def long_beam(bench: Bench) -> Finding:
     ]
     notes = [
         (
-            f"Driven with 10 N at f_ω = {drive:.3f} Hz, twice the model's own f1, closed crack, from rest. f1 and f1 + f_ω live on the free vibration that the"
-            f" start leaves and decay with it (f1 falls to {fall:.2g} from the first to the second half of the record at ζ = 0.002); the harmonics of the drive"
+            f"Driven with 10 N at f_ω = {drive:.3f} Hz, twice the model's own f1, closed crack, from rest. "
+            "f1 and f1 + f_ω live on the free vibration that the"
+            f" start leaves and decay with it (f1 falls to {fall:.2g} from the first to the second half of "
+            "the record at ζ = 0.002); the harmonics of the drive"
             " stay."
         ),
-        "The paper gives neither the force nor the crack's opening nor the damping; the response of a closed crack is proportional to the force.",
+        "The paper gives neither the force nor the crack's opening nor the damping; the response of a closed "
+        "crack is proportional to the force.",
     ]
     return Finding(numbers, tables, claims, notes, curves)
 
@@ -123,9 +150,20 @@ def strongest(frequency: np.ndarray, level: np.ndarray, centre: float, width: fl
 def draw_long_beam(finding: Finding, path: str) -> None:
     """Spectra of the early and late record and of the healthy beam."""
     first = finding.numbers["first"]["cracked"]
-    shown = {f"{name} record": tuple(finding.curves[name]) for name in ("cracked, early", "cracked, late", "healthy, early")}
+    shown = {
+        f"{name} record": tuple(finding.curves[name])
+        for name in ("cracked, early", "cracked, late", "healthy, early")
+    }
     names = ("$f_1$", "$2f_1 = f_ω$", "$3f_1 = f_1 + f_ω$", "$4f_1$", "$5f_1$", "$6f_1$")
-    plot_spectra(shown, path, "$|a_y|$(A) (m/s²)", (0.0, 6.5 * first), {text: k * first for k, text in enumerate(names, 1)}, decades=6.0, comm=Bench.comm)
+    plot_spectra(
+        shown,
+        path,
+        "$|a_y|$(A) (m/s²)",
+        (0.0, 6.5 * first),
+        {text: k * first for k, text in enumerate(names, 1)},
+        decades=6.0,
+        comm=Bench.comm,
+    )
 
 
 # ---------------------------------------------------------------------- Fig. 10
@@ -134,14 +172,25 @@ def modulation(bench: Bench) -> Finding:
 
     def tone(amplitude, frequency):
         def rising(t):
-            return amplitude * np.sin(0.5 * np.pi * np.minimum(t / RISE, 1.0)) ** 2 * np.sin(2.0 * np.pi * frequency * t)
+            return (
+                amplitude
+                * np.sin(0.5 * np.pi * np.minimum(t / RISE, 1.0)) ** 2
+                * np.sin(2.0 * np.pi * frequency * t)
+            )
 
         return sb.Custom(rising, highest_frequency=frequency)
 
     load = sb.PointForce("A", fy=tone(300.0, LOW) + tone(1.0, HIGH))
     found, curves, duty = {}, {}, None
     for case, damping in (("healthy", 0.002), *(("tables", d) for d in DAMPING)):
-        history = sb.transient(bench.model(case, damping, order=4), load, RISE + SETTLE + RECORD, step=STEP, decimation=round(SAMPLING / STEP), progress=None)
+        history = sb.transient(
+            bench.model(case, damping, order=4),
+            load,
+            RISE + SETTLE + RECORD,
+            step=STEP,
+            decimation=round(SAMPLING / STEP),
+            progress=None,
+        )
         kept = slice(-round(RECORD / SAMPLING), None)
         time, u = history.time[kept], history.displacement("A")[kept, 1]
         found[case, damping] = indicators.sidebands(time, u, HIGH, LOW, PAIRS)
@@ -156,7 +205,10 @@ def modulation(bench: Bench) -> Finding:
         [
             f"{'carrier' if n == 0 else f'{n:+d}'}",
             HIGH + n * LOW,
-            *(abs(b.centre if n == 0 else (b.lower if n < 0 else b.upper)[abs(n) - 1]) for b in found.values()),
+            *(
+                abs(b.centre if n == 0 else (b.lower if n < 0 else b.upper)[abs(n) - 1])
+                for b in found.values()
+            ),
         ]
         for n in range(-PAIRS, PAIRS + 1)
     ]
@@ -173,18 +225,23 @@ def modulation(bench: Bench) -> Finding:
     }
     second = {d: found["tables", d].indices[1] for d in DAMPING}
     ratio = {
-        n: min(np.abs(cracked.lower[n - 1]), np.abs(cracked.upper[n - 1])) / max(np.abs(healthy.lower[n - 1]), np.abs(healthy.upper[n - 1])) for n in (1, 2, 3)
+        n: min(np.abs(cracked.lower[n - 1]), np.abs(cracked.upper[n - 1]))
+        / max(np.abs(healthy.lower[n - 1]), np.abs(healthy.upper[n - 1]))
+        for n in (1, 2, 3)
     }
     numbers["sidebands_over_healthy"] = ratio
     claims = [
         Claim(
             "the cracked beam has sidebands at 3000 ± n 433 Hz",
-            f"indices (A_L + A_R)/A_0 of pairs 1, 2, 3: {', '.join(f'{i:.2e}' for i in cracked.indices)}; the weaker line of each pair stands"
+            f"indices (A_L + A_R)/A_0 of pairs 1, 2, 3: {', '.join(f'{i:.2e}' for i in cracked.indices)}; "
+            "the weaker line of each pair stands"
             f" {', '.join(f'{r:.2g}' for r in ratio.values())} times above the healthy beam's",
             min(ratio[1], ratio[2]) > PRESENT,
         ),
         Claim(
-            "the healthy beam has none", f"indices {', '.join(f'{i:.1e}' for i in healthy.indices)}: what its start leaves", float(healthy.indices.max()) < 1e-3
+            "the healthy beam has none",
+            f"indices {', '.join(f'{i:.1e}' for i in healthy.indices)}: what its start leaves",
+            float(healthy.indices.max()) < 1e-3,
         ),
         Claim(
             "sidebands are present whatever the damping ratio from 0.0005 to 0.005",
@@ -193,11 +250,20 @@ def modulation(bench: Bench) -> Finding:
             "check",
         ),
     ]
-    tables = [Table("Amplitudes of u_y(A), m, and modulation indices", ["line", "Hz", *names], rows, ["text", "value"] + ["value"] * len(names))]
+    tables = [
+        Table(
+            "Amplitudes of u_y(A), m, and modulation indices",
+            ["line", "Hz", *names],
+            rows,
+            ["text", "value"] + ["value"] * len(names),
+        )
+    ]
     notes = [
-        f"Both tones rise over {RISE:g} s; the record of 1 s holds whole periods of both. The faces touch {100 * duty.any:.0f} % of the time.",
+        f"Both tones rise over {RISE:g} s; the record of 1 s holds whole periods of both. The faces touch "
+        f"{100 * duty.any:.0f} % of the time.",
         (
-            f"The second pair is {cracked.indices[1] / cracked.indices[0]:.1f} times as strong as the first: 3000 − 2 × 433 = 2134 Hz lies beside mode 6"
+            f"The second pair is {cracked.indices[1] / cracked.indices[0]:.1f} times as strong as the first: "
+            "3000 − 2 × 433 = 2134 Hz lies beside mode 6"
             " (2149.9 Hz) and 3866 Hz beside mode 9 (3928 Hz)."
         ),
     ]
@@ -206,10 +272,20 @@ def modulation(bench: Bench) -> Finding:
 
 def draw_modulation(finding: Finding, path: str) -> None:
     """Spectra around the carrier."""
-    marks = {("3000 Hz" if n == 0 else f"{n:+d} × 433".replace("-", "−")): HIGH + n * LOW for n in range(-PAIRS, PAIRS + 1)}
+    marks = {
+        ("3000 Hz" if n == 0 else f"{n:+d} × 433".replace("-", "−")): HIGH + n * LOW
+        for n in range(-PAIRS, PAIRS + 1)
+    }
     shown = {"healthy": tuple(finding.curves["healthy"]), "cracked": tuple(finding.curves["tables"])}
     plot_spectra(
-        shown, path, "$|u_y|$(A) (m)", (1500.0, 4500.0), marks, decades=7.0, harmonics={"harmonics of 433 Hz": [k * LOW for k in range(1, 11)]}, comm=Bench.comm
+        shown,
+        path,
+        "$|u_y|$(A) (m)",
+        (1500.0, 4500.0),
+        marks,
+        decades=7.0,
+        harmonics={"harmonics of 433 Hz": [k * LOW for k in range(1, 11)]},
+        comm=Bench.comm,
     )
 
 
@@ -219,7 +295,8 @@ PARTS = [
         "Fig. 7: beam of Long et al. driven at twice its first frequency",
         long_beam,
         draw_long_beam,
-        "Acceleration spectra of A (Hann window): cracked beam in the first and second half of the record, healthy beam. Modal damping ratio 0.002.",
+        "Acceleration spectra of A (Hann window): cracked beam in the first and second half of the record, "
+        "healthy beam. Modal damping ratio 0.002.",
         5.0,
     ),
     Part(

@@ -16,20 +16,39 @@ from .findings import Claim, Finding, Part, Table, percent, size
 
 DAMPING = (0.0005, 0.002, 0.005)
 HARMONICS = 10
-# A harmonic is absent below this fraction of the first: round-off is at 1e-12, the weakest that is seen in an experiment far above.
+# A harmonic is absent below this fraction of the first: round-off is at 1e-12, the weakest that is seen in an
+# experiment far above.
 ABSENT = 1e-6
 
 
-def orbit(bench: Bench, case: str, force: float, frequency: float, damping: float = 0.002, contact: bool = True, steps: int = 512, **mesh):
+def orbit(
+    bench: Bench,
+    case: str,
+    force: float,
+    frequency: float,
+    damping: float = 0.002,
+    contact: bool = True,
+    steps: int = 512,
+    **mesh,
+):
     """A steady state; its reduction serves all forces and frequencies of a model."""
     model = bench.model(case, damping, **mesh)
 
     modes = default_modes(model, frequency)
 
     def solve():
-        return sb.periodic(model, push(force), frequency, steps=steps, contact=contact, reduction=bench.reduction(case, damping, modes, **mesh))
+        return sb.periodic(
+            model,
+            push(force),
+            frequency,
+            steps=steps,
+            contact=contact,
+            reduction=bench.reduction(case, damping, modes, **mesh),
+        )
 
-    return bench.once(("orbit", case, force, frequency, damping, contact, steps, *sorted(mesh.items())), solve)
+    return bench.once(
+        ("orbit", case, force, frequency, damping, contact, steps, *sorted(mesh.items())), solve
+    )
 
 
 # ---------------------------------------------------------------------- Sec. 4, Table 1
@@ -41,7 +60,9 @@ def shooting(bench: Bench) -> Finding:
         found = orbit(bench, "tables", 300.0, frequency)
         seconds = time.perf_counter() - began
         residuals = np.array(found.residuals) / found.residuals[0]
-        orders[frequency] = float(np.log(residuals[-1] / residuals[-2]) / np.log(residuals[-2] / residuals[-3]))
+        orders[frequency] = float(
+            np.log(residuals[-1] / residuals[-2]) / np.log(residuals[-2] / residuals[-3])
+        )
         rows.append(
             [
                 f"{frequency:g} Hz",
@@ -67,26 +88,38 @@ def shooting(bench: Bench) -> Finding:
     claims = [
         Claim(
             "the shooting method converges quadratically close to the solution",
-            f"iterations {', '.join(str(r[1]) for r in rows)} to relative residuals of {', '.join(f'{r[2]:.0e}' for r in rows)}; orders at the end"
+            f"iterations {', '.join(str(r[1]) for r in rows)} to relative residuals of "
+            f"{', '.join(f'{r[2]:.0e}' for r in rows)}; orders at the end"
             f" {', '.join(f'{o:.1f}' for o in orders.values())}",
             all(r[2] < 1e-9 and r[1] <= 10 for r in rows) and min(orders.values()) > 1.8,
         ),
         Claim(
             "the derivative of the period map needs finite differences (below eq. 38)",
-            "it is carried along exactly: with the active set of each step frozen the step is linear, and once the sets are right Newton's method ends",
+            "it is carried along exactly: with the active set of each step frozen the step is linear, and "
+            "once the sets are right Newton's method ends",
             False,
         ),
     ]
     tables = [
         Table(
             "Shooting at 300 N, modal damping ratio 0.002",
-            ["drive", "iterations", "relative residual", "order at the end", "largest |multiplier|", "stable", "reached by", "seconds"],
+            [
+                "drive",
+                "iterations",
+                "relative residual",
+                "order at the end",
+                "largest |multiplier|",
+                "stable",
+                "reached by",
+                "seconds",
+            ],
             rows,
             ["text", "count", "error", "value", "value", "text", "text", "value"],
         )
     ]
     notes = [
-        f"A time history from rest would need {settled:.0f} s, {settled * 3000:,.0f} periods of 3000 Hz, until what its start leaves in mode 1 has fallen by"
+        f"A time history from rest would need {settled:.0f} s, {settled * 3000:,.0f} periods of 3000 Hz, "
+        "until what its start leaves in mode 1 has fallen by"
         " 1e6."
     ]
     return Finding(numbers, tables, claims, notes, curves)
@@ -97,7 +130,15 @@ def draw_shooting(finding: Finding, path: str) -> None:
     drawing = figure(2.6, 4.6)
     axes = drawing.subplots()
     for k, (name, residuals) in enumerate(finding.curves.items()):
-        axes.semilogy(np.arange(len(residuals)), residuals, color=CYCLE[k], marker=MARKERS[k], markersize=4, linewidth=1.0, label=name)
+        axes.semilogy(
+            np.arange(len(residuals)),
+            residuals,
+            color=CYCLE[k],
+            marker=MARKERS[k],
+            markersize=4,
+            linewidth=1.0,
+            label=name,
+        )
     axes.set_xlabel("Newton iteration")
     axes.set_ylabel("‖x(T) − x(0)‖, relative")
     axes.set_xticks(range(max(len(r) for r in finding.curves.values())))
@@ -108,7 +149,9 @@ def draw_shooting(finding: Finding, path: str) -> None:
 
 
 # ---------------------------------------------------------------------- Figs. 8, 9, 13
-def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy", elsewhere: str | None = "100 mm"):
+def harmonics(
+    frequency: float, cracked: str = "tables", healthy: str = "healthy", elsewhere: str | None = "100 mm"
+):
     """The function that computes Fig. 8, 9 or 13."""
     mesh = REFINED if cracked == "tables" else {}
 
@@ -119,14 +162,28 @@ def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy
             "cracked, 1 N": orbit(bench, cracked, 1.0, frequency, **mesh),
             "cracked, 300 N": orbit(bench, cracked, 300.0, frequency, **mesh),
         }
-        breathing, lines = c["cracked, 300 N"], {name: o.harmonics("A")[: HARMONICS + 1] for name, o in c.items()}
+        breathing, lines = (
+            c["cracked, 300 N"],
+            {name: o.harmonics("A")[: HARMONICS + 1] for name, o in c.items()},
+        )
         ratio = {name: indicators.harmonic_ratios(found) for name, found in lines.items()}
-        finer = indicators.harmonic_ratios(orbit(bench, cracked, 300.0, frequency, steps=1024, **mesh).harmonics("A")[: HARMONICS + 1])
-        coarse = indicators.harmonic_ratios(orbit(bench, cracked, 300.0, frequency).harmonics("A")[: HARMONICS + 1]) if mesh else None
+        finer = indicators.harmonic_ratios(
+            orbit(bench, cracked, 300.0, frequency, steps=1024, **mesh).harmonics("A")[: HARMONICS + 1]
+        )
+        coarse = (
+            indicators.harmonic_ratios(
+                orbit(bench, cracked, 300.0, frequency).harmonics("A")[: HARMONICS + 1]
+            )
+            if mesh
+            else None
+        )
         over = {d: orbit(bench, cracked, 300.0, frequency, d) for d in DAMPING}
         seconds = {d: float(indicators.harmonic_ratios(o.harmonics("A"))[2]) for d, o in over.items()}
         others = {name: float(np.delete(r, 1).max()) for name, r in ratio.items()}
-        rows = [[str(k), *(abs(found[k]) for found in lines.values()), ratio["cracked, 300 N"][k], finer[k]] for k in range(HARMONICS + 1)]
+        rows = [
+            [str(k), *(abs(found[k]) for found in lines.values()), ratio["cracked, 300 N"][k], finer[k]]
+            for k in range(HARMONICS + 1)
+        ]
         tables = [
             Table(
                 f"Amplitudes of u_y(A) at the multiples of {frequency:g} Hz, m; modal damping ratio 0.002",
@@ -159,7 +216,16 @@ def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy
         tables.append(
             Table(
                 "300 N, default mesh: over the damping",
-                ["", "A_1, m", "mean / A_1", "A_2 / A_1", "A_3 / A_1", "A_4 / A_1", "largest |multiplier|", "stable"],
+                [
+                    "",
+                    "A_1, m",
+                    "mean / A_1",
+                    "A_2 / A_1",
+                    "A_3 / A_1",
+                    "A_4 / A_1",
+                    "largest |multiplier|",
+                    "stable",
+                ],
                 table,
                 ["text"] + ["value"] * 6 + ["text"],
             )
@@ -171,7 +237,9 @@ def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy
             "ratios_at_twice_the_steps": finer,
             "ratios_on_default_mesh": coarse,
             "largest_other": others,
-            "over_damping": {f"{d:g}": indicators.harmonic_ratios(o.harmonics("A"))[:5] for d, o in over.items()},
+            "over_damping": {
+                f"{d:g}": indicators.harmonic_ratios(o.harmonics("A"))[:5] for d, o in over.items()
+            },
             "stable": {f"{d:g}": o.stable for d, o in over.items()},
             "iterations": breathing.iterations,
             "largest_multiplier": abs(breathing.multipliers[0]),
@@ -189,12 +257,14 @@ def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy
             ),
             Claim(
                 "1 N is a load without contact: first harmonic only",
-                f"the largest other one is {others['cracked, 1 N']:.0e} of the first; peak contact resultant {c['cracked, 1 N'].contact_resultant.max():.2g} N",
+                f"the largest other one is {others['cracked, 1 N']:.0e} of the first; peak contact resultant "
+                f"{c['cracked, 1 N'].contact_resultant.max():.2g} N",
                 others["cracked, 1 N"] < ABSENT,
             ),
             Claim(
                 "higher harmonics appear in the contact model at 300 N",
-                f"mean, second, third: {ratio['cracked, 300 N'][0]:.4f}, {ratio['cracked, 300 N'][2]:.5f}, {ratio['cracked, 300 N'][3]:.6f} of the first",
+                f"mean, second, third: {ratio['cracked, 300 N'][0]:.4f}, {ratio['cracked, 300 N'][2]:.5f}, "
+                f"{ratio['cracked, 300 N'][3]:.6f} of the first",
                 ratio["cracked, 300 N"][2] > 100 * ABSENT,
             ),
             Claim(
@@ -203,7 +273,12 @@ def harmonics(frequency: float, cracked: str = "tables", healthy: str = "healthy
                 min(seconds.values()) > 100 * ABSENT,
                 "check",
             ),
-            Claim("twice the steps change mean, second and third harmonic by less than 5 %", f"largest change {size(change)}", change < 0.05, "check"),
+            Claim(
+                "twice the steps change mean, second and third harmonic by less than 5 %",
+                f"largest change {size(change)}",
+                change < 0.05,
+                "check",
+            ),
         ]
         if elsewhere is None:
             linear = abs(lines["cracked, no contact, 300 N"][1]) / abs(lines["healthy, 300 N"][1]) - 1.0
@@ -231,7 +306,9 @@ def draw_harmonics(finding: Finding, path: str) -> None:
         seen = found > 1e-11 * first
         x = places[seen] + 0.18 * (k - 1)
         axes.vlines(x, 1e-12 * first, found[seen], color=CYCLE[k], linewidth=1.0)
-        axes.plot(x, found[seen], linestyle="none", marker=MARKERS[k], markersize=4.5, color=CYCLE[k], label=name)
+        axes.plot(
+            x, found[seen], linestyle="none", marker=MARKERS[k], markersize=4.5, color=CYCLE[k], label=name
+        )
     axes.set_yscale("log")
     axes.set_ylim(1e-10 * first, 5.0 * first)
     axes.set_xlim(-0.6, HARMONICS + 0.6)
@@ -253,7 +330,9 @@ def against_history(bench: Bench) -> Finding:
     model = bench.model("tables", 0.002)
 
     def rising(t):
-        return 300.0 * np.sin(0.5 * np.pi * np.minimum(t / rise, 1.0)) ** 2 * np.sin(2.0 * np.pi * frequency * t)
+        return (
+            300.0 * np.sin(0.5 * np.pi * np.minimum(t / rise, 1.0)) ** 2 * np.sin(2.0 * np.pi * frequency * t)
+        )
 
     history = sb.transient(
         model,
@@ -268,7 +347,10 @@ def against_history(bench: Bench) -> Finding:
     u = history.displacement("A")[:, 1]
     measured = indicators.harmonics(history.time[kept], u[kept], frequency, HARMONICS)
     exact = found.harmonics("A")[: HARMONICS + 1]
-    rows = [[str(k), abs(exact[k]), abs(measured[k]), abs(measured[k]) / abs(exact[k]) - 1.0] for k in range(HARMONICS + 1)]
+    rows = [
+        [str(k), abs(exact[k]), abs(measured[k]), abs(measured[k]) / abs(exact[k]) - 1.0]
+        for k in range(HARMONICS + 1)
+    ]
     off = float(max(abs(row[3]) for row in rows[:4]))
     # energy of a period of the orbit: work of the load and loss in the modes
     r = found.reduction
@@ -276,7 +358,13 @@ def against_history(bench: Bench) -> Finding:
     loss = (2.0 * r.damping * r.omega * found.modal_velocity**2).sum(axis=1)
     step = 1.0 / frequency / len(found.time)
     work, lost = float(power.sum() * step), float(loss.sum() * step)
-    numbers = {"orbit": np.abs(exact), "history": np.abs(measured), "largest_difference_0_to_3": off, "work_of_a_period": work, "loss_of_a_period": lost}
+    numbers = {
+        "orbit": np.abs(exact),
+        "history": np.abs(measured),
+        "largest_difference_0_to_3": off,
+        "work_of_a_period": work,
+        "loss_of_a_period": lost,
+    }
     claims = [
         Claim(
             "harmonics 0 to 3 of a time history that has risen over 0.5 s are those of the orbit within 2 %",
@@ -300,7 +388,13 @@ def against_history(bench: Bench) -> Finding:
         )
     ]
     curves = {"shooting": np.abs(exact), "time history": np.abs(measured)}
-    return Finding(numbers, tables, claims, ["What is left is the free vibration of mode 1, which decays by 0.31 a second."], curves)
+    return Finding(
+        numbers,
+        tables,
+        claims,
+        ["What is left is the free vibration of mode 1, which decays by 0.31 a second."],
+        curves,
+    )
 
 
 def draw_against_history(finding: Finding, path: str) -> None:
@@ -309,7 +403,14 @@ def draw_against_history(finding: Finding, path: str) -> None:
     axes = drawing.subplots()
     for (name, found), marker, colour, width in zip(finding.curves.items(), ("o", "x"), CYCLE, (7, 5)):
         axes.semilogy(
-            np.arange(HARMONICS + 1), found, linestyle="none", marker=marker, markersize=width, markerfacecolor="none", markeredgecolor=colour, label=name
+            np.arange(HARMONICS + 1),
+            found,
+            linestyle="none",
+            marker=marker,
+            markersize=width,
+            markerfacecolor="none",
+            markeredgecolor=colour,
+            label=name,
         )
     axes.set_xticks(range(HARMONICS + 1))
     axes.set_xlabel("harmonic number")
@@ -320,7 +421,10 @@ def draw_against_history(finding: Finding, path: str) -> None:
     save(drawing, path)
 
 
-CAPTION = "Displacement of A at the multiples of the driving frequency, modal damping ratio 0.002; harmonics below 1e-10 of the first are not drawn."
+CAPTION = (
+    "Displacement of A at the multiples of the driving frequency, modal damping ratio 0.002; harmonics below "
+    "1e-10 of the first are not drawn."
+)
 TABLE1 = Part(
     "table1",
     "Sec. 4, Table 1: the shooting method",
@@ -334,13 +438,19 @@ FIGURES = [
     Part("fig9", "Fig. 9: harmonics at 20140 Hz", harmonics(20140.0), draw_harmonics, CAPTION, 11.0),
 ]
 FIG13 = Part(
-    "fig13", "Fig. 13: harmonics of the beam with a hole at 3000 Hz", harmonics(3000.0, "hole, cracked", "hole, healthy", None), draw_harmonics, CAPTION, 3.0
+    "fig13",
+    "Fig. 13: harmonics of the beam with a hole at 3000 Hz",
+    harmonics(3000.0, "hole, cracked", "hole, healthy", None),
+    draw_harmonics,
+    CAPTION,
+    3.0,
 )
 CHECK = Part(
     "spectra",
     "Check: harmonics from shooting against a time history",
     against_history,
     draw_against_history,
-    "Harmonics of the displacement of A at 3000 Hz, 300 N, modal damping ratio 0.002: steady state from shooting, and the end of a time history from rest.",
+    "Harmonics of the displacement of A at 3000 Hz, 300 N, modal damping ratio 0.002: steady state from "
+    "shooting, and the end of a time history from rest.",
     6.0,
 )

@@ -1,4 +1,6 @@
-"""Finished parts on disk: one JSON, one NPZ and one PNG each, written whole or not at all and reused while their inputs are the same."""
+"""Finished parts on disk: one JSON, one NPZ and one PNG each, written whole or not at all and reused while
+their inputs are the same.
+"""
 
 from __future__ import annotations
 
@@ -17,9 +19,15 @@ ROOT = pathlib.Path(__file__).resolve().parents[2]
 
 
 def fingerprint(version: str, options: dict[str, str]) -> str:
-    """Digest of all that the numbers depend on: sources, reference data, versions of the libraries, options of the solves."""
+    """Digest of all that the numbers depend on: sources, reference data, versions of the libraries,
+    options of the solves.
+    """
     digest = hashlib.sha256(json.dumps([version, np.__version__, sorted(options.items())]).encode())
-    sources = [path for folder in ("meshing", "sbfem_petsc", "examples/paper") for path in (ROOT / folder).rglob("*.py")]
+    sources = [
+        path
+        for folder in ("meshing", "sbfem_petsc", "examples/paper")
+        for path in (ROOT / folder).rglob("*.py")
+    ]
     for path in sorted([*sources, *REFERENCE.iterdir()]):
         if path.is_file():
             digest.update(str(path.relative_to(ROOT)).encode())
@@ -54,20 +62,28 @@ class Store:
         self._replace(f"{part.name}.npz", lambda file: np.savez_compressed(file, **finding.curves))
         if pictures and part.draw is not None:
             part.draw(finding, str(self.picture(part)))
-        content = {"inputs": self.inputs, "seconds": seconds, **{name: plain(getattr(finding, name)) for name in ("numbers", "tables", "claims", "notes")}}
+        content = {
+            "inputs": self.inputs,
+            "seconds": seconds,
+            **{name: plain(getattr(finding, name)) for name in ("numbers", "tables", "claims", "notes")},
+        }
         self._replace(f"{part.name}.json", lambda file: file.write(json.dumps(content, indent=1).encode()))
 
     def load(self, part: Part, pictures: bool) -> tuple[Finding, float] | None:
         """A finished part with the same inputs and its seconds, or None."""
         try:
             content = json.loads((self.parts / f"{part.name}.json").read_text())
-            if content["inputs"] != self.inputs or (pictures and part.draw is not None and not self.picture(part).exists()):
+            if content["inputs"] != self.inputs or (
+                pictures and part.draw is not None and not self.picture(part).exists()
+            ):
                 return None
             with np.load(self.parts / f"{part.name}.npz") as archive:
                 curves = dict(archive)
         except (OSError, ValueError, KeyError, zipfile.BadZipFile):
             return None
-        tables, claims = ([kind(**item) for item in content[name]] for name, kind in (("tables", Table), ("claims", Claim)))
+        tables, claims = (
+            [kind(**item) for item in content[name]] for name, kind in (("tables", Table), ("claims", Claim))
+        )
         return Finding(content["numbers"], tables, claims, content["notes"], curves), content["seconds"]
 
     def forget(self, part: Part) -> None:

@@ -14,7 +14,8 @@ from .stability import Multipliers, multipliers
 
 # How far along the arc between two points a bifurcation is located.
 FINE = 5e-3
-# A multiplier that passes the unit circle without coming near it, relative to its distance at the points on either side, has jumped.
+# A multiplier that passes the unit circle without coming near it, relative to its distance at the points on
+# either side, has jumped.
 JUMP = 0.1
 
 
@@ -59,10 +60,17 @@ def between(trace: Trace, one: Station, other: Station, fraction: float) -> Stat
     size = max(np.linalg.norm(one.shot.state), np.linalg.norm(other.shot.state), 1e-300)
     chord = np.append((other.shot.state - one.shot.state) / size, (other.value - one.value) / trace.range)
     heading = chord / np.linalg.norm(chord)
-    guess, value = one.shot.state + fraction * (other.shot.state - one.shot.state), one.value + fraction * (other.value - one.value)
+    guess, value = (
+        one.shot.state + fraction * (other.shot.state - one.shot.state),
+        one.value + fraction * (other.value - one.value),
+    )
 
     def condition(state, change):
-        return float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * change), heading[:-1], size / trace.range * heading[-1]
+        return (
+            float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * change),
+            heading[:-1],
+            size / trace.range * heading[-1],
+        )
 
     shot = shoot_along(trace.period, guess, value, trace.driven, trace.name, condition)
     return Station(shot, float(shot.parameters[0]))
@@ -81,19 +89,24 @@ def locate(trace: Trace, found: list[Multipliers]) -> list[Bifurcation]:
     result = []
     stations = trace.stations
     for k in range(1, len(stations)):
-        if k + 1 < len(stations) and (stations[k].value - stations[k - 1].value) * (stations[k + 1].value - stations[k].value) < 0.0:
+        if (
+            k + 1 < len(stations)
+            and (stations[k].value - stations[k - 1].value) * (stations[k + 1].value - stations[k].value)
+            < 0.0
+        ):
             result.append(_fold(trace, k))
         one, other = unstable(found[k - 1]), unstable(found[k])
         if one != other:
             crossing = _crossing(trace, k, max(one, other) - 1, found[k - 1], found[k])
-            # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
+            # a real multiplier through +1 at a turning point is the fold itself, which has been found by its
+            # turn
             if crossing is not None and not (crossing.kind == "branch point" and _turns(stations, k)):
                 result.append(crossing)
     return result
 
 
 def _turns(stations: list[Station], k: int) -> bool:
-    steps = np.diff([s.value for s in stations[max(0, k - 2):k + 2]])
+    steps = np.diff([s.value for s in stations[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
 
 
@@ -123,14 +136,30 @@ def _fold(trace: Trace, k: int) -> Bifurcation:
         station = _root(trace, first, second, slope, ends)
         values = multipliers(station.shot.driven, station.shot.motion)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
-        return Bifurcation("fold", station.value, complex(values.values[nearest]), station.shot.state, values.vectors[:, nearest], k if second is stations[k] else k + 1)
+        return Bifurcation(
+            "fold",
+            station.value,
+            complex(values.values[nearest]),
+            station.shot.state,
+            values.vectors[:, nearest],
+            k if second is stations[k] else k + 1,
+        )
     values = multipliers(stations[k].shot.driven, stations[k].shot.motion)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
-    return Bifurcation("fold", stations[k].value, complex(values.values[nearest]), stations[k].shot.state, values.vectors[:, nearest], k + 1)
+    return Bifurcation(
+        "fold",
+        stations[k].value,
+        complex(values.values[nearest]),
+        stations[k].shot.state,
+        values.vectors[:, nearest],
+        k + 1,
+    )
 
 
 def _crossing(trace: Trace, k: int, rank: int, before: Multipliers, after: Multipliers) -> Bifurcation | None:
-    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k, whose multipliers are known."""
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
+    whose multipliers are known.
+    """
     known = {}
 
     def excess(station: Station) -> float:
@@ -145,7 +174,15 @@ def _crossing(trace: Trace, k: int, rank: int, before: Multipliers, after: Multi
     found = known.get(id(station)) or (before if station is first else after)
     value = complex(found.values[rank])
     jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
-    kind = "grazing" if jump else "Neimark-Sacker" if value.imag != 0.0 else "period doubling" if value.real < 0.0 else "branch point"
+    kind = (
+        "grazing"
+        if jump
+        else "Neimark-Sacker"
+        if value.imag != 0.0
+        else "period doubling"
+        if value.real < 0.0
+        else "branch point"
+    )
     return Bifurcation(kind, station.value, value, station.shot.state, found.vectors[:, rank], k)
 
 

@@ -19,8 +19,8 @@ TRULY = 0.5
 def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -> Orbit:
     """A motion of twice the period near a period doubling.
 
-    It is looked for at a given distance from the branch along the critical Floquet direction, with the curve's parameter free.
-    `frequency_response(..., start=orbit.frequency, first=orbit)` follows its branch.
+    It is looked for at a given distance from the branch along the critical Floquet direction, with the
+    curve's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows its branch.
 
     Parameters
     ----------
@@ -38,7 +38,10 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
         If no motion of twice the period is found at any size.
     """
     if bifurcation.kind != "period doubling":
-        raise ValueError(f"doubled: {bifurcation!r} is no period doubling; motions of twice the period leave a branch only there")
+        raise ValueError(
+            f"doubled: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "
+            "only there"
+        )
     old = curve.period
     period = Period(old.reduction, old.drive.repeated(2), 2 * old.steps, old.pairs > 0)
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
@@ -54,7 +57,14 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
             return float(direction @ state - target), direction, 0.0
 
         try:
-            shot = shoot_along(period, bifurcation.state + share * norm * direction, bifurcation.value, driven, curve.parameter, condition)
+            shot = shoot_along(
+                period,
+                bifurcation.state + share * norm * direction,
+                bifurcation.value,
+                driven,
+                curve.parameter,
+                condition,
+            )
         except (SolveError, ValueError):
             continue
         motion = shot.driven.run(shot.state)
@@ -64,4 +74,8 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
             value = float(shot.parameters[0])
             at = (value, 1.0) if curve.parameter == "frequency" else (curve.fixed_frequency, value)
             return make_orbit(shot, *orbit_stability(period, shot, *at), "period doubling")
-    raise on_all_ranks(SolveError(f"doubled: no motion of twice the period was found near {bifurcation!r}; give another size"))
+    raise on_all_ranks(
+        SolveError(
+            f"doubled: no motion of twice the period was found near {bifurcation!r}; give another size"
+        )
+    )

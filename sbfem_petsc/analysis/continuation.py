@@ -1,4 +1,6 @@
-"""Branches of periodic motions by pseudo-arclength continuation in the frequency or the load, through folds."""
+"""Branches of periodic motions by pseudo-arclength continuation in the frequency or the load, through
+folds.
+"""
 
 from __future__ import annotations
 
@@ -10,16 +12,19 @@ import numpy as np
 from ..errors import SolveError
 from .shooting import Period, Shot, shoot_along
 
-# Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as squares.
+# Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as
+# squares.
 SPAN = 10.0
 FIRST, LARGEST, SMALLEST = 0.05, 0.35, 1e-5
-# The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half its length; radian.
+# The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
+# its length; radian.
 TURN, TOO_SHARP = 0.35, 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch.
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
 CORNER = 5e-3
-# Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch that has been gone through.
+# Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
+# that has been gone through.
 BACK = 0.999
 
 
@@ -39,14 +44,17 @@ class Station:
     def derivative(self, name: str) -> np.ndarray:
         """dx(T) along x(0) and the named parameter, (2 m, 2 m + 1)."""
         if not hasattr(self, "_derivative"):
-            self._derivative = self.shot.driven.carried(self.shot.motion, np.eye(len(self.shot.state)), (name,))
+            self._derivative = self.shot.driven.carried(
+                self.shot.motion, np.eye(len(self.shot.state)), (name,)
+            )
         return self._derivative
 
 
 class Trace:
     """A branch of fixed points, point by point.
 
-    Iterating gives a `Station` after each accepted step, the end of the range included; afterwards `reason` says why it stopped.
+    Iterating gives a `Station` after each accepted step, the end of the range included; afterwards `reason`
+    says why it stopped.
 
     Parameters
     ----------
@@ -70,9 +78,25 @@ class Trace:
     Assigning more points to `stations` before the first step resumes a branch.
     """
 
-    def __init__(self, period: Period, first: Station, name: str, lower: float, upper: float, direction: int, driven: Callable, most: int = 400,
-                 largest_step: float = math.inf):
-        self.period, self.name, self.driven, self.most, self.largest_step = period, name, driven, most, largest_step
+    def __init__(
+        self,
+        period: Period,
+        first: Station,
+        name: str,
+        lower: float,
+        upper: float,
+        direction: int,
+        driven: Callable,
+        most: int = 400,
+        largest_step: float = math.inf,
+    ):
+        self.period, self.name, self.driven, self.most, self.largest_step = (
+            period,
+            name,
+            driven,
+            most,
+            largest_step,
+        )
         self.lower, self.upper, self.range = lower, upper, upper - lower
         self.stations = [first]
         # where a branch starts from rest its state has no size of its own
@@ -99,10 +123,11 @@ class Trace:
         return max(np.linalg.norm(self.stations[-1].shot.state), self.least, 1e-300), self.range / SPAN
 
     def _tangent(self, derivative: np.ndarray, near: np.ndarray) -> np.ndarray:
-        """Direction in which the linearised residual does not change, in units of the metric; at a converged point the branch's tangent.
+        """Direction in which the linearised residual does not change, in units of the metric; at a converged
+        point the branch's tangent.
 
-        Its sign is such that the determinant of residual and tangent keeps its sign along the branch: so it passes folds and corners, also those that a
-        step has skipped. `near` is a direction not across it.
+        Its sign is such that the determinant of residual and tangent keeps its sign along the branch: so it
+        passes folds and corners, also those that a step has skipped. `near` is a direction not across it.
         """
         size, unit = self._metric()
         m2 = len(derivative)
@@ -147,16 +172,21 @@ class Trace:
         return self._tangent(last.derivative(self.name), near)
 
     def _around(self, heading: np.ndarray, length: float) -> Station | None:
-        """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of the derivative on the corner's far side."""
+        """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
+        the derivative on the corner's far side.
+        """
         size, unit = self._metric()
         last = self.stations[-1]
         try:
             driven = self.driven(last.value + length * unit * heading[-1])
             motion = driven.run(last.shot.state + length * size * heading[:-1])
-            beyond = self._tangent(driven.carried(motion, np.eye(len(last.shot.state)), (self.name,)), heading)
+            beyond = self._tangent(
+                driven.carried(motion, np.eye(len(last.shot.state)), (self.name,)), heading
+            )
         except (SolveError, ValueError):
             return None
-        # a stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets there
+        # a stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner
+        # gets there
         for reach in (1.0, 8.0, 64.0):
             station = self._step(beyond, min(reach * length, CORNER), behind=-heading)
             if station is not None:
@@ -164,7 +194,9 @@ class Trace:
         return None
 
     def _step(self, heading: np.ndarray, length: float, behind: np.ndarray | None = None) -> Station | None:
-        """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the length of the step after it."""
+        """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the
+        length of the step after it.
+        """
         size, unit = self._metric()
         last = self.stations[-1]
         target = last.value + length * unit * heading[-1]
@@ -177,7 +209,11 @@ class Trace:
         def condition(state, change):
             if outside:
                 return size / unit * change, np.zeros(len(state)), size / unit
-            return float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change), heading[:-1], size / unit * heading[-1]
+            return (
+                float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change),
+                heading[:-1],
+                size / unit * heading[-1],
+            )
 
         try:
             shot = shoot_along(self.period, guess, value, self.driven, self.name, condition)
@@ -194,5 +230,7 @@ class Trace:
             return None
         if onward @ chord < 0.0:  # a branch point: the determinant has changed its sign on a smooth branch
             self.sign = -self.sign
-        self.length = min(LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(iterations, 1) + 0.25)) * length)
+        self.length = min(
+            LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(iterations, 1) + 0.25)) * length
+        )
         return station

@@ -1,13 +1,16 @@
-"""Steps of the unreduced model: one linear solve and one product with K each, everything else in a few numbers a step.
+"""Steps of the unreduced model: one linear solve and one product with K each, everything else in a few
+numbers a step.
 
-A step solves for the increment d = u1 - u0, (4/h^2 M + 2/h C + K) d = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force, in which less is lost to round-off than
-in u1. d and K d carry u, v, K u and M v on by sums: the equation solved tells M d from K d, and a product with K, which leaves the auxiliary
-unknowns alone, costs a third of one with M. Gaps, displacements of the named points and at the loads are a few rows of the unknowns (probes);
-those of d alone are formed, and kept the same on every rank.
+A step solves for the increment d = u1 - u0, (4/h^2 M + 2/h C + K) d = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T
+force, in which less is lost to round-off than in u1. d and K d carry u, v, K u and M v on by sums: the
+equation solved tells M d from K d, and a product with K, which leaves the auxiliary unknowns alone, costs a
+third of one with M. Gaps, displacements of the named points and at the loads are a few rows of the unknowns
+(probes); those of d alone are formed, and kept the same on every rank.
 
-Modal damping, C = sum of 2 zeta omega (M phi)(M phi)^T over computed modes, touches only what the modes carry, and there the equations of a step
-fall apart into single ones. The large vectors are therefore advanced without it, the modes with and without it beside them, and the
-difference of the two, a few numbers, is added to the probes and the energies in each step and to the large vectors now and then (`settle`).
+Modal damping, C = sum of 2 zeta omega (M phi)(M phi)^T over computed modes, touches only what the modes
+carry, and there the equations of a step fall apart into single ones. The large vectors are therefore advanced
+without it, the modes with and without it beside them, and the difference of the two, a few numbers, is added
+to the probes and the energies in each step and to the large vectors now and then (`settle`).
 """
 
 from __future__ import annotations
@@ -42,19 +45,30 @@ def _form(right, mass_v, stiffness_u, rate):
 
 @njit(cache=True)
 def _add_columns(target, columns, values):
-    """target += columns @ values over the values that are not zero, four columns at a time: what counts is the traffic from memory."""
+    """target += columns @ values over the values that are not zero, four columns at a time: what counts is
+    the traffic from memory.
+    """
     used = np.flatnonzero(values)
     places, weights = np.zeros((used.size + 3) // 4 * 4, dtype=np.int64), np.zeros((used.size + 3) // 4 * 4)
     places[: used.size], weights[: used.size] = used, values[used]
     for j in range(0, places.size, 4):
-        one, two, three, four = columns[:, places[j]], columns[:, places[j + 1]], columns[:, places[j + 2]], columns[:, places[j + 3]]
+        one, two, three, four = (
+            columns[:, places[j]],
+            columns[:, places[j + 1]],
+            columns[:, places[j + 2]],
+            columns[:, places[j + 3]],
+        )
         for i in range(target.size):
-            target[i] += (one[i] * weights[j] + two[i] * weights[j + 1]) + (three[i] * weights[j + 2] + four[i] * weights[j + 3])
+            target[i] += (one[i] * weights[j] + two[i] * weights[j + 1]) + (
+                three[i] * weights[j + 2] + four[i] * weights[j + 3]
+            )
 
 
 @njit(cache=True)
 def _advance(u, v, mass_v, stiffness_u, d, stiffness_d, right, inertia, stretch, rate):
-    """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products of d with M d and K d."""
+    """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products
+    of d with M d and K d.
+    """
     by_mass, by_stiffness = 0.0, 0.0
     for i in range(u.size):
         mass_d = (right[i] - stretch * stiffness_d[i]) / inertia
@@ -108,10 +122,20 @@ class FullMarch:
     initial, supplied : float
         Energy at t = 0 and largest work of the loads so far, J.
     tied : (pairs,) bool array or None
-        Pairs that are held together in the next step whatever the sign of their force, and no others: the linearised contact of `full_shooting`.
+        Pairs that are held together in the next step whatever the sign of their force, and no others: the
+        linearised contact of `full_shooting`.
     """
 
-    def __init__(self, model: Model, pencil: Pencil, units, step: float, found: Modal | None, contact: bool, scheme: str):
+    def __init__(
+        self,
+        model: Model,
+        pencil: Pencil,
+        units,
+        step: float,
+        found: Modal | None,
+        contact: bool,
+        scheme: str,
+    ):
         self.model, self.pencil, self.step, self.scheme = model, pencil, step, scheme
         a, b = self.rayleigh = model.rayleigh
         self.stretch, self.inertia = 1.0 + 2.0 * b / step, 4.0 / step**2 + 2.0 * a / step
@@ -127,13 +151,26 @@ class FullMarch:
             self.right.array = self.probes[[k]].toarray()[0]
             self._solve_into(self.responses[:, k])
         self.probe_responses = self.summed(self.probes @ self.responses)
-        flexibility = self.probe_responses[: self.pairs] - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
-        # the implicit force acts at its full value over the step, the paper's with half of it, the other half in the step after
+        flexibility = (
+            self.probe_responses[: self.pairs]
+            - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
+        )
+        # the implicit force acts at its full value over the step, the paper's with half of it, the other half
+        # in the step after
         self.share = 1.0 if scheme == "paper" else 2.0
         self.flexibility = 0.5 * self.share * (flexibility + flexibility.T)
-        self.work, self.active, self.carried, self.slope = np.zeros(3), np.zeros(self.pairs, dtype=bool), np.zeros(self.pairs), np.zeros((len(model.points), 2))
+        self.work, self.active, self.carried, self.slope = (
+            np.zeros(3),
+            np.zeros(self.pairs, dtype=bool),
+            np.zeros(self.pairs),
+            np.zeros((len(model.points), 2)),
+        )
         self.initial, self.supplied, self.tied = 0.0, 0.0, None
-        self._factor, self._members, self._count = np.empty((self.pairs, self.pairs)), np.empty(self.pairs, dtype=np.int64), -1
+        self._factor, self._members, self._count = (
+            np.empty((self.pairs, self.pairs)),
+            np.empty(self.pairs, dtype=np.int64),
+            -1,
+        )
         self.settle(fold=False)
 
     # ------------------------------------------------------------------ set-up
@@ -155,7 +192,9 @@ class FullMarch:
         first, last = model.ranges[model.comm.rank], model.ranges[model.comm.rank + 1]
         unknowns = np.array([u for _, u in model.points.values()], dtype=int).reshape(-1)
         mine = np.flatnonzero((unknowns >= first) & (unknowns < last))
-        points = sparse.csr_matrix((np.ones(len(mine)), (mine, unknowns[mine] - first)), shape=(len(unknowns), size))
+        points = sparse.csr_matrix(
+            (np.ones(len(mine)), (mine, unknowns[mine] - first)), shape=(len(unknowns), size)
+        )
         self.probes = sparse.vstack([gaps, sparse.csr_matrix(forces), points], format="csr")
         self.load_places, self.load_columns = _columns(sparse.csr_matrix(forces))
         self.gap_places, self.gap_columns = _columns(gaps.tocsr())
@@ -189,17 +228,24 @@ class FullMarch:
 
     # ------------------------------------------------------------------ state
     def settle(self, fold: bool = True) -> None:
-        """Bring the damping's share into the large vectors, and everything carried along beside u and v back to what follows from them.
+        """Bring the damping's share into the large vectors, and everything carried along beside u and v back
+        to what follows from them.
 
-        Called between chunks of steps: the continuation of a history depends on u and v alone, and round-off does not pile up. Without `fold`, u
-        and v have been set to the structure's state.
+        Called between chunks of steps: the continuation of a history depends on u and v alone, and round-off
+        does not pile up. Without `fold`, u and v have been set to the structure's state.
         """
         if fold:
             self.u += self.phi @ (self.q - self.q0)
             self.v += self.phi @ (self.p - self.p0)
-        self.mass_v, self.stiffness_u = self._times(self.pencil.mass, self.v), self._times(self.pencil.stiffness, self.u)
+        self.mass_v, self.stiffness_u = (
+            self._times(self.pencil.mass, self.v),
+            self._times(self.pencil.stiffness, self.u),
+        )
         self.at_u, self.at_v = self.summed(self.probes @ self.u), self.summed(self.probes @ self.v)
-        self.q, self.p = self.summed(self.phi.T @ self._times(self.pencil.mass, self.u)), self.summed(self.phi.T @ self.mass_v)
+        self.q, self.p = (
+            self.summed(self.phi.T @ self._times(self.pencil.mass, self.u)),
+            self.summed(self.phi.T @ self.mass_v),
+        )
         self.q0, self.p0 = self.q.copy(), self.p.copy()
         self._count = -1
 
@@ -214,7 +260,13 @@ class FullMarch:
     def energies(self) -> np.ndarray:
         """Kinetic and strain energy, J."""
         local = self.summed(np.array([self.v @ self.mass_v, self.u @ self.stiffness_u]))
-        return 0.5 * (local + [self.p @ self.p - self.p0 @ self.p0, ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum()])
+        return 0.5 * (
+            local
+            + [
+                self.p @ self.p - self.p0 @ self.p0,
+                ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
+            ]
+        )
 
     # ------------------------------------------------------------------ steps
     def advance(self, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -222,13 +274,31 @@ class FullMarch:
         drive, speed = before + after, self.velocities()
         solved = self.solve_step(drive)
         self.pencil.stiffness.mult(self.d, self.product)
-        lost = _advance(self.u, self.v, self.mass_v, self.stiffness_u, self.d.array_r, self.product.array_r, self.right.array_r, self.inertia, self.stretch, self.rate)
-        for place, velocity, change in ((self.at_u, self.at_v, solved.probes), (self.q, self.p, solved.damped), (self.q0, self.p0, solved.undamped)):
+        lost = _advance(
+            self.u,
+            self.v,
+            self.mass_v,
+            self.stiffness_u,
+            self.d.array_r,
+            self.product.array_r,
+            self.right.array_r,
+            self.inertia,
+            self.stretch,
+            self.rate,
+        )
+        for place, velocity, change in (
+            (self.at_u, self.at_v, solved.probes),
+            (self.q, self.p, solved.damped),
+            (self.q0, self.p0, solved.undamped),
+        ):
             place += change
             velocity *= -1.0
             velocity += self.rate * change
         self.slope = (self.velocities() - speed)[self.pairs + self.loads :].reshape(-1, 2) / self.step
-        applied, change = self.share * solved.force + self.carried, solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
+        applied, change = (
+            self.share * solved.force + self.carried,
+            solved.probes + self.probe_modes @ (solved.damped - solved.undamped),
+        )
         self.work[0] += 0.5 * drive @ change[self.pairs : self.pairs + self.loads]
         self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
         self.work[2] += 0.5 * applied @ change[: self.pairs]
@@ -236,7 +306,9 @@ class FullMarch:
             # the large vectors moved as the undamped modes do: these are exchanged for the damped ones
             a, b = self.rayleigh
             local = float(self.summed(np.array([a * lost[0] + b * lost[1]]))[0])
-            self.work[1] += (local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)) / self.step
+            self.work[1] += (
+                local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)
+            ) / self.step
         if self.scheme == "paper":
             self.carried = solved.force
         return solved.force, solved.gap
@@ -253,11 +325,15 @@ class FullMarch:
         if self.carried.any():
             _add_columns(d, self.responses, self.carried)
         probes = self.summed(self.probes @ d)
-        modal_force = self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
+        modal_force = (
+            self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
+        )
         damped, undamped = self._modal(modal_force)
         force, gap = np.zeros(self.pairs), self.gap0
         if self.pairs:
-            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[: self.pairs] + self.gap0
+            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[
+                : self.pairs
+            ] + self.gap0
             if self.tied.any() if self.tied is not None else (gap < 0.0).any():
                 force, gap = self._contact(gap)
                 _add_columns(d, self.responses, self.share * force)
@@ -272,18 +348,25 @@ class FullMarch:
 
     def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Increments of the modal coordinates, damped and not."""
-        return tuple((2.0 * (self.rate * p - self.omega**2 * q) + force) / left for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left)))
+        return tuple(
+            (2.0 * (self.rate * p - self.omega**2 * q) + force) / left
+            for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
+        )
 
     def _contact(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Contact forces and gaps of a step."""
         force = np.zeros(self.pairs)
         if self.tied is not None:
-            force[self.tied] = np.linalg.solve(self.flexibility[np.ix_(self.tied, self.tied)], -free[self.tied])
+            force[self.tied] = np.linalg.solve(
+                self.flexibility[np.ix_(self.tied, self.tied)], -free[self.tied]
+            )
             return force, self.flexibility @ force + free
         if self.scheme == "paper":
             found = one_pass_tie(self.flexibility, free)
             return found.force, found.gap
-        self._count, exchanges = contact_forces(self.flexibility, free, self.active, self._factor, self._members, self._count, force)
+        self._count, exchanges = contact_forces(
+            self.flexibility, free, self.active, self._factor, self._members, self._count, force
+        )
         if exchanges < 0:
             found = solve_complementarity(self.flexibility, free)
             self.active, self._count = found.active.copy(), -1
@@ -298,10 +381,14 @@ class FullMarch:
         active, self._count = self.active, -1
         active[:] = False
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
-        return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(-1, 2)
+        return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
+            -1, 2
+        )
 
     def fingerprint(self) -> np.ndarray:
-        """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a step, which tell models apart. Collective."""
+        """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a
+        step, which tell models apart. Collective.
+        """
         responses = np.empty((self.u.size, self.loads))
         for k in range(self.loads):
             self.right.array = self.probes[[self.pairs + k]].toarray()[0]
@@ -312,7 +399,13 @@ class FullMarch:
         """Stop the paper's scheme where it has produced energy of its own."""
         self.supplied = max(self.supplied, abs(self.work[0]))
         if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
-            raise on_all_ranks(SolveError(f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s ({sum(energies):.3g} J for {self.work[0]:.3g} J of work done): the multiplier carried in the acceleration of contact nodes with mass feeds energy in; use the default scheme'))
+            raise on_all_ranks(
+                SolveError(
+                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
+                    f"({sum(energies):.3g} J for {self.work[0]:.3g} J of work done): the multiplier carried "
+                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
+                )
+            )
 
     def release(self) -> None:
         """Free the PETSc objects."""

@@ -1,10 +1,11 @@
 """Periodic motions of the unreduced model: shooting without a matrix, on PETSc (prefix ``shooting_``).
 
-The period map is `full_march`'s, the state (u, v) of all unknowns is distributed. A product with its derivative is one linearised period: the same
-steps without loads, with the pairs that touched in each step held together. GMRES is preconditioned by the motion without contact in
-the lowest modes, closed form; what lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is stiffer than
-the time steps resolve does not: average acceleration turns its sign in each step and leaves its size. The number of steps is therefore odd, so
-that Phi - 1 is about -2 there and not about 0.
+The period map is `full_march`'s, the state (u, v) of all unknowns is distributed. A product with its
+derivative is one linearised period: the same steps without loads, with the pairs that touched in each step
+held together. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
+lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is stiffer
+than the time steps resolve does not: average acceleration turns its sign in each step and leaves its size.
+The number of steps is therefore odd, so that Phi - 1 is about -2 there and not about 0.
 """
 
 from __future__ import annotations
@@ -65,7 +66,9 @@ class FullOrbit:
         return at_point(self.point_displacements, point)
 
     def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
-        """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean, m."""
+        """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
+        m.
+        """
         return one_sided(self.displacement(point)[:, "xy".index(direction)])[:: self.periods]
 
     @property
@@ -93,11 +96,24 @@ class FullOrbit:
         return len(self.residuals) - 1
 
     def __repr__(self) -> str:
-        return (f"FullOrbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, {len(self.time)} steps, {self.iterations} Newton iterations, "
-                f"{self.products} linearised periods, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)")
+        return (
+            f"FullOrbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
+            f"{len(self.time)} steps, {self.iterations} Newton iterations, "
+            f"{self.products} linearised periods, peak contact resultant "
+            f"{self.contact_resultant.max(initial=0.0):.6g} N)"
+        )
 
 
-def full_periodic(model: Model, load, frequency: float, periods: int | None = None, steps: int = 512, modes: int = 40, contact: bool = True, longest: int = 64) -> FullOrbit:
+def full_periodic(
+    model: Model,
+    load,
+    frequency: float,
+    periods: int | None = None,
+    steps: int = 512,
+    modes: int = 40,
+    contact: bool = True,
+    longest: int = 64,
+) -> FullOrbit:
     """Find the periodic response of the unreduced model; see `periodic` for the arguments.
 
     Parameters
@@ -105,11 +121,13 @@ def full_periodic(model: Model, load, frequency: float, periods: int | None = No
     steps : int
         Time steps a forcing period; one more in all if they are even in number.
     modes : int
-        Modes of the preconditioner and of the first guess, and those that have the model's modal damping ratio.
+        Modes of the preconditioner and of the first guess, and those that have the model's modal damping
+        ratio.
 
     Notes
     -----
-    What lies above the computed modes is damped by the model's Rayleigh part alone: without `rayleigh` its motion never dies out, and the linear solves do not converge.
+    What lies above the computed modes is damped by the model's Rayleigh part alone: without `rayleigh` its
+    motion never dies out, and the linear solves do not converge.
 
     Raises
     ------
@@ -122,7 +140,11 @@ def full_periodic(model: Model, load, frequency: float, periods: int | None = No
         units, signals = separate(load, number=lambda value: Harmonic(value, frequency))
         drive = Drive.of(signals, frequency, periods, longest)
         if model.rayleigh[1] == 0.0:
-            raise ValueError("periodic: the unreduced model needs stiffness-proportional damping, Model(rayleigh=(a, b)) with b > 0: without it motions above the computed modes never die out, and no steady state is reached")
+            raise ValueError(
+                "periodic: the unreduced model needs stiffness-proportional damping, Model(rayleigh=(a, b)) "
+                "with b > 0: without it motions above the computed modes never die out, and no steady state "
+                "is reached"
+            )
     pencil = Pencil(model, 1.0, 0.0)
     found = modal(model, modes, auxiliary_tolerance=0.0)
     count = steps * drive.periods | 1
@@ -145,7 +167,9 @@ class _FullPeriod:
         self.products, self.residuals, self.key = 0, [], None
 
     def run(self, state: np.ndarray, record: bool = False):
-        """x(T) of x(0) = (weight u, v), this rank's part; the pairs that touch in each step; with `record` also displacements of the points, forces and gaps."""
+        """x(T) of x(0) = (weight u, v), this rank's part; the pairs that touch in each step; with `record`
+        also displacements of the points, forces and gaps.
+        """
         march, sets, rows = self.march, np.zeros((self.count, self.march.pairs), dtype=bool), []
         self._set(state)
         march.tied, march.active[:] = None, False
@@ -185,14 +209,22 @@ class _FullPeriod:
         march = self.march
         # d = q1 - q0 of a free step, p1 = 2 d / h - p0
         to_q, to_p = -2.0 * march.omega**2 / march.left_damped, 2.0 * march.rate / march.left_damped
-        step = np.moveaxis(np.array([[1.0 + to_q, self.weight * to_p], [march.rate * to_q / self.weight, march.rate * to_p - 1.0]]), 2, 0)
+        step = np.moveaxis(
+            np.array(
+                [[1.0 + to_q, self.weight * to_p], [march.rate * to_q / self.weight, march.rate * to_p - 1.0]]
+            ),
+            2,
+            0,
+        )
         return np.linalg.matrix_power(step, self.count)
 
     def precondition(self, vector: np.ndarray) -> np.ndarray:
         """(Phi - 1)^-1 of the motion without contact: closed form in the modes, -1 above them."""
         march = self.march
         parts = [part.copy() for part in np.split(vector, 2)]
-        modal_parts = np.stack([march.summed(march.phi.T @ march._times(march.pencil.mass, part)) for part in parts], axis=1)
+        modal_parts = np.stack(
+            [march.summed(march.phi.T @ march._times(march.pencil.mass, part)) for part in parts], axis=1
+        )
         solved = np.linalg.solve(self._map - np.eye(2), modal_parts[..., None])[..., 0] + modal_parts
         return np.concatenate([march.phi @ solved[:, k] - parts[k] for k in (0, 1)])
 
@@ -203,7 +235,9 @@ class _FullPeriod:
         rates = 2.0 * np.pi * self.drive.orders[:, None] * self.frequency / self.drive.periods
         a, b = march.rayleigh
         q = forces / (march.omega**2 - rates**2 + 1j * rates * (march.friction + a + b * march.omega**2))
-        return np.concatenate([self.weight * (march.phi @ q.sum(axis=0).real), march.phi @ (1j * rates * q).sum(axis=0).real])
+        return np.concatenate(
+            [self.weight * (march.phi @ q.sum(axis=0).real), march.phi @ (1j * rates * q).sum(axis=0).real]
+        )
 
     # ------------------------------------------------------------------ Newton's method
     def solve(self) -> FullOrbit:
@@ -234,8 +268,16 @@ class _FullPeriod:
             snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:
-                raise on_all_ranks(SolveError(f"periodic: Newton's method on the unreduced model did not converge ({snes_reason(reason)} after {snes.getIterationNumber()} iterations): x(T) - x(0) is at "
-                                              f"{self.residuals[-1] / max(self.residuals[0], 1e-300):.2e} of the first one; more modes, more stiffness-proportional damping, or see -{PREFIX}snes_..., -{PREFIX}ksp_..."))
+                raise on_all_ranks(
+                    SolveError(
+                        "periodic: Newton's method on the unreduced model did not converge "
+                        f"({snes_reason(reason)} after {snes.getIterationNumber()} iterations): x(T) - x(0) "
+                        "is at "
+                        f"{self.residuals[-1] / max(self.residuals[0], 1e-300):.2e} of the first one; more "
+                        f"modes, more stiffness-proportional damping, or see -{PREFIX}snes_..., "
+                        f"-{PREFIX}ksp_..."
+                    )
+                )
             state, _, rows = self.run(x.array_r.copy(), record=True)
         finally:
             for item in (snes, x, f, matrix):
@@ -243,8 +285,16 @@ class _FullPeriod:
         march = self.march
         # the last instant is the first one: the rows begin after it
         places, forces, gaps = (np.roll(np.array(part), 1, axis=0) for part in zip(*rows))
-        return FullOrbit(np.arange(self.count) * march.step, {name: places[:, k] for k, name in enumerate(march.model.points)}, forces, gaps, self.frequency, self.drive.periods,
-                         tuple(self.residuals), self.products)
+        return FullOrbit(
+            np.arange(self.count) * march.step,
+            {name: places[:, k] for k, name in enumerate(march.model.points)},
+            forces,
+            gaps,
+            self.frequency,
+            self.drive.periods,
+            tuple(self.residuals),
+            self.products,
+        )
 
     def _motion(self, array: np.ndarray):
         same = self.key is not None and np.array_equal(self.key, array)

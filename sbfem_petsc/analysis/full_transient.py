@@ -1,8 +1,10 @@
-"""Time histories of the unreduced model: Newmark's average acceleration on PETSc (prefix ``newmark_``), contact implicit in each step.
+"""Time histories of the unreduced model: Newmark's average acceleration on PETSc (prefix ``newmark_``),
+contact implicit in each step.
 
-A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix factorised once
-(`full_march`). Nodes on crack faces have mass here. The contact force is that of the step alone (Kane et al. 1999; Deuflhard, Krause and Ertel
-2008): it is not carried into the next step's acceleration, so contact dissipates and never feeds energy in.
+A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix
+factorised once (`full_march`). Nodes on crack faces have mass here. The contact force is that of the step
+alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's
+acceleration, so contact dissipates and never feeds energy in.
 """
 
 from __future__ import annotations
@@ -73,13 +75,18 @@ class FullTransient:
         return at_point(self.point_velocities, point)
 
     def acceleration(self, point: str) -> np.ndarray:
-        """(n, 2): acceleration of a named point, m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the first step."""
+        """(n, 2): acceleration of a named point, m/s^2, extrapolated from the mean ones of the last two
+        steps; at first the mean of the first step.
+        """
         return at_point(self.point_accelerations, point)
 
     def stress_intensity(self, crack: str = "crack1") -> np.ndarray:
         """(n, 2): K_I and K_II of a tip, Pa m^(1/2)."""
         if crack not in self.tip_intensities:
-            raise UnknownName(f"crack {crack!r} does not exist; the model has {', '.join(map(repr, self.tip_intensities)) or 'none'}")
+            raise UnknownName(
+                f"crack {crack!r} does not exist; the model has "
+                f"{', '.join(map(repr, self.tip_intensities)) or 'none'}"
+            )
         return self.tip_intensities[crack]
 
     @property
@@ -89,29 +96,48 @@ class FullTransient:
 
     def __repr__(self) -> str:
         damped = f", damping ratio {self.damping:g} in {self.damped_modes} modes" if self.damping else ""
-        return (f"{type(self).__name__}({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s{damped}, "
-                f"peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N, largest energy error {np.abs(self.energy.balance).max():.2e} J)")
+        return (
+            f"{type(self).__name__}({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} "
+            f"s{damped}, "
+            f"peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
+            f"{np.abs(self.energy.balance).max():.2e} J)"
+        )
 
 
-def full_transient(model: Model, load, count: int, step: float, contact: bool = True, scheme: str = "implicit", decimation: int = 1, start="rest",
-                   modes: int = 0, progress: Callable[[float], None] | None = None, file: str | None = None, restart: bool = False, in_memory: bool = True) -> FullTransient:
+def full_transient(
+    model: Model,
+    load,
+    count: int,
+    step: float,
+    contact: bool = True,
+    scheme: str = "implicit",
+    decimation: int = 1,
+    start="rest",
+    modes: int = 0,
+    progress: Callable[[float], None] | None = None,
+    file: str | None = None,
+    restart: bool = False,
+    in_memory: bool = True,
+) -> FullTransient:
     """Integrate the unreduced model over `count` steps.
 
     Parameters
     ----------
     model : Model
-        Its damping ratio is that of the `modes` lowest modes, C = sum of 2 zeta omega (M phi)(M phi)^T, and everything above them is undamped but for
-        Rayleigh's a M + b K. Two frequencies met by a M + b K instead are `Model(rayleigh=rayleigh_factors(ratio, low, high))`.
+        Its damping ratio is that of the `modes` lowest modes, C = sum of 2 zeta omega (M phi)(M phi)^T, and
+        everything above them is undamped but for Rayleigh's a M + b K. Two frequencies met by a M + b K
+        instead are `Model(rayleigh=rayleigh_factors(ratio, low, high))`.
     load : loads with numbers or signals
     count : int
     step : float
         s.
     contact : bool
     scheme : {"implicit", "paper"}
-        "paper": eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension allowed, and the multiplier
-        is carried in the acceleration. It is there to be compared with: contact feeds energy in without bound, the sooner the smaller the step. On the
-        default mesh of the paper's beam, burst of 300 N and 33 ms: +1.4 % at 2 us (10 times the work supplied at 81 ms, long after the load), +2.9 % at
-        1 us, stopped at 26 ms at 0.5 us; without continued fraction at 29 ms at 2 us.
+        "paper": eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension allowed,
+        and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds
+        energy in without bound, the sooner the smaller the step. On the default mesh of the paper's beam,
+        burst of 300 N and 33 ms: +1.4 % at 2 us (10 times the work supplied at 81 ms, long after the load),
+        +2.9 % at 1 us, stopped at 26 ms at 0.5 us; without continued fraction at 29 ms at 2 us.
     decimation : int
     start : {"rest", "equilibrium"} or (displacement, velocity)
         Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero, see `transient`.
@@ -139,7 +165,9 @@ def full_transient(model: Model, load, count: int, step: float, contact: bool = 
             return _integrate(march, rows, signals, force, count, decimation, progress)
         from ..results.full_history import FullHistoryFile  # stands above this module
 
-        with FullHistoryFile(march, file, restart, signals, count, contact, start, decimation, in_memory) as record:
+        with FullHistoryFile(
+            march, file, restart, signals, count, contact, start, decimation, in_memory
+        ) as record:
             return _integrate(march, rows, signals, force, count, decimation, progress, record)
     finally:
         rows.release()
@@ -148,7 +176,9 @@ def full_transient(model: Model, load, count: int, step: float, contact: bool = 
 
 
 class _Rows:
-    """What is kept of an instant: time, displacements, velocities and accelerations of the points, contact forces, gaps, energies, stress intensities."""
+    """What is kept of an instant: time, displacements, velocities and accelerations of the points, contact
+    forces, gaps, energies, stress intensities.
+    """
 
     def __init__(self, model: Model, march: FullMarch, found):
         self.model, self.march = model, march
@@ -159,35 +189,82 @@ class _Rows:
                 self.tip_modes[:, :, k] = list(model.tips.evaluate(found.nodal(k)).values())
         self.vector = model.stiffness.createVecRight()
 
-    def row(self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray) -> tuple:
+    def row(
+        self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
+    ) -> tuple:
         """Values at the present instant."""
         march = self.march
-        places, speeds = (part[march.pairs + march.loads :].reshape(-1, 2) for part in (march.displacements(), march.velocities()))
+        places, speeds = (
+            part[march.pairs + march.loads :].reshape(-1, 2)
+            for part in (march.displacements(), march.velocities())
+        )
         intensity = np.zeros((len(self.tip_modes), 2))
         if len(intensity):
             self.vector.array = march.u[: march.pencil.owned]
-            intensity = np.array(list(self.model.tips.evaluate(self.model.nodal(self.vector)).values())) + self.tip_modes @ (march.q - march.q0)
-        return np.float64(time), places, speeds, acceleration, force, gap, np.concatenate([energies, march.work]), intensity
+            intensity = np.array(
+                list(self.model.tips.evaluate(self.model.nodal(self.vector)).values())
+            ) + self.tip_modes @ (march.q - march.q0)
+        return (
+            np.float64(time),
+            places,
+            speeds,
+            acceleration,
+            force,
+            gap,
+            np.concatenate([energies, march.work]),
+            intensity,
+        )
 
     def history(self, parts: list[tuple]) -> FullTransient:
         """The history of chunks of rows, each an array for every name."""
         model, march = self.model, self.march
         arrays = [part[0] if len(part) == 1 else np.concatenate(part) for part in zip(*parts)]
-        return assembled(arrays, tuple(model.points), model.tips.names, march.step, model.damping, len(march.omega), model.rayleigh)
+        return assembled(
+            arrays,
+            tuple(model.points),
+            model.tips.names,
+            march.step,
+            model.damping,
+            len(march.omega),
+            model.rayleigh,
+        )
 
     def release(self) -> None:
         """Free the vector."""
         self.vector.destroy()
 
 
-def assembled(rows, points, tips, step, damping, modes, rayleigh, kind=FullTransient, **more) -> FullTransient:
+def assembled(
+    rows, points, tips, step, damping, modes, rayleigh, kind=FullTransient, **more
+) -> FullTransient:
     """A history from its rows, an array for each of what `_Rows.row` gives."""
     time, places, speeds, accelerations, force, gap, energies, intensity = rows
     at = [{name: field[:, k] for k, name in enumerate(points)} for field in (places, speeds, accelerations)]
-    return kind(time, *at, force, gap, Energy(*energies.T), step, damping, modes, rayleigh, {name: intensity[:, k] for k, name in enumerate(tips)}, **more)
+    return kind(
+        time,
+        *at,
+        force,
+        gap,
+        Energy(*energies.T),
+        step,
+        damping,
+        modes,
+        rayleigh,
+        {name: intensity[:, k] for k, name in enumerate(tips)},
+        **more,
+    )
 
 
-def _integrate(march: FullMarch, rows: _Rows, signals, force: np.ndarray, count: int, decimation: int, progress, record=None) -> FullTransient:
+def _integrate(
+    march: FullMarch,
+    rows: _Rows,
+    signals,
+    force: np.ndarray,
+    count: int,
+    decimation: int,
+    progress,
+    record=None,
+) -> FullTransient:
     """All steps, in chunks that end with a settled state."""
     step = march.step
 
@@ -238,7 +315,9 @@ def _set_start(march: FullMarch, units, signals, contact: bool, start) -> np.nda
     if isinstance(start, str):
         if start == "rest" or not units:
             return force
-        now = Loads(tuple(_scaled(unit, float(signal(np.zeros(1))[0])) for unit, signal in zip(units, signals)))
+        now = Loads(
+            tuple(_scaled(unit, float(signal(np.zeros(1))[0])) for unit, signal in zip(units, signals))
+        )
         found = static(model, now, contact=contact)
         march.u[: march.pencil.owned] = owned_values(model, found.field)
         force = found.contact_force[: march.pairs].copy()
@@ -251,4 +330,11 @@ def _set_start(march: FullMarch, units, signals, contact: bool, start) -> np.nda
 
 
 def _scaled(unit, factor: float):
-    return replace(unit, **{f.name: factor * getattr(unit, f.name) for f in fields(unit) if isinstance(getattr(unit, f.name), (int, float))})
+    return replace(
+        unit,
+        **{
+            f.name: factor * getattr(unit, f.name)
+            for f in fields(unit)
+            if isinstance(getattr(unit, f.name), (int, float))
+        },
+    )

@@ -39,7 +39,10 @@ def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarra
         except (TypeError, ValueError):
             right = False
         if not right:
-            raise ValueError(f"transient: the {what} of start must be a function of arrays x and y that gives two finite values or arrays, u_x and u_y")
+            raise ValueError(
+                f"transient: the {what} of start must be a function of arrays x and y that gives two finite "
+                "values or arrays, u_x and u_y"
+            )
     return field
 
 
@@ -54,7 +57,9 @@ def owned_values(model: Model, field: np.ndarray) -> np.ndarray:
 
 
 def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
-    """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K - omega^2 M) phi = 0."""
+    """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K -
+    omega^2 M) phi = 0.
+    """
     upper, lower = pencil.coupling.createVecs()[::-1]
     shapes = np.zeros((pencil.owned + lower.getLocalSize(), len(found.frequencies)), order="F")
     shapes[: pencil.owned] = found.shapes
@@ -70,7 +75,8 @@ def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
 def modal_start(model: Model, reduction: Reduction, start: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Modal coordinates and velocities Phi^T M u of functions of position.
 
-    Auxiliary unknowns start from zero: inside the S-elements that is the static displacement of what their boundaries do.
+    Auxiliary unknowns start from zero: inside the S-elements that is the static displacement of what their
+    boundaries do.
 
     Raises
     ------
@@ -82,9 +88,24 @@ def modal_start(model: Model, reduction: Reduction, start: tuple) -> tuple[np.nd
     model.comm.Allreduce(MPI.IN_PLACE, rows)
     mine = np.concatenate([rows, *(found.point_shapes[name].T for name in model.points)])
     theirs = np.concatenate([reduction.gap_modes, reduction.sensor_modes.reshape(-1, len(reduction.omega))])
-    signs = np.where((mine * theirs).sum(axis=0) < 0.0, -1.0, 1.0) if mine.shape == theirs.shape else np.ones(len(reduction.omega))
-    if mine.shape != theirs.shape or (np.linalg.norm(signs * mine - theirs, axis=0) > SAME * np.linalg.norm(theirs, axis=0).max(initial=0.0)).any():
-        raise on_all_ranks(ValueError("transient: the model's modes are not those of the reduction, or some have the same frequency and are not unique; give start in modal coordinates (q, v)"))
+    signs = (
+        np.where((mine * theirs).sum(axis=0) < 0.0, -1.0, 1.0)
+        if mine.shape == theirs.shape
+        else np.ones(len(reduction.omega))
+    )
+    if (
+        mine.shape != theirs.shape
+        or (
+            np.linalg.norm(signs * mine - theirs, axis=0)
+            > SAME * np.linalg.norm(theirs, axis=0).max(initial=0.0)
+        ).any()
+    ):
+        raise on_all_ranks(
+            ValueError(
+                "transient: the model's modes are not those of the reduction, or some have the same "
+                "frequency and are not unique; give start in modal coordinates (q, v)"
+            )
+        )
     pencil = Pencil(model, 1.0, 0.0)
     shapes, (field, product) = full_shapes(pencil, found), pencil.mass.createVecs()
     result = []

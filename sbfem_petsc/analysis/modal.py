@@ -30,11 +30,13 @@ class Modal:
     residuals : (n,) array
         ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode).
     shapes : (owned, n) array
-        This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x = 1).
+        This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x =
+        1).
     point_shapes : dict of str to (n, 2) array
         Displacement of each named point, on all ranks.
     auxiliary_inertia : (n, 2) array
-        Share of the auxiliary unknowns in the inertia force of a unit acceleration along x and y, per mode, on all ranks.
+        Share of the auxiliary unknowns in the inertia force of a unit acceleration along x and y, per mode,
+        on all ranks.
     solver : str
         Eigensolver and direct solver used.
     iterations : int
@@ -66,12 +68,22 @@ class Modal:
         return field
 
     def __repr__(self) -> str:
-        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:6]) + (", ..." if len(self.frequencies) > 6 else "")
-        return f"Modal({len(self.frequencies)} frequencies: {shown} Hz; largest residual {self.residuals.max(initial=0):.1e}; {self.solver})"
+        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:6]) + (
+            ", ..." if len(self.frequencies) > 6 else ""
+        )
+        return (
+            f"Modal({len(self.frequencies)} frequencies: {shown} Hz; largest residual "
+            f"{self.residuals.max(initial=0):.1e}; {self.solver})"
+        )
 
 
-def modal(model: Model, count: int | None = None, band: tuple[float, float] | None = None,
-          auxiliary_tolerance: float = 1e-5, verify: bool = True) -> Modal:
+def modal(
+    model: Model,
+    count: int | None = None,
+    band: tuple[float, float] | None = None,
+    auxiliary_tolerance: float = 1e-5,
+    verify: bool = True,
+) -> Modal:
     """Natural frequencies of the undamped structure, cracks open, no contact.
 
     Parameters
@@ -82,10 +94,12 @@ def modal(model: Model, count: int | None = None, band: tuple[float, float] | No
     band : (low, high), optional
         All frequencies in this band, Hz. Give either `count` or `band`.
     auxiliary_tolerance : float
-        Auxiliary unknowns of the continued fraction that contribute less to their S-element are left out, see `Pencil`. On the
-        paper's beam (46 frequencies) 1e-4 moves a frequency by 2e-7 at most, 1e-5 by 3e-8; 0 keeps all.
+        Auxiliary unknowns of the continued fraction that contribute less to their S-element are left out, see
+        `Pencil`. On the paper's beam (46 frequencies) 1e-4 moves a frequency by 2e-7 at most, 1e-5 by 3e-8; 0
+        keeps all.
     verify : bool
-        Count the eigenvalues by the inertia of one more factorisation (where MUMPS is there), so that none of a multiple one is missed.
+        Count the eigenvalues by the inertia of one more factorisation (where MUMPS is there), so that none of
+        a multiple one is missed.
 
     Returns
     -------
@@ -120,29 +134,40 @@ def modal(model: Model, count: int | None = None, band: tuple[float, float] | No
 
 def _check_request(model: Model, count, band, auxiliary_tolerance) -> None:
     if not (isinstance(auxiliary_tolerance, numbers.Real) and 0.0 <= auxiliary_tolerance < 1.0):
-        raise ValueError(f"modal: auxiliary_tolerance = {auxiliary_tolerance!r} must be between 0 (keep all) and 1")
+        raise ValueError(
+            f"modal: auxiliary_tolerance = {auxiliary_tolerance!r} must be between 0 (keep all) and 1"
+        )
     if (count is None) == (band is None):
         raise ValueError(f"modal: give either count or band (count = {count!r}, band = {band!r})")
     if count is not None:
         if isinstance(count, bool) or not isinstance(count, numbers.Integral):
             raise TypeError(f"modal: count = {count!r} must be an integer")
         if not 1 <= count <= model.boundary_unknowns // 2:
-            raise ValueError(f"modal: count = {count} must be between 1 and half the number of boundary unknowns ({model.boundary_unknowns // 2})")
-    elif not (isinstance(band, (tuple, list)) and len(band) == 2 and all(isinstance(b, numbers.Real) and math.isfinite(b) for b in band) and 0 <= band[0] < band[1]):
+            raise ValueError(
+                f"modal: count = {count} must be between 1 and half the number of boundary unknowns "
+                f"({model.boundary_unknowns // 2})"
+            )
+    elif not (
+        isinstance(band, (tuple, list))
+        and len(band) == 2
+        and all(isinstance(b, numbers.Real) and math.isfinite(b) for b in band)
+        and 0 <= band[0] < band[1]
+    ):
         raise ValueError(f"modal: band = {band!r} must be two frequencies 0 <= low < high in Hz")
 
 
 def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
     """The `count` lowest eigenpairs, none left out.
 
-    A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and may stop before;
-    the number of eigenvalues below the last ones found tells.
+    A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
+    may stop before; the number of eigenvalues below the last ones found tells.
     """
     wanted = count
     for attempt in range(4):
         found = _solve(pencil, wanted, 0.0, attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
-        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual, a slender beam's is larger
+        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual, a
+        # slender beam's is larger
         last = values[count - 1] * (1.0 - max(1e-6, 30.0 * float(found.residuals[:count].max())))
         if not verify or values[count - 1] <= _lowest_scale(pencil.model) * 1e-3:
             break  # below rigid-body modes there is nothing
@@ -151,19 +176,33 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
             break
         wanted = min(max(wanted, below) + 4, pencil.unknowns // 2)
     else:
-        raise on_all_ranks(SolveError(f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or tighten -modal_eps_tol"))
+        raise on_all_ranks(
+            SolveError(
+                f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the "
+                f"eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or "
+                "tighten -modal_eps_tol"
+            )
+        )
     return _selected(found, np.arange(count))
 
 
 def _selected(found: Modal, keep: np.ndarray) -> Modal:
     """Some of the modes."""
     points = {name: shape[keep] for name, shape in found.point_shapes.items()}
-    return replace(found, frequencies=found.frequencies[keep], residuals=found.residuals[keep], shapes=found.shapes[:, keep], point_shapes=points,
-                   auxiliary_inertia=found.auxiliary_inertia[keep])
+    return replace(
+        found,
+        frequencies=found.frequencies[keep],
+        residuals=found.residuals[keep],
+        shapes=found.shapes[:, keep],
+        point_shapes=points,
+        auxiliary_inertia=found.auxiliary_inertia[keep],
+    )
 
 
 def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: float, verify: bool) -> Modal:
-    """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and none is left out."""
+    """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and
+    none is left out.
+    """
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
@@ -172,7 +211,9 @@ def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: floa
     try:
         expected = None
         if verify and pencil.eigenvalues_below(ends[1]) is not None:
-            expected = pencil.eigenvalues_below(ends[1]) - (pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0)
+            expected = pencil.eigenvalues_below(ends[1]) - (
+                pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
+            )
             count = min(max(count, expected + 4), most)
         for attempt in range(12):
             found = _solve(pencil, min(count, most), middle, attempt)
@@ -186,11 +227,18 @@ def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: floa
             count = min(2 * count, most)
     finally:
         pencil.destroy()
-    raise on_all_ranks(SolveError(f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"))
+    raise on_all_ranks(
+        SolveError(
+            f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
+            f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
+        )
+    )
 
 
 def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal:
-    """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below zero."""
+    """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
+    zero.
+    """
     model = pencil.model
     shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
     solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
@@ -202,8 +250,9 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         eps.setOptionsPrefix("modal_")
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        # 1.75 vectors a pair are mostly enough without a restart. The tolerance is far below what an eigenvalue needs: it keeps the
-        # iteration going until the further vectors of multiple eigenvalues have come up; each new attempt gives it more room.
+        # 1.75 vectors a pair are mostly enough without a restart. The tolerance is far below what an
+        # eigenvalue needs: it keeps the iteration going until the further vectors of multiple eigenvalues
+        # have come up; each new attempt gives it more room.
         eps.setDimensions(count, max(count + 15, math.ceil((1.75 + 0.5 * attempt) * count)))
         eps.setTolerances((1e-12, 1e-14)[min(attempt, 1)], 200)
         eps.setPurify(False)  # the mass is definite: no infinite eigenvalues to purify from
@@ -220,10 +269,18 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         eps.solve()
         converged = eps.getConverged()
         if converged < count:
-            raise on_all_ranks(SolveError(f"modal: SLEPc found {converged} of {count} eigenpairs (reason {eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
-                                          "raise -modal_eps_max_it or -modal_eps_ncv, or choose another -modal_st_pc_factor_mat_solver_type"))
+            raise on_all_ranks(
+                SolveError(
+                    f"modal: SLEPc found {converged} of {count} eigenpairs (reason "
+                    f"{eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
+                    "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
+                    "-modal_st_pc_factor_mat_solver_type"
+                )
+            )
         values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-        return _collect(pencil, eps, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}")
+        return _collect(
+            pencil, eps, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
+        )
     finally:
         # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
         for item in (inner, outer, st, eps):
@@ -244,14 +301,28 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     vectors.assemble()
     products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
     kx, mx = (product.getDenseArray() for product in products)
-    sums = np.stack([(array * mx).sum(axis=0), (mx * mx).sum(axis=0), ((kx - values * mx) ** 2).sum(axis=0), (array * array).sum(axis=0)])
+    sums = np.stack(
+        [
+            (array * mx).sum(axis=0),
+            (mx * mx).sum(axis=0),
+            ((kx - values * mx) ** 2).sum(axis=0),
+            (array * array).sum(axis=0),
+        ]
+    )
     model.comm.Allreduce(MPI.IN_PLACE, sums)
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
     floor = _lowest_scale(model) if not model.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
     residuals = np.sqrt(sums[2]) / sizes
-    # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit first
-    round_off = 1e3 * np.finfo(float).eps * pencil.stiffness.norm(PETSc.NormType.NORM_INFINITY) * np.sqrt(sums[3]) / sizes
+    # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
+    # first
+    round_off = (
+        1e3
+        * np.finfo(float).eps
+        * pencil.stiffness.norm(PETSc.NormType.NORM_INFINITY)
+        * np.sqrt(sums[3])
+        / sizes
+    )
     shapes = array[: pencil.owned] / np.sqrt(sums[0])
     inertia = (array[pencil.owned :] / np.sqrt(sums[0])).T @ pencil.auxiliary_translation()
     model.comm.Allreduce(MPI.IN_PLACE, inertia)
@@ -260,12 +331,30 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
         item.destroy()
     if not (residuals <= np.maximum(RESIDUAL_LIMIT, round_off)).all():
         worst = int(np.argmax(residuals / np.maximum(RESIDUAL_LIMIT, round_off)))
-        raise on_all_ranks(SolveError(f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than {RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another -modal_st_pc_factor_mat_solver_type"))
-    return Modal(np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi), residuals, shapes, model.at_points(shapes), inertia, solver, iterations, pencil.unknowns, model)
+        raise on_all_ranks(
+            SolveError(
+                f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
+                f"{RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another "
+                "-modal_st_pc_factor_mat_solver_type"
+            )
+        )
+    return Modal(
+        np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
+        residuals,
+        shapes,
+        model.at_points(shapes),
+        inertia,
+        solver,
+        iterations,
+        pencil.unknowns,
+        model,
+    )
 
 
 def _lowest_scale(model: Model) -> float:
-    """A positive omega^2 well below the elastic modes of a free structure of the model's extent, (rad/s)^2."""
+    """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
+    (rad/s)^2.
+    """
     length = float(np.linalg.norm(model.extent[1] - model.extent[0]))
     speed2 = min(m.modulus / m.density for m in model.materials)
     return 1e-4 * speed2 / length**2

@@ -1,4 +1,6 @@
-"""What every history in modal coordinates can be asked: motion of points, gaps, forces, stress intensity factors."""
+"""What every history in modal coordinates can be asked: motion of points, gaps, forces, stress intensity
+factors.
+"""
 
 from __future__ import annotations
 
@@ -38,8 +40,12 @@ class ModalHistory:
     def modal_acceleration(self) -> np.ndarray:
         """(n, m): second derivative of q, from the equations of motion."""
         r = self.reduction
-        return (self.amplitudes @ r.load_modes.T + self.contact_force @ r.gap_modes
-                - 2.0 * r.damping * r.omega * self.modal_velocity - r.omega**2 * self.modal_displacement)
+        return (
+            self.amplitudes @ r.load_modes.T
+            + self.contact_force @ r.gap_modes
+            - 2.0 * r.damping * r.omega * self.modal_velocity
+            - r.omega**2 * self.modal_displacement
+        )
 
     @property
     def contact_resultant(self) -> np.ndarray:
@@ -50,15 +56,26 @@ class ModalHistory:
     def gap(self) -> np.ndarray:
         """(n, pairs): gaps, m."""
         r = self.reduction
-        return self.modal_displacement @ r.gap_modes.T + self.contact_force @ r.gap_flexibility.T + self.amplitudes @ r.gap_loads.T + r.initial_gap
+        return (
+            self.modal_displacement @ r.gap_modes.T
+            + self.contact_force @ r.gap_flexibility.T
+            + self.amplitudes @ r.gap_loads.T
+            + r.initial_gap
+        )
 
     def displacement(self, point: str) -> np.ndarray:
         """(n, 2): displacement of a named point, m."""
         k, r = self._index(point), self.reduction
-        return self.modal_displacement @ r.sensor_modes[k].T + self.amplitudes @ r.sensor_loads[k].T + self.contact_force @ r.sensor_pairs[k].T
+        return (
+            self.modal_displacement @ r.sensor_modes[k].T
+            + self.amplitudes @ r.sensor_loads[k].T
+            + self.contact_force @ r.sensor_pairs[k].T
+        )
 
     def velocity(self, point: str) -> np.ndarray:
-        """(n, 2): velocity of a named point, m/s, of the modes (the residual flexibility moves without inertia and is left out)."""
+        """(n, 2): velocity of a named point, m/s, of the modes (the residual flexibility moves without
+        inertia and is left out).
+        """
         return self.modal_velocity @ self.reduction.sensor_modes[self._index(point)].T
 
     def acceleration(self, point: str) -> np.ndarray:
@@ -69,11 +86,19 @@ class ModalHistory:
         """(n, 2): K_I and K_II of a tip, Pa m^(1/2)."""
         r = self.reduction
         if crack not in r.tips:
-            raise UnknownName(f"crack {crack!r} does not exist; the model has {', '.join(map(repr, r.tips)) or 'none'}")
+            raise UnknownName(
+                f"crack {crack!r} does not exist; the model has {', '.join(map(repr, r.tips)) or 'none'}"
+            )
         k = r.tips.index(crack)
-        return self.modal_displacement @ r.tip_modes[k].T + self.amplitudes @ r.tip_loads[k].T + self.contact_force @ r.tip_pairs[k].T
+        return (
+            self.modal_displacement @ r.tip_modes[k].T
+            + self.amplitudes @ r.tip_loads[k].T
+            + self.contact_force @ r.tip_pairs[k].T
+        )
 
     def _index(self, point: str) -> int:
         if point not in self.reduction.points:
-            raise UnknownName(f"point {point!r} does not exist; the model has {', '.join(map(repr, self.reduction.points))}")
+            raise UnknownName(
+                f"point {point!r} does not exist; the model has {', '.join(map(repr, self.reduction.points))}"
+            )
         return self.reduction.points.index(point)

@@ -1,4 +1,6 @@
-"""Nonlinear response curves: branches of periodic motions over the frequency or the load, their stability and bifurcations."""
+"""Nonlinear response curves: branches of periodic motions over the frequency or the load, their stability and
+bifurcations.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,17 @@ from ..system.model import Model
 from .bifurcations import Bifurcation, between, locate
 from .continuation import Station, Trace
 from .harmonic import one_sided
-from .periodic import FLOOR, LONGEST, Orbit, make_orbit, modal_motion, multiplier_error, periodic, prepare, _axis
+from .periodic import (
+    FLOOR,
+    LONGEST,
+    Orbit,
+    _axis,
+    make_orbit,
+    modal_motion,
+    multiplier_error,
+    periodic,
+    prepare,
+)
 from .shooting import Period, Shot
 from .stability import multipliers
 
@@ -29,7 +41,8 @@ from .stability import multipliers
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
 EVEN, ABOUT = 201, 41
-# A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the shortest chord that is divided, times.
+# A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the
+# shortest chord that is divided, times.
 BEND, SHORT, PASSES = 0.3, 0.01, 3
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
@@ -61,7 +74,8 @@ class Curve:
     multipliers : (n, k) complex array
         By falling modulus; k = 0 for a linear response.
     multiplier_error : (n,) array
-        Uncertainty of the largest modulus, measured on the points next to a change of the verdict, nan elsewhere.
+        Uncertainty of the largest modulus, measured on the points next to a change of the verdict, nan
+        elsewhere.
     iterations : (n,) int array
         Newton iterations.
     bifurcations : tuple of Bifurcation
@@ -109,8 +123,14 @@ class Curve:
 
     @property
     def stable(self) -> np.ndarray:
-        """(n,) bool, True throughout where stability was not asked for: no multiplier outside the unit circle by more than the uncertainty."""
-        return np.abs(self.multipliers[:, 0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR) if self.multipliers.shape[1] else np.ones(len(self.value), dtype=bool)
+        """(n,) bool, True throughout where stability was not asked for: no multiplier outside the unit circle
+        by more than the uncertainty.
+        """
+        return (
+            np.abs(self.multipliers[:, 0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR)
+            if self.multipliers.shape[1]
+            else np.ones(len(self.value), dtype=bool)
+        )
 
     @property
     def converged(self) -> np.ndarray:
@@ -129,7 +149,7 @@ class Curve:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
         return self.point_subharmonics[:, self._index(point), _axis(direction)]
 
-    def peak(self, point: str) -> "Peak":
+    def peak(self, point: str) -> Peak:
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
 
@@ -141,19 +161,28 @@ class Curve:
         return make_orbit(shot, self.multipliers[k], float(self.multiplier_error[k]), "point of a curve")
 
     def _driven(self, value: float):
-        return self.period.at(value) if self.parameter == "frequency" else self.period.at(self.fixed_frequency, value)
+        return (
+            self.period.at(value)
+            if self.parameter == "frequency"
+            else self.period.at(self.fixed_frequency, value)
+        )
 
     def _index(self, point: str) -> int:
         if point not in self.points:
-            raise UnknownName(f"point {point!r} does not exist; the model has {', '.join(map(repr, self.points))}")
+            raise UnknownName(
+                f"point {point!r} does not exist; the model has {', '.join(map(repr, self.points))}"
+            )
         return self.points.index(point)
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
         asked = self.multipliers.shape[1] or not self.period.pairs
         verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
-        return (f"Curve({len(self.value)} points over {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}{unit}, {verdict}, "
-                f"{len(self.bifurcations)} bifurcations, {self.reason})")
+        return (
+            f"Curve({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
+            f"{self.value.max():.6g}{unit}, {verdict}, "
+            f"{len(self.bifurcations)} bifurcations, {self.reason})"
+        )
 
 
 @dataclass(frozen=True)
@@ -187,37 +216,71 @@ class Peak:
 
 
 def find_peak(value: np.ndarray, amplitude: np.ndarray) -> Peak:
-    """Peak and half-power frequencies of a curve given in order of arc length; parabola through the three highest points."""
+    """Peak and half-power frequencies of a curve given in order of arc length; parabola through the three
+    highest points.
+    """
     top = int(np.argmax(amplitude))
     frequency, height = float(value[top]), float(amplitude[top])
     if 0 < top < len(value) - 1:
-        arc = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(value[top - 1:top + 2]) / np.ptp(value), np.diff(amplitude[top - 1:top + 2]) / height))])
-        bend = np.polyfit(arc, amplitude[top - 1:top + 2], 2)
+        arc = np.concatenate(
+            [
+                [0.0],
+                np.cumsum(
+                    np.hypot(
+                        np.diff(value[top - 1 : top + 2]) / np.ptp(value),
+                        np.diff(amplitude[top - 1 : top + 2]) / height,
+                    )
+                ),
+            ]
+        )
+        bend = np.polyfit(arc, amplitude[top - 1 : top + 2], 2)
         if bend[0] < 0.0:
             at = -0.5 * bend[1] / bend[0]
             if arc[0] <= at <= arc[2]:
-                frequency, height = float(np.polyval(np.polyfit(arc, value[top - 1:top + 2], 2), at)), float(np.polyval(bend, at))
+                frequency, height = (
+                    float(np.polyval(np.polyfit(arc, value[top - 1 : top + 2], 2), at)),
+                    float(np.polyval(bend, at)),
+                )
     level = height / math.sqrt(2.0)
 
     def crossing(indices) -> float:
         for a, b in zip(indices[:-1], indices[1:]):
             if amplitude[a] >= level > amplitude[b]:
-                return float(value[a] + (value[b] - value[a]) * (amplitude[a] - level) / (amplitude[a] - amplitude[b]))
+                return float(
+                    value[a] + (value[b] - value[a]) * (amplitude[a] - level) / (amplitude[a] - amplitude[b])
+                )
         return math.nan
 
     left, right = crossing(range(top, -1, -1)), crossing(range(top, len(value)))
     return Peak(frequency, height, *((left, right) if not left > right else (right, left)))
 
 
-def frequency_response(model: Model | Reduction, load, start: float, stop: float, contact: bool = True, periods: int | None = None, steps: int | None = None, modes: int | None = None,
-                       reduction: Reduction | str = "modes", first: Orbit | None = None, points: int = 400, largest_step: float = math.inf, stability: bool = True, file: str | None = None,
-                       resume: bool = False, progress: Callable[[float], None] | str | None = "auto") -> Curve:
-    """Follow the periodic response over the forcing frequency, through folds; without contact the linear response.
+def frequency_response(
+    model: Model | Reduction,
+    load,
+    start: float,
+    stop: float,
+    contact: bool = True,
+    periods: int | None = None,
+    steps: int | None = None,
+    modes: int | None = None,
+    reduction: Reduction | str = "modes",
+    first: Orbit | None = None,
+    points: int = 400,
+    largest_step: float = math.inf,
+    stability: bool = True,
+    file: str | None = None,
+    resume: bool = False,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> Curve:
+    """Follow the periodic response over the forcing frequency, through folds; without contact the linear
+    response.
 
     Parameters
     ----------
     model : Model or Reduction
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a Reduction a value for each of its unit loads
+    load : PointForce, EdgeLoad, a sum or a sequence of them; for a Reduction a value for each of its unit
+    loads
         Numbers are amplitudes of sin(2 pi f t) at the swept frequency; `Constant` signals are preloads.
     start, stop : float
         Hz; `stop` below `start` sweeps downwards.
@@ -225,7 +288,8 @@ def frequency_response(model: Model | Reduction, load, start: float, stop: float
     periods, steps, modes, reduction
         See `periodic`.
     first : Orbit, optional
-        A motion at `start` on the branch that is wanted, of its own number of periods. Default: the one `periodic` finds.
+        A motion at `start` on the branch that is wanted, of its own number of periods. Default: the one
+        `periodic` finds.
     points : int
         Points at most.
     largest_step : float
@@ -244,66 +308,158 @@ def frequency_response(model: Model | Reduction, load, start: float, stop: float
     ValueError, TypeError, KeyError
         For input that makes no sense.
     SolveError
-        If there is no first point, or if the curve comes to a stop within the range; the points so far are its attribute `curve`, and in `file`.
+        If there is no first point, or if the curve comes to a stop within the range; the points so far are
+        its attribute `curve`, and in `file`.
     """
     with collective(communicator(model)):
         for name, value in (("start", start), ("stop", stop)):
             positive("frequency_response", name, value, "Hz")
         if start == stop:
-            raise ValueError(f"frequency_response: start and stop are both {start:g} Hz; give a range, or use periodic")
+            raise ValueError(
+                f"frequency_response: start and stop are both {start:g} Hz; give a range, or use periodic"
+            )
         if first is not None and abs(first.frequency - start) > 1e-9 * start:
-            raise ValueError(f"frequency_response: first is at {first.frequency:g} Hz, not at start = {start:g} Hz")
+            raise ValueError(
+                f"frequency_response: first is at {first.frequency:g} Hz, not at start = {start:g} Hz"
+            )
         _check_step("frequency_response", largest_step)
         _amplitudes_only("frequency_response", load, model)
         if first is not None and periods not in (None, first.periods):
-            raise ValueError(f"frequency_response: first takes {first.periods} forcing periods, not periods = {periods}")
+            raise ValueError(
+                f"frequency_response: first takes {first.periods} forcing periods, not periods = {periods}"
+            )
     if first is not None:
         periods, steps = first.periods, len(first.time) // first.periods if steps is None else steps
     periods = 1 if periods is None else periods
     highest = max(start, stop)
     if not contact:
-        period = prepare(model, load, highest, periods, INSTANTS, modes, False, reduction, None, "auto", LONGEST)
+        period = prepare(
+            model, load, highest, periods, INSTANTS, modes, False, reduction, None, "auto", LONGEST
+        )
         return _linear(period, start, stop)
     if first is None:
         # the mode count is that of the highest frequency
-        reduction = prepare(model, load, highest, periods, steps, modes, True, reduction, None, "auto", LONGEST).reduction
-    period = prepare(model, load, start, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
+        reduction = prepare(
+            model, load, highest, periods, steps, modes, True, reduction, None, "auto", LONGEST
+        ).reduction
+    period = prepare(
+        model,
+        load,
+        start,
+        periods,
+        steps,
+        modes,
+        True,
+        first.reduction if first else reduction,
+        first,
+        "auto",
+        LONGEST,
+    )
 
     def begin() -> np.ndarray:
-        return periodic(model, load, start, periods, steps, reduction=period.reduction, start=first, stability=False).state
+        return periodic(
+            model, load, start, periods, steps, reduction=period.reduction, start=first, stability=False
+        ).state
 
-    return _follow(model, period, "frequency", start, stop, begin, points, largest_step, stability, file, resume, progress, None)
+    return _follow(
+        model,
+        period,
+        "frequency",
+        start,
+        stop,
+        begin,
+        points,
+        largest_step,
+        stability,
+        file,
+        resume,
+        progress,
+        None,
+    )
 
 
-def load_response(model: Model | Reduction, load, frequency: float, start: float = 0.0, stop: float = 1.0, periods: int = 1, steps: int | None = None, modes: int | None = None,
-                  reduction: Reduction | str = "modes", first: Orbit | None = None, points: int = 400, largest_step: float = math.inf, stability: bool = True, file: str | None = None,
-                  resume: bool = False, progress: Callable[[float], None] | str | None = "auto") -> Curve:
-    """Follow the periodic response over a factor on the oscillating loads at a fixed frequency; constant loads stay.
+def load_response(
+    model: Model | Reduction,
+    load,
+    frequency: float,
+    start: float = 0.0,
+    stop: float = 1.0,
+    periods: int = 1,
+    steps: int | None = None,
+    modes: int | None = None,
+    reduction: Reduction | str = "modes",
+    first: Orbit | None = None,
+    points: int = 400,
+    largest_step: float = math.inf,
+    stability: bool = True,
+    file: str | None = None,
+    resume: bool = False,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> Curve:
+    """Follow the periodic response over a factor on the oscillating loads at a fixed frequency; constant
+    loads stay.
 
     Parameters
     ----------
     start, stop : float
         Factors; not negative.
-    load, frequency, periods, steps, modes, reduction, first, points, largest_step, stability, file, resume, progress
+    load, frequency, periods, steps, modes, reduction, first, points, largest_step, stability, file, resume,
+    progress
         See `frequency_response`; `first` is an orbit at the factor `start`.
     """
     with collective(communicator(model)):
         for name, value in (("start", start), ("stop", stop)):
-            if isinstance(value, bool) or not isinstance(value, numbers.Real) or not (math.isfinite(value) and value >= 0.0):
+            if (
+                isinstance(value, bool)
+                or not isinstance(value, numbers.Real)
+                or not (math.isfinite(value) and value >= 0.0)
+            ):
                 raise ValueError(f"load_response: {name} = {value!r} must be a factor, 0 or more")
         if start == stop:
-            raise ValueError(f"load_response: start and stop are both {start:g}; give a range, or use periodic")
+            raise ValueError(
+                f"load_response: start and stop are both {start:g}; give a range, or use periodic"
+            )
         if first is not None and abs(first.frequency - frequency) > 1e-9 * frequency:
-            raise ValueError(f"load_response: first is at {first.frequency:g} Hz, not at frequency = {frequency:g} Hz")
+            raise ValueError(
+                f"load_response: first is at {first.frequency:g} Hz, not at frequency = {frequency:g} Hz"
+            )
         _check_step("load_response", largest_step)
-    period = prepare(model, load, frequency, periods, steps, modes, True, first.reduction if first else reduction, first, "auto", LONGEST)
+    period = prepare(
+        model,
+        load,
+        frequency,
+        periods,
+        steps,
+        modes,
+        True,
+        first.reduction if first else reduction,
+        first,
+        "auto",
+        LONGEST,
+    )
 
     def begin() -> np.ndarray:
         from .shooting import shoot
 
-        return shoot(period, first.state if first else period.at(frequency, start).linear_state, frequency, start).state
+        return shoot(
+            period, first.state if first else period.at(frequency, start).linear_state, frequency, start
+        ).state
 
-    return _follow(model, period, "load", start, stop, begin, points, largest_step, stability, file, resume, progress, frequency)
+    return _follow(
+        model,
+        period,
+        "load",
+        start,
+        stop,
+        begin,
+        points,
+        largest_step,
+        stability,
+        file,
+        resume,
+        progress,
+        frequency,
+    )
 
 
 def _check_step(what: str, largest_step: float) -> None:
@@ -319,16 +475,39 @@ def _amplitudes_only(what: str, load, model) -> None:
         values = [pair for item in as_loads(load).parts for pair in vars(item).items()]
     for name, value in values:
         if isinstance(value, Signal) and not isinstance(value, Constant):
-            raise ValueError(f"{what}: {name} = {value!r} does not follow the swept frequency; give a number, the amplitude of sin(2 pi f t), or a Constant")
+            raise ValueError(
+                f"{what}: {name} = {value!r} does not follow the swept frequency; give a number, the "
+                "amplitude of sin(2 pi f t), or a Constant"
+            )
 
 
-def _follow(model: Model | Reduction, period: Period, name: str, start: float, stop: float, begin, most: int, largest_step: float, stability: bool, file, resume: bool, progress, frequency) -> Curve:
+def _follow(
+    model: Model | Reduction,
+    period: Period,
+    name: str,
+    start: float,
+    stop: float,
+    begin,
+    most: int,
+    largest_step: float,
+    stability: bool,
+    file,
+    resume: bool,
+    progress,
+    frequency,
+) -> Curve:
     """Trace a branch, with a record of it in a file."""
     if not period.drive.orders.any():
-        raise on_all_ranks(ValueError(f"{name}_response: no load oscillates; give a number, the amplitude of sin(2 pi f t)"))
+        raise on_all_ranks(
+            ValueError(f"{name}_response: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
+        )
     from ..results.curves import CurveFile  # stands above this module
 
-    record = CurveFile(communicator(model), file, resume, period, name, start, stop, frequency) if file is not None else None
+    record = (
+        CurveFile(communicator(model), file, resume, period, name, start, stop, frequency)
+        if file is not None
+        else None
+    )
     if record is not None and record.former is not None:
         period = Period(record.reduction, period.drive, period.steps, period.pairs > 0)
     rows = _Rows(period, stability)
@@ -339,11 +518,27 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
     def station(state: np.ndarray, value: float) -> Station:
         point = driven(value)
         motion = point.run(state)
-        return Station(Shot(state, np.array([value]), point, motion, (float(np.linalg.norm(motion.residual)),)), value)
+        return Station(
+            Shot(state, np.array([value]), point, motion, (float(np.linalg.norm(motion.residual)),)), value
+        )
 
     former = record.former if record is not None else None
-    stations = [station(state, value) for state, value in zip(*former[:2])] if former is not None else [station(begin(), start)]
-    trace = Trace(period, stations[0], name, min(start, stop), max(start, stop), 1 if stop > start else -1, driven, most, largest_step)
+    stations = (
+        [station(state, value) for state, value in zip(*former[:2])]
+        if former is not None
+        else [station(begin(), start)]
+    )
+    trace = Trace(
+        period,
+        stations[0],
+        name,
+        min(start, stop),
+        max(start, stop),
+        1 if stop > start else -1,
+        driven,
+        most,
+        largest_step,
+    )
     trace.stations = stations
     if former is not None:
         trace.length = former[2]
@@ -351,11 +546,31 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
         rows.add(item)
 
     def curve(finished: bool) -> Curve:
-        arrived = len(trace.stations) > 1 and (trace.stations[-1].value >= trace.upper if stop > start else trace.stations[-1].value <= trace.lower)
+        arrived = len(trace.stations) > 1 and (
+            trace.stations[-1].value >= trace.upper
+            if stop > start
+            else trace.stations[-1].value <= trace.lower
+        )
         bifurcations = tuple(locate(trace, rows.found)) if finished and stability else ()
-        error = _uncertainty(trace, rows.found, frequency) if finished and stability else np.full(len(trace.stations), np.nan)
-        return Curve(name, np.array([s.value for s in trace.stations]), np.array([s.shot.state for s in trace.stations]), *rows.arrays(), error,
-                     np.array([len(s.shot.residuals) - 1 for s in trace.stations]), bifurcations, trace.reason or "unfinished", arrived, period.drive.periods, period, frequency)
+        error = (
+            _uncertainty(trace, rows.found, frequency)
+            if finished and stability
+            else np.full(len(trace.stations), np.nan)
+        )
+        return Curve(
+            name,
+            np.array([s.value for s in trace.stations]),
+            np.array([s.shot.state for s in trace.stations]),
+            *rows.arrays(),
+            error,
+            np.array([len(s.shot.residuals) - 1 for s in trace.stations]),
+            bifurcations,
+            trace.reason or "unfinished",
+            arrived,
+            period.drive.periods,
+            period,
+            frequency,
+        )
 
     with progress_bar(communicator(model), f"{name} response", progress) as told:
         if not (len(stations) > 1 and not trace.lower < stations[-1].value < trace.upper):
@@ -371,9 +586,17 @@ def _follow(model: Model | Reduction, period: Period, name: str, start: float, s
     if record is not None:
         record.update(lambda: result, trace.length, last=True)
     if len(trace.stations) >= most:
-        warnings.warn(f"{name}_response: the curve ends at {result.value[-1]:.8g} after {most} points, before {stop:.8g}; raise points, or take more steps a period if it zigzags", CurveWarning, stacklevel=3)
+        warnings.warn(
+            f"{name}_response: the curve ends at {result.value[-1]:.8g} after {most} points, before "
+            f"{stop:.8g}; raise points, or take more steps a period if it zigzags",
+            CurveWarning,
+            stacklevel=3,
+        )
     elif trace.lower < result.value[-1] < trace.upper:
-        error = SolveError(f"{name}_response: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: {trace.reason}; take more steps a period, or see -shooting_snes_monitor")
+        error = SolveError(
+            f"{name}_response: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "
+            f"{trace.reason}; take more steps a period, or see -shooting_snes_monitor"
+        )
         error.curve = result
         raise on_all_ranks(error)
     return result
@@ -391,12 +614,20 @@ class _Rows:
         r, shot = self.period.reduction, station.shot
         q, _ = modal_motion(shot.driven, shot.motion)
         forces, pairs = shot.motion.forces[:-1], self.period.pairs
-        u = (np.einsum("pim,nm->npi", r.sensor_modes, q[:-1], optimize=True) + np.einsum("pil,nl->npi", r.sensor_loads, shot.driven.loads[:-1], optimize=True)
-             + np.einsum("pic,nc->npi", r.sensor_pairs[..., :pairs], forces, optimize=True))
+        u = (
+            np.einsum("pim,nm->npi", r.sensor_modes, q[:-1], optimize=True)
+            + np.einsum("pil,nl->npi", r.sensor_loads, shot.driven.loads[:-1], optimize=True)
+            + np.einsum("pic,nc->npi", r.sensor_pairs[..., :pairs], forces, optimize=True)
+        )
         spectrum, periods = one_sided(u), self.period.drive.periods
         found = multipliers(shot.driven, shot.motion) if self.stability else None
-        row = (np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1), 0.5 * np.ptp(u[..., 1], axis=0), np.moveaxis(spectrum[:periods], 0, -1),
-               forces.sum(axis=1).max(initial=0.0), found.values if found is not None else np.zeros(0, dtype=complex))
+        row = (
+            np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
+            0.5 * np.ptp(u[..., 1], axis=0),
+            np.moveaxis(spectrum[:periods], 0, -1),
+            forces.sum(axis=1).max(initial=0.0),
+            found.values if found is not None else np.zeros(0, dtype=complex),
+        )
         place = len(self.rows) if place is None else place
         self.rows.insert(place, row)
         self.found.insert(place, found)
@@ -407,7 +638,9 @@ class _Rows:
 
 
 def _refine(trace: Trace, rows: _Rows) -> None:
-    """Points between those where the amplitude of a named point bends sharply over the parameter, so that peaks stand where they are."""
+    """Points between those where the amplitude of a named point bends sharply over the parameter, so that
+    peaks stand where they are.
+    """
     for _ in range(PASSES):
         stations = trace.stations
         value, amplitude = np.array([s.value for s in stations]) / trace.range, rows.arrays()[1]
@@ -431,7 +664,9 @@ def _refine(trace: Trace, rows: _Rows) -> None:
 
 
 def _uncertainty(trace: Trace, found, frequency: float | None) -> np.ndarray:
-    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan elsewhere."""
+    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan
+    elsewhere.
+    """
     stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
     changes = np.flatnonzero(stable[1:] != stable[:-1])
     result = np.full(len(found), np.nan)
@@ -447,7 +682,10 @@ def _linear(period: Period, start: float, stop: float) -> Curve:
     r = period.reduction
     lower, upper = min(start, stop), max(start, stop)
     inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
-    near = [f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT if z else ABOUT - 1))) for f, z in inside]  # an even number leaves out a resonance without damping
+    near = [
+        f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT if z else ABOUT - 1)))
+        for f, z in inside
+    ]  # an even number leaves out a resonance without damping
     values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
@@ -457,4 +695,16 @@ def _linear(period: Period, start: float, stop: float) -> Curve:
         motion = driven.run(driven.linear_state)
         states.append(driven.linear_state)
         rows.add(Station(Shot(driven.linear_state, np.zeros(0), driven, motion, (0.0,)), float(value)))
-    return Curve("frequency", values, np.array(states), *rows.arrays(), np.full(len(values), np.nan), np.zeros(len(values), dtype=int), (), f"end of the range at {values[-1]:g}", True, period.drive.periods, period)
+    return Curve(
+        "frequency",
+        values,
+        np.array(states),
+        *rows.arrays(),
+        np.full(len(values), np.nan),
+        np.zeros(len(values), dtype=int),
+        (),
+        f"end of the range at {values[-1]:g}",
+        True,
+        period.drive.periods,
+        period,
+    )

@@ -1,7 +1,9 @@
-"""One period of a reduced model as a map, its exact derivative, and its fixed points by SNES (prefix ``shooting_``).
+"""One period of a reduced model as a map, its exact derivative, and its fixed points by SNES (prefix
+``shooting_``).
 
-The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state is subtracted in closed form:
-what is integrated is the difference z, driven by contact alone, so that a motion without contact is exact whatever the step.
+The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
+is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
+motion without contact is exact whatever the step.
 """
 
 from __future__ import annotations
@@ -71,7 +73,7 @@ class Period:
         self.phases = drive.phases(steps)
         self._prepared = {}
 
-    def at(self, frequency: float, factor: float = 1.0) -> "DrivenPeriod":
+    def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
         """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
         key = (frequency, factor)
         if key not in self._prepared:
@@ -94,8 +96,14 @@ class DrivenPeriod:
         self.amplitudes, self._slopes = p.drive.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.drive.orders[:, None] / self.duration
         self.loads = (p.phases @ p.drive.scaled(factor).amplitudes).real
-        self.free_gap = ((p.phases @ (self.amplitudes @ p.right)).real @ p.left.T + self.loads @ r.gap_loads[: p.pairs].T + r.initial_gap[: p.pairs])
-        self.linear_state = self._state(self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real)
+        self.free_gap = (
+            (p.phases @ (self.amplitudes @ p.right)).real @ p.left.T
+            + self.loads @ r.gap_loads[: p.pairs].T
+            + r.initial_gap[: p.pairs]
+        )
+        self.linear_state = self._state(
+            self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
+        )
 
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
@@ -106,40 +114,87 @@ class DrivenPeriod:
         difference = state - self.linear_state
         q, v = difference[:m] / p.weights, difference[m:].copy()
         force, active = np.zeros(p.pairs), np.zeros(p.pairs, dtype=bool)
-        states, velocities, forces = np.empty((steps + 1, m)), np.empty((steps + 1, m)), np.zeros((steps + 1, p.pairs))
+        states, velocities, forces = (
+            np.empty((steps + 1, m)),
+            np.empty((steps + 1, m)),
+            np.zeros((steps + 1, p.pairs)),
+        )
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         reached, settled = 0, 0
         if (gap < 0.0).any():
             active[:] = gap < 0.0
-            settled = contact_forces(p.residual_flexibility, gap, active, np.empty((p.pairs, p.pairs)), np.empty(p.pairs, dtype=np.int64), -1, force)[1]
+            settled = contact_forces(
+                p.residual_flexibility,
+                gap,
+                active,
+                np.empty((p.pairs, p.pairs)),
+                np.empty(p.pairs, dtype=np.int64),
+                -1,
+                force,
+            )[1]
         states[0], velocities[0], forces[0] = q, v, force
         if settled >= 0:
-            reached, _ = march(self.coefficients, p.left, p.right, self.flexibility, np.zeros((steps + 1, m)), self.free_gap, q, v, force, active, states[1:], velocities[1:], forces[1:])
+            reached, _ = march(
+                self.coefficients,
+                p.left,
+                p.right,
+                self.flexibility,
+                np.zeros((steps + 1, m)),
+                self.free_gap,
+                q,
+                v,
+                force,
+                active,
+                states[1:],
+                velocities[1:],
+                forces[1:],
+            )
         if reached < steps:
-            raise on_all_ranks(SolveError(f"periodic: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz was not solved; use more steps, or pairs of like size"))
+            raise on_all_ranks(
+                SolveError(
+                    f"periodic: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
+                    "was not solved; use more steps, or pairs of like size"
+                )
+            )
         return Motion(self._state(q, v) - difference, states, velocities, forces)
 
-    def carried(self, motion: Motion, columns: np.ndarray, parameters: tuple[str, ...] = (), located: bool = False) -> np.ndarray:
-        """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters, "frequency" or "load", at fixed x(0).
+    def carried(
+        self, motion: Motion, columns: np.ndarray, parameters: tuple[str, ...] = (), located: bool = False
+    ) -> np.ndarray:
+        """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters,
+        "frequency" or "load", at fixed x(0).
 
-        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside a step (see `located_operators`); without parameters.
+        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
+        a step (see `located_operators`); without parameters.
         """
         p, m, steps = self.period, self.period.modes, self.period.steps
         sources, speed_sources = np.zeros((steps, m, len(parameters))), np.zeros((steps, m, len(parameters)))
-        gap_rates, starts, ends = np.zeros((steps + 1, p.pairs, len(parameters))), np.zeros((2 * m, len(parameters))), np.zeros((2 * m, len(parameters)))
+        gap_rates, starts, ends = (
+            np.zeros((steps + 1, p.pairs, len(parameters))),
+            np.zeros((2 * m, len(parameters))),
+            np.zeros((2 * m, len(parameters))),
+        )
         for k, name in enumerate(parameters):
-            gap_rates[:, :, k], shift = self._frequency_rates(motion, sources[:, :, k], speed_sources[:, :, k]) if name == "frequency" else self._load_rates()
+            gap_rates[:, :, k], shift = (
+                self._frequency_rates(motion, sources[:, :, k], speed_sources[:, :, k])
+                if name == "frequency"
+                else self._load_rates()
+            )
             starts[:, k], ends[:, k] = -shift, shift
         if located:
             gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
-            runs, operators, shifts = located_operators(p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces)
+            runs, operators, shifts = located_operators(
+                p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces
+            )
         else:
-            runs, operators, shifts = contact_operators(p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates)
+            runs, operators, shifts = contact_operators(
+                p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates
+            )
         columns = np.concatenate([columns, starts], axis=1)
         q, v = columns[:m] / p.weights[:, None], np.ascontiguousarray(columns[m:])
         carry(self.coefficients, p.right, runs, operators, shifts, sources, speed_sources, q, v)
         result = np.concatenate([p.weights[:, None] * q, v])
-        result[:, result.shape[1] - len(parameters):] += ends
+        result[:, result.shape[1] - len(parameters) :] += ends
         return result
 
     def monodromy(self, motion: Motion) -> np.ndarray:
@@ -147,7 +202,9 @@ class DrivenPeriod:
         return self.carried(motion, np.eye(2 * self.period.modes), located=True)
 
     def _frequency_rates(self, motion: Motion, sources: np.ndarray, speed_sources: np.ndarray):
-        """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose length changes, are filled in."""
+        """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose
+        length changes, are filled in.
+        """
         p, r = self.period, self.period.reduction
         aqq, aqv, _, _, cq, avq, avv, _, _, cv = self.coefficients
         stiffness, friction = r.omega**2, 2.0 * r.damping * r.omega
@@ -156,9 +213,16 @@ class DrivenPeriod:
         pull = (motion.forces[:-1] + motion.forces[1:]) @ p.left @ p.right.T
         # the coefficients follow the equation of motion in the step's length
         sources[:] = rate * (avq * q + avv * v + cv * pull)
-        speed_sources[:] = rate * ((-stiffness * aqq - friction * avq) * q + (-stiffness * aqv - friction * avv) * v + (0.5 - stiffness * cq - friction * cv) * pull)
+        speed_sources[:] = rate * (
+            (-stiffness * aqq - friction * avq) * q
+            + (-stiffness * aqv - friction * avv) * v
+            + (0.5 - stiffness * cq - friction * cv) * pull
+        )
         gaps = (p.phases @ (self._slopes @ p.right)).real @ p.left.T
-        linear = self._state(self._slopes.sum(axis=0).real, (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real)
+        linear = self._state(
+            self._slopes.sum(axis=0).real,
+            (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
+        )
         return gaps, linear
 
     def _load_rates(self):
@@ -167,11 +231,18 @@ class DrivenPeriod:
         part = p.drive.oscillating
         amplitudes, _ = part.response(r, self.frequency)
         phases = part.phases(p.steps)
-        gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (phases @ part.amplitudes).real @ r.gap_loads[: p.pairs].T
-        return gaps, self._state(amplitudes.sum(axis=0).real, (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real)
+        gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (
+            phases @ part.amplitudes
+        ).real @ r.gap_loads[: p.pairs].T
+        return gaps, self._state(
+            amplitudes.sum(axis=0).real,
+            (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,
+        )
 
     def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
-        """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of matrix-free shooting."""
+        """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of
+        matrix-free shooting.
+        """
         p, r, m = self.period, self.period.reduction, self.period.modes
         a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
         w = p.weights
@@ -204,7 +275,9 @@ class Shot:
     residuals: tuple[float, ...]
 
 
-def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto") -> Shot:
+def shoot(
+    period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto"
+) -> Shot:
     """Fixed point of a period near a state, by SNES.
 
     Parameters
@@ -217,8 +290,8 @@ def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1
     factor : float
         On the oscillating loads.
     jacobian : {"dense", "matrix-free", "differences"}
-        Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion without contact; or
-        finite differences, an integration for each unknown (the paper's way).
+        Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion
+        without contact; or finite differences, an integration for each unknown (the paper's way).
 
     Raises
     ------
@@ -227,7 +300,9 @@ def shoot(period: Period, state: np.ndarray, frequency: float, factor: float = 1
     """
     if jacobian == "auto":
         jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
-    return _Newton(period, jacobian, (), None).solve(state, lambda _: period.at(frequency, factor), np.zeros(0))
+    return _Newton(period, jacobian, (), None).solve(
+        state, lambda _: period.at(frequency, factor), np.zeros(0)
+    )
 
 
 def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: str, condition) -> Shot:
@@ -246,7 +321,9 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
     condition : callable
         (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
     """
-    return _Newton(period, "dense", (name,), condition).solve(state, lambda p: driven(float(p[0])), np.array([value]))
+    return _Newton(period, "dense", (name,), condition).solve(
+        state, lambda p: driven(float(p[0])), np.array([value])
+    )
 
 
 class _Newton:
@@ -258,9 +335,15 @@ class _Newton:
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> Shot:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
-        # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes all unknowns of one order
+        # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
+        # all unknowns of one order
         self.driven, self.first = driven, values
-        self.scale = max(np.linalg.norm(state), np.linalg.norm(driven(values).linear_state), 1e-300) / max(abs(float(values[0])), 1e-300) if len(values) else 1.0
+        self.scale = (
+            max(np.linalg.norm(state), np.linalg.norm(driven(values).linear_state), 1e-300)
+            / max(abs(float(values[0])), 1e-300)
+            if len(values)
+            else 1.0
+        )
         snes = PETSc.SNES().create(PETSc.COMM_SELF)
         snes.setOptionsPrefix(PREFIX)
         x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
@@ -282,14 +365,25 @@ class _Newton:
             ksp.getPC().setType(PETSc.PC.Type.LU)
         snes.setJacobian(self._jacobian, matrix)
         size_of_state = np.linalg.norm(driven(values).linear_state)
-        snes.setTolerances(rtol=RELATIVE, atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300), stol=0.0, max_it=ITERATIONS)
+        snes.setTolerances(
+            rtol=RELATIVE,
+            atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300),
+            stol=0.0,
+            max_it=ITERATIONS,
+        )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
         snes.setFromOptions()
         try:
             try:
                 snes.solve(None, x)
             except PETSc.Error as error:
-                raise on_all_ranks(SolveError(f"periodic: the linear system of Newton's method cannot be solved (PETSc's error {error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the periodic motion undetermined")) from None
+                raise on_all_ranks(
+                    SolveError(
+                        "periodic: the linear system of Newton's method cannot be solved (PETSc's error "
+                        f"{error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the "
+                        "periodic motion undetermined"
+                    )
+                ) from None
             self._check(snes, size_of_state)
             state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
             driven, motion = self._motion(x.array_r)
@@ -323,7 +417,9 @@ class _Newton:
         array = matrix.getDenseArray()
         if self.jacobian == "differences":
             state = x.array_r.copy()
-            step = np.sqrt(np.finfo(float).eps) * max(np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300)
+            step = np.sqrt(np.finfo(float).eps) * max(
+                np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300
+            )
             for k, unit in enumerate(np.eye(m2)):
                 array[:, k] = (driven.run(state + step * unit).residual - motion.residual) / step
             matrix.assemble()
@@ -340,13 +436,27 @@ class _Newton:
         reason = snes.getConvergedReason()
         if reason > 0:
             return
-        raise on_all_ranks(SolveError(f"periodic: Newton's method did not converge ({snes_reason(reason)} after {snes.getIterationNumber()} iterations): x(T) - x(0) is at "
-                                      f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from {(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take more steps, or see -{PREFIX}snes_..."))
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): x(T) - x(0) is at "
+                f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from "
+                f"{(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take "
+                f"more steps, or see -{PREFIX}snes_..."
+            )
+        )
 
 
 def snes_reason(reason: int) -> str:
     """PETSc's name of a reason for which SNES stopped."""
-    return next((name for name, value in vars(PETSc.SNES.ConvergedReason).items() if isinstance(value, int) and value == reason), str(reason))
+    return next(
+        (
+            name
+            for name, value in vars(PETSc.SNES.ConvergedReason).items()
+            if isinstance(value, int) and value == reason
+        ),
+        str(reason),
+    )
 
 
 class _Products:

@@ -1,4 +1,6 @@
-"""Floquet multipliers of a periodic motion and the verdict on its stability; SLEPc's prefix is ``floquet_``."""
+"""Floquet multipliers of a periodic motion and the verdict on its stability; SLEPc's prefix is
+``floquet_``.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,8 @@ from ..petsc import PETSc, SLEPc
 from .shooting import WHOLE, DrivenPeriod, Motion
 
 PREFIX = "floquet_"
-# With little damping all multipliers lie near the unit circle: only a large subspace finds those of the largest modulus.
+# With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
+# largest modulus.
 LARGEST, SUBSPACE = 6, 400
 
 
@@ -38,7 +41,8 @@ def multipliers(driven: DrivenPeriod, motion: Motion, whole: bool | None = None)
     driven, motion : DrivenPeriod, Motion
         Of a converged fixed point.
     whole : bool, optional
-        All of them from the monodromy matrix by LAPACK, or the largest by Krylov-Schur on products with it. Default: all up to 1200 unknowns.
+        All of them from the monodromy matrix by LAPACK, or the largest by Krylov-Schur on products with it.
+        Default: all up to 1200 unknowns.
 
     Raises
     ------
@@ -48,9 +52,13 @@ def multipliers(driven: DrivenPeriod, motion: Motion, whole: bool | None = None)
     size = 2 * driven.period.modes
     whole = size <= WHOLE if whole is None else whole
     if whole:
-        matrix = PETSc.Mat().createDense([size, size], array=np.asfortranarray(driven.monodromy(motion)), comm=PETSc.COMM_SELF)
+        matrix = PETSc.Mat().createDense(
+            [size, size], array=np.asfortranarray(driven.monodromy(motion)), comm=PETSc.COMM_SELF
+        )
     else:
-        matrix = PETSc.Mat().createPython([size, size], context=_Monodromy(driven, motion), comm=PETSc.COMM_SELF)
+        matrix = PETSc.Mat().createPython(
+            [size, size], context=_Monodromy(driven, motion), comm=PETSc.COMM_SELF
+        )
         matrix.setUp()
     solver = SLEPc.EPS().create(PETSc.COMM_SELF)
     solver.setOptionsPrefix(PREFIX)
@@ -67,7 +75,13 @@ def multipliers(driven: DrivenPeriod, motion: Motion, whole: bool | None = None)
         solver.solve()
         found = solver.getConverged()
         if found < min(wanted, solver.getDimensions()[0]):
-            raise on_all_ranks(SolveError(f"Floquet multipliers: SLEPc found {found} of {wanted} (reason {solver.getConvergedReason()} after {solver.getIterationNumber()} iterations); see -{PREFIX}eps_..."))
+            raise on_all_ranks(
+                SolveError(
+                    f"Floquet multipliers: SLEPc found {found} of {wanted} (reason "
+                    f"{solver.getConvergedReason()} after {solver.getIterationNumber()} iterations); see "
+                    f"-{PREFIX}eps_..."
+                )
+            )
         values = np.array([solver.getEigenvalue(k) for k in range(found)])
         real, imaginary = matrix.createVecs()
         vectors = np.empty((size, found), dtype=complex)

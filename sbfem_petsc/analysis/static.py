@@ -14,9 +14,8 @@ from ..loads import Loads, as_loads
 from ..petsc import check_ksp, make_ksp, solver_name
 from ..system.model import Model
 
-
-# Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned: displacements are
-# wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
+# Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned:
+# displacements are wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
 REFUSED, ROUND_OFF = 1e-2, 1e-5
 
 
@@ -73,7 +72,10 @@ class Static:
 
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
-        return f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant {self.contact_resultant:.6g} N; {self.solver})"
+        return (
+            f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
+            f"{self.contact_resultant:.6g} N; {self.solver})"
+        )
 
 
 def static(model: Model, load, contact: bool = True, method: str = "active_set") -> Static:
@@ -86,7 +88,8 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     contact : bool
         Whether crack faces may press on each other; False: the linear solution, which lets them overlap.
     method : {"active_set", "one_pass_tie"}
-        Unilateral contact, or the paper's single correction that ties every penetrating pair and admits tension.
+        Unilateral contact, or the paper's single correction that ties every penetrating pair and admits
+        tension.
 
     Raises
     ------
@@ -99,7 +102,9 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
         raise TypeError(f"static: model = {model!r} is not a Model")
     solvers = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
     if not isinstance(method, str) or method not in solvers:
-        raise ValueError(f"static: method = {method!r} is unknown; use one of {', '.join(map(repr, solvers))}")
+        raise ValueError(
+            f"static: method = {method!r} is unknown; use one of {', '.join(map(repr, solvers))}"
+        )
     model.require_support("static")
     forces = model.load_vector(load)
     ksp = make_ksp(model.stiffness, "static_")
@@ -122,8 +127,19 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     scale = forces.norm()
     _judge(residual.norm(), scale)
     field = model.nodal(solution)
-    answer = Static(model.at_points(solution.array_r), contact_force, gap, active, field, iterations, solver_name(ksp),
-                    residual.norm() / scale if scale > 0 else 0.0, model.tips.evaluate(field), as_loads(load), model)
+    answer = Static(
+        model.at_points(solution.array_r),
+        contact_force,
+        gap,
+        active,
+        field,
+        iterations,
+        solver_name(ksp),
+        residual.norm() / scale if scale > 0 else 0.0,
+        model.tips.evaluate(field),
+        as_loads(load),
+        model,
+    )
     for item in (forces, solution, right, residual, ksp):
         item.destroy()
     return answer
@@ -133,6 +149,16 @@ def _judge(residual: float, scale: float) -> None:
     """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
     relative = residual / scale if scale > 0 else 0.0
     if not relative <= REFUSED:
-        raise on_all_ranks(SolveError(f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too badly conditioned, as where supports hardly hold the structure; stiffen them"))
+        raise on_all_ranks(
+            SolveError(
+                f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too "
+                "badly conditioned, as where supports hardly hold the structure; stiffen them"
+            )
+        )
     if relative > ROUND_OFF:
-        warnings.warn(f"static: the forces are in balance to {relative:.2g} of the load; displacements of a structure as slender or as softly held as this one may be wrong by ten times as much", RoundOffWarning, stacklevel=3)
+        warnings.warn(
+            f"static: the forces are in balance to {relative:.2g} of the load; displacements of a structure "
+            "as slender or as softly held as this one may be wrong by ten times as much",
+            RoundOffWarning,
+            stacklevel=3,
+        )

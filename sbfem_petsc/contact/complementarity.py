@@ -31,7 +31,9 @@ class Complementarity:
     iterations: int
 
 
-def solve_complementarity(flexibility: np.ndarray, free_gap: np.ndarray, start: np.ndarray | None = None, maximum: int = 200) -> Complementarity:
+def solve_complementarity(
+    flexibility: np.ndarray, free_gap: np.ndarray, start: np.ndarray | None = None, maximum: int = 200
+) -> Complementarity:
     """Primal-dual active set on the condensed contact problem.
 
     Parameters
@@ -47,8 +49,9 @@ def solve_complementarity(flexibility: np.ndarray, free_gap: np.ndarray, start: 
 
     Notes
     -----
-    The primal-dual iteration takes W to be positive definite; where it runs into a cycle the problem is handed to a
-    principal pivoting method with the least-index rule (Murty), which ends for every positive definite W.
+    The primal-dual iteration takes W to be positive definite; where it runs into a cycle the problem is
+    handed to a principal pivoting method with the least-index rule (Murty), which ends for every positive
+    definite W.
 
     Raises
     ------
@@ -85,7 +88,9 @@ def _forces(flexibility: np.ndarray, free_gap: np.ndarray, active: np.ndarray) -
     return force
 
 
-def _least_index(flexibility: np.ndarray, free_gap: np.ndarray, active: np.ndarray, done: int) -> Complementarity:
+def _least_index(
+    flexibility: np.ndarray, free_gap: np.ndarray, active: np.ndarray, done: int
+) -> Complementarity:
     """Murty's least-index principal pivoting from a given basis."""
     active = active.copy()
     scale = np.abs(free_gap).max()
@@ -97,11 +102,18 @@ def _least_index(flexibility: np.ndarray, free_gap: np.ndarray, active: np.ndarr
         if len(wrong) == 0:
             return Complementarity(force, gap, active, iteration)
         active[wrong[0]] = ~active[wrong[0]]
-    raise on_all_ranks(SolveError(f"contact: neither the primal-dual active set nor principal pivoting ended after {iteration} iterations for {len(free_gap)} pairs"))
+    raise on_all_ranks(
+        SolveError(
+            f"contact: neither the primal-dual active set nor principal pivoting ended after {iteration} "
+            f"iterations for {len(free_gap)} pairs"
+        )
+    )
 
 
 def one_pass_tie(flexibility: np.ndarray, free_gap: np.ndarray) -> Complementarity:
-    """The paper's single correction (30)-(34): every penetrating pair is tied, and tension is not released."""
+    """The paper's single correction (30)-(34): every penetrating pair is tied, and tension is not
+    released.
+    """
     active = free_gap < 0.0
     force = _forces(flexibility, free_gap, active)
     return Complementarity(force, flexibility @ force + free_gap, active, 1)

@@ -10,7 +10,8 @@ from ..petsc import MPI, PETSc, check_ksp
 class ContactRows:
     """Rows of the gap operator G on their ranks.
 
-    The gaps are few (nodes of crack faces) and every rank holds all of them; the displacement unknowns stay distributed.
+    The gaps are few (nodes of crack faces) and every rank holds all of them; the displacement unknowns stay
+    distributed.
     """
 
     def __init__(self, model):
@@ -23,7 +24,9 @@ class ContactRows:
 
     def local(self, owned: np.ndarray) -> np.ndarray:
         """This rank's share of G times (owned, n) columns, (pairs, n): sum over the ranks for the whole."""
-        return np.array([values @ owned[numbers] for numbers, values in self.rows]).reshape(len(self.rows), *owned.shape[1:])
+        return np.array([values @ owned[numbers] for numbers, values in self.rows]).reshape(
+            len(self.rows), *owned.shape[1:]
+        )
 
     def gaps(self, vector: PETSc.Vec) -> np.ndarray:
         """G u, (pairs,), on all ranks."""

@@ -1,9 +1,9 @@
 """Compiled time steps of a reduced model with unilateral contact.
 
 One step is linear in the modal forces: with per-mode coefficients the state advances as
-q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p are the modal forces of
-the loads at both ends and r = C^T force those of contact. The gap at the step's end is W force + free gap with the constant
-W = C diag(cq) C^T + R.
+q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p
+are the modal forces of the loads at both ends and r = C^T force those of contact. The gap at the step's end
+is W force + free gap with the constant W = C diag(cq) C^T + R.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from scipy import linalg
 
-# Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index take over;
-# Judice and Pires (1994) show that this ends for every positive definite W.
+# Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
+# take over; Judice and Pires (1994) show that this ends for every positive definite W.
 PATIENCE = 5
 # Singular values of C below this share of the largest are those of rounding.
 ROUND_OFF = 1e-15
@@ -21,7 +21,9 @@ ROUND_OFF = 1e-15
 
 @njit(cache=True)
 def _factorise(flexibility, active, factor, members):
-    """Cholesky factor of W over the active pairs, into `factor` and `members`; the number of them, or -1 if W is not definite."""
+    """Cholesky factor of W over the active pairs, into `factor` and `members`; the number of them, or -1 if W
+    is not definite.
+    """
     count = 0
     for i in range(active.size):
         if active[i]:
@@ -43,10 +45,11 @@ def _factorise(flexibility, active, factor, members):
 
 @njit(cache=True)
 def contact_forces(flexibility, gap, active, factor, members, count, force):
-    """Solve 0 <= force _|_ W force + gap >= 0 by block principal pivoting from the active set of the step before.
+    """Solve 0 <= force _|_ W force + gap >= 0 by block principal pivoting from the active set of the step
+    before.
 
-    `active`, `factor`, `members` and `count` (of members, -1: nothing factorised) are kept between steps. Returns
-    (count, exchanges); exchanges is -1 if the iteration did not end.
+    `active`, `factor`, `members` and `count` (of members, -1: nothing factorised) are kept between steps.
+    Returns (count, exchanges); exchanges is -1 if the iteration did not end.
     """
     n = gap.size
     if count < 0:
@@ -107,7 +110,21 @@ def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
-def march(coefficients, left, right, flexibility, external, free_gap, q, v, force, active, states, velocities, forces):
+def march(
+    coefficients,
+    left,
+    right,
+    flexibility,
+    external,
+    free_gap,
+    q,
+    v,
+    force,
+    active,
+    states,
+    velocities,
+    forces,
+):
     """Advance a reduced model over several steps.
 
     Parameters

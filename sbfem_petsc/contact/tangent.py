@@ -1,9 +1,10 @@
 """Exact derivative of the compiled time steps (`marching.march`) with the contact sets of a history.
 
-Where no pair changes sides a step is linear: with the set A of pairs that touch at its end, the thin contact forces p = U^T force obey
-dp = -K (V^T dq + ...), K = U_A^T W_AA^-1 U_A. A history's sets change seldom, so the K of each run of steps is made once, and carrying many
-columns through a step takes two products with the thin V. At the start of a history the force follows from the position alone, through the
-residual flexibility R in the place of W.
+Where no pair changes sides a step is linear: with the set A of pairs that touch at its end, the thin contact
+forces p = U^T force obey dp = -K (V^T dq + ...), K = U_A^T W_AA^-1 U_A. A history's sets change seldom, so
+the K of each run of steps is made once, and carrying many columns through a step takes two products with the
+thin V. At the start of a history the force follows from the position alone, through the residual flexibility
+R in the place of W.
 """
 
 from __future__ import annotations
@@ -95,12 +96,14 @@ def _overlap(residual, force, pair):
 
 @njit(cache=True)
 def located_operators(left, right, coefficients, residual, gaps, forces):
-    """As `contact_operators` without parameters, for the variational equation with each switch located inside its step.
+    """As `contact_operators` without parameters, for the variational equation with each switch located inside
+    its step.
 
-    The steps hold a pair's force at the mean of their ends, so a pair acts over whole steps, and multipliers jump where a switch passes an instant
-    of the grid. Here a switch stands where the gap without the pair's own force, linear over the step, vanishes; a step acts by the mean of
-    K_R = U_A^T R_AA^-1 U_A over the sets A that it passes through, an instant by the mean of the steps beside it. What is left of the jumps is of
-    second order in the step.
+    The steps hold a pair's force at the mean of their ends, so a pair acts over whole steps, and multipliers
+    jump where a switch passes an instant of the grid. Here a switch stands where the gap without the pair's
+    own force, linear over the step, vanishes; a step acts by the mean of K_R = U_A^T R_AA^-1 U_A over the
+    sets A that it passes through, an instant by the mean of the steps beside it. What is left of the jumps is
+    of second order in the step.
 
     Parameters
     ----------
@@ -158,7 +161,9 @@ def located_operators(left, right, coefficients, residual, gaps, forces):
             acting = 0.5 * (before + step)
         if np.any(acting != 0.0):
             if n < 2 or n == instants - 1 or last != (before_number, step_number):
-                operators[count] = acting if n == 0 else np.linalg.solve(np.eye(rank) + acting @ motion, acting)
+                operators[count] = (
+                    acting if n == 0 else np.linalg.solve(np.eye(rank) + acting @ motion, acting)
+                )
                 count += 1
             runs[n] = count - 1
         last = (before_number, step_number)
@@ -170,7 +175,8 @@ def located_operators(left, right, coefficients, residual, gaps, forces):
 def carry(coefficients, right, runs, operators, shifts, sources, speed_sources, q, v):
     """Carry columns of dq and dv, (m, c), through all steps, in place.
 
-    The last e columns are derivatives with parameters, whose sources (n, m, e) each step adds; the first c - e are derivatives with the initial state.
+    The last e columns are derivatives with parameters, whose sources (n, m, e) each step adds; the first c -
+    e are derivatives with the initial state.
 
     Parameters
     ----------
@@ -193,7 +199,8 @@ def carry(coefficients, right, runs, operators, shifts, sources, speed_sources, 
         thin = operators[runs[0]] @ (thin_rows @ q)
         thin[:, first:] += shifts[0]
         np.dot(right, -thin, pull)
-    # contact at a step's end joins the next step's start in one pass over the columns; at the first instant there is no step before it
+    # contact at a step's end joins the next step's start in one pass over the columns; at the first instant
+    # there is no step before it
     ended = False
     for n in range(steps):
         for j in range(m):

@@ -17,8 +17,16 @@ from .vtu import write_vtu
 SAME_MODE = 1e-3
 
 
-def write_animation(folder: str, modal: Modal, history: Transient, times=None, every: int | None = None, name: str = "history", stress: bool = False,
-                    subdivisions: int | None = None) -> str:
+def write_animation(
+    folder: str,
+    modal: Modal,
+    history: Transient,
+    times=None,
+    every: int | None = None,
+    name: str = "history",
+    stress: bool = False,
+    subdivisions: int | None = None,
+) -> str:
     """Write displacement fields at chosen instants, for ParaView. Collective.
 
     Parameters
@@ -26,7 +34,8 @@ def write_animation(folder: str, modal: Modal, history: Transient, times=None, e
     folder : str
         Made if it is missing.
     modal : Modal
-        Modes of the same model, `modal(model, count=len(history.reduction.omega))`; fewer give a smoother field.
+        Modes of the same model, `modal(model, count=len(history.reduction.omega))`; fewer give a smoother
+        field.
     history : Transient
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
@@ -49,8 +58,9 @@ def write_animation(folder: str, modal: Modal, history: Transient, times=None, e
 
     Notes
     -----
-    Fields are sums of modes. The static residual flexibility of contact and loads is left out: displacements at the points of
-    `history.displacement` include it, the fields do not, and the stress close to a contact pair or a point force is too smooth.
+    Fields are sums of modes. The static residual flexibility of contact and loads is left out: displacements
+    at the points of `history.displacement` include it, the fields do not, and the stress close to a contact
+    pair or a point force is too smooth.
     """
     model = modal.model
     folder = check_output_folder(folder, model.comm)
@@ -63,7 +73,15 @@ def write_animation(folder: str, modal: Modal, history: Transient, times=None, e
     try:
         for number, instant in enumerate(instants):
             vector.array = modal.shapes[:, :used] @ (signs * history.modal_displacement[instant, :used])
-            files.append(write_vtu(os.path.join(folder, f"{name}_{number:04d}.vtu"), model, {"displacement": model.nodal(vector)}, stress, subdivisions))
+            files.append(
+                write_vtu(
+                    os.path.join(folder, f"{name}_{number:04d}.vtu"),
+                    model,
+                    {"displacement": model.nodal(vector)},
+                    stress,
+                    subdivisions,
+                )
+            )
     finally:
         vector.destroy()
     path = os.path.join(folder, f"{name}.pvd")
@@ -87,9 +105,21 @@ def _instants(time: np.ndarray, times, every: int | None) -> np.ndarray:
             raise ValueError(f"write_animation: every = {every!r} must be a positive integer")
         return np.arange(0, len(time), every)
     times = np.atleast_1d(np.asarray(times, dtype=float))
-    if times.ndim != 1 or not len(times) or not np.isfinite(times).all() or times.min() < time[0] or times.max() > time[-1] * (1.0 + 1e-9):
-        raise ValueError(f"write_animation: times must be finite and between {time[0]:g} and {time[-1]:.6g} s")
-    right = np.clip(np.searchsorted(time, times), 1, max(len(time) - 1, 1)) if len(time) > 1 else np.zeros(len(times), dtype=int)
+    if (
+        times.ndim != 1
+        or not len(times)
+        or not np.isfinite(times).all()
+        or times.min() < time[0]
+        or times.max() > time[-1] * (1.0 + 1e-9)
+    ):
+        raise ValueError(
+            f"write_animation: times must be finite and between {time[0]:g} and {time[-1]:.6g} s"
+        )
+    right = (
+        np.clip(np.searchsorted(time, times), 1, max(len(time) - 1, 1))
+        if len(time) > 1
+        else np.zeros(len(times), dtype=int)
+    )
     left = np.maximum(right - 1, 0)
     return np.unique(np.where(times - time[left] < time[right] - times, left, right))
 
@@ -116,7 +146,9 @@ def _write_pvd(path: str, times: np.ndarray, files: list[str]) -> None:
     root = xml.Element("VTKFile", type="Collection", version="0.1", byte_order="LittleEndian")
     collection = xml.SubElement(root, "Collection")
     for time, file in zip(times, files):
-        xml.SubElement(collection, "DataSet", timestep=repr(float(time)), part="0", file=os.path.basename(file))
+        xml.SubElement(
+            collection, "DataSet", timestep=repr(float(time)), part="0", file=os.path.basename(file)
+        )
     xml.indent(root)
     temporary = f"{path}.part"
     xml.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)

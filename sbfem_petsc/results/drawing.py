@@ -14,7 +14,15 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
-BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = "#0072B2", "#D55E00", "#009E73", "#E69F00", "#56B4E9", "#CC79A7", "#000000"
+BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#E69F00",
+    "#56B4E9",
+    "#CC79A7",
+    "#000000",
+)
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MATERIAL = "#E8EDF2"
@@ -70,4 +78,12 @@ def fill(axes, rings, colour, edge, width, line="-") -> None:
         points = np.concatenate(ring) * MILLI
         vertices.append(np.vstack([points, points[:1]]))
         codes += [Path.MOVETO] + [Path.LINETO] * (len(points) - 1) + [Path.CLOSEPOLY]
-    axes.add_patch(PathPatch(Path(np.concatenate(vertices), codes), facecolor=colour, edgecolor=edge, linewidth=width, linestyle=line))
+    axes.add_patch(
+        PathPatch(
+            Path(np.concatenate(vertices), codes),
+            facecolor=colour,
+            edgecolor=edge,
+            linewidth=width,
+            linestyle=line,
+        )
+    )

@@ -1,7 +1,8 @@
 """The history file of an unreduced model; every rank writes its own part of the state, nothing is gathered.
 
-Laid out as `history`. Each of the two states holds the ranks' unknowns one after another, and a head by rank 0 that is written last, with checksums
-of all parts. The unknowns' order depends on the number of ranks, so that a run continues on as many as it began with.
+Laid out as `history`. Each of the two states holds the ranks' unknowns one after another, and a head by rank
+0 that is written last, with checksums of all parts. The unknowns' order depends on the number of ranks, so
+that a run continues on as many as it began with.
 """
 
 from __future__ import annotations
@@ -17,12 +18,32 @@ from ..analysis import full_transient as analysis
 from ..analysis.full_transient import FullTransient, assembled
 from ..errors import SolveError
 from ..parallel import collective
-from .history_file import (FORMAT_VERSION, SLOTS, UNREDUCED, RunningFile, check_settings, close, mapped_rows, new_file, opened, reserve_rows, reserve_states,
-                           signal_checks, warn_unless)
+from .history_file import (
+    FORMAT_VERSION,
+    SLOTS,
+    UNREDUCED,
+    RunningFile,
+    check_settings,
+    close,
+    mapped_rows,
+    new_file,
+    opened,
+    reserve_rows,
+    reserve_states,
+    signal_checks,
+    warn_unless,
+)
 
-_ROWS = {"time": ("s", "instants"), "displacement": ("m", "of the named points"), "velocity": ("m/s", "of the named points"), "acceleration": ("m/s^2", "of the named points"),
-         "contact_force": ("N", "forces of the contact pairs, compression positive"), "gap": ("m", "gaps of the contact pairs"),
-         "energies": ("J", "kinetic, strain, external, damping, contact"), "stress_intensity": ("Pa m^(1/2)", "K_I and K_II of the tips")}
+_ROWS = {
+    "time": ("s", "instants"),
+    "displacement": ("m", "of the named points"),
+    "velocity": ("m/s", "of the named points"),
+    "acceleration": ("m/s^2", "of the named points"),
+    "contact_force": ("N", "forces of the contact pairs, compression positive"),
+    "gap": ("m", "gaps of the contact pairs"),
+    "energies": ("J", "kinetic, strain, external, damping, contact"),
+    "stress_intensity": ("Pa m^(1/2)", "K_I and K_II of the tips"),
+}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -39,7 +60,8 @@ class RecordedFullTransient(FullTransient):
 
 
 class FullHistoryFile(RunningFile):
-    """The file of a running history of an unreduced model; an error of one rank is raised on every one. A context manager.
+    """The file of a running history of an unreduced model; an error of one rank is raised on every one. A
+    context manager.
 
     Parameters
     ----------
@@ -58,21 +80,59 @@ class FullHistoryFile(RunningFile):
         If the file is no history, of another model, load, setting or number of ranks, or cannot be made.
     """
 
-    def __init__(self, march, path: str, restart: bool, signals, count: int, contact: bool, start, decimation: int, in_memory: bool = True):
+    def __init__(
+        self,
+        march,
+        path: str,
+        restart: bool,
+        signals,
+        count: int,
+        contact: bool,
+        start,
+        decimation: int,
+        in_memory: bool = True,
+    ):
         model = march.model
         super().__init__(model.comm, path)
-        self.march, self.count, self.decimation, self.in_memory, self._counter, self._found = march, count, decimation, in_memory, 0, None
+        self.march, self.count, self.decimation, self.in_memory, self._counter, self._found = (
+            march,
+            count,
+            decimation,
+            in_memory,
+            0,
+            None,
+        )
         sizes, points = np.array(self.comm.allgather(march.u.size)), (len(model.points), 2)
-        self._shapes = {"time": (), "displacement": points, "velocity": points, "acceleration": points, "contact_force": (march.pairs,), "gap": (march.pairs,), "energies": (5,),
-                        "stress_intensity": (len(model.tips.names), 2)}
-        # counter, steps done, work, active set, carried force, slope, checksums of the parts; the head's own checksum
+        self._shapes = {
+            "time": (),
+            "displacement": points,
+            "velocity": points,
+            "acceleration": points,
+            "contact_force": (march.pairs,),
+            "gap": (march.pairs,),
+            "energies": (5,),
+            "stress_intensity": (len(model.tips.names), 2),
+        }
+        # counter, steps done, work, active set, carried force, slope, checksums of the parts; the head's own
+        # checksum
         self._head = 2 + 3 + 2 * march.pairs + march.slope.size + self.comm.size + 1
         self._first = self._head + 2 * int(sizes[: self.comm.rank].sum())
         size = self._head + 2 * int(sizes.sum())
         norms = np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v])))
-        settings = {"count": count, "step": march.step, "contact": bool(contact), "scheme": march.scheme, "start": start if isinstance(start, str) else "functions",
-                    "start_norms": norms, "decimation": decimation, "chunk": analysis.CHUNK, "ranks": self.comm.size, "damping": model.damping,
-                    "damped_modes": len(march.omega), "rayleigh": np.array(model.rayleigh)}
+        settings = {
+            "count": count,
+            "step": march.step,
+            "contact": bool(contact),
+            "scheme": march.scheme,
+            "start": start if isinstance(start, str) else "functions",
+            "start_norms": norms,
+            "decimation": decimation,
+            "chunk": analysis.CHUNK,
+            "ranks": self.comm.size,
+            "damping": model.damping,
+            "damped_modes": len(march.omega),
+            "rayleigh": np.array(model.rayleigh),
+        }
         probe = march.fingerprint()
         states = None
         with collective(self.comm):
@@ -85,24 +145,47 @@ class FullHistoryFile(RunningFile):
                     else:
                         self._lay_out(settings, signals, probe, size)
                 except (OSError, RuntimeError) as error:
-                    raise ValueError(f"history file {self.path!r} cannot be written ({getattr(error, 'strerror', None) or error}); name another folder or change its permissions") from None
+                    raise ValueError(
+                        f"history file {self.path!r} cannot be written "
+                        f"({getattr(error, 'strerror', None) or error}); name another folder or change its "
+                        "permissions"
+                    ) from None
         with collective(self.comm):
             try:
                 self._open((*_ROWS, *SLOTS))
             except OSError as error:
-                raise ValueError(f"history file {self.path!r} cannot be written by rank {self.comm.rank} ({error.strerror or error}); name a folder that all ranks share") from None
-        self._continued, self._found = self.comm.bcast((self._found is not None, self._found if in_memory else None))
+                raise ValueError(
+                    f"history file {self.path!r} cannot be written by rank {self.comm.rank} "
+                    f"({error.strerror or error}); name a folder that all ranks share"
+                ) from None
+        self._continued, self._found = self.comm.bcast(
+            (self._found is not None, self._found if in_memory else None)
+        )
 
-    def _lay_out(self, settings: dict, signals, probe: np.ndarray, size: int, former: dict | None = None, states: dict | None = None) -> None:
+    def _lay_out(
+        self,
+        settings: dict,
+        signals,
+        probe: np.ndarray,
+        size: int,
+        former: dict | None = None,
+        states: dict | None = None,
+    ) -> None:
         march, model = self.march, self.march.model
-        rows, points, tips = 1 + settings["count"] // settings["decimation"], tuple(model.points), model.tips.names
+        rows, points, tips = (
+            1 + settings["count"] // settings["decimation"],
+            tuple(model.points),
+            model.tips.names,
+        )
         shapes = {name: (rows, *shape) for name, shape in self._shapes.items()}
         with new_file(self.path) as file:
             file.attrs["format"], file.attrs["format_version"] = UNREDUCED, FORMAT_VERSION
             file.attrs.update(settings)
             for name, value in (("points", points), ("tips", tips)):
                 file.attrs.create(name, list(value), shape=(len(value),), dtype=h5py.string_dtype())
-            file.create_dataset("signal_checks", data=signal_checks(signals, settings["count"] * settings["step"]))
+            file.create_dataset(
+                "signal_checks", data=signal_checks(signals, settings["count"] * settings["step"])
+            )
             file.create_dataset("fingerprint", data=probe)
             reserve_rows(file, shapes, _ROWS, former)
             reserve_states(file, size, states)
@@ -111,15 +194,28 @@ class FullHistoryFile(RunningFile):
         """Rows of a former run of the same kind, its number of steps, and its states if they have to move."""
         model = self.march.model
         with opened(self.path, UNREDUCED) as file:
-            if tuple(file.attrs["points"]) != tuple(model.points) or tuple(file.attrs["tips"]) != model.tips.names or not close(file["fingerprint"][()], probe):
-                raise ValueError(f"history file {self.path!r} was written for another model or another step; restart with those, or name another file")
+            if (
+                tuple(file.attrs["points"]) != tuple(model.points)
+                or tuple(file.attrs["tips"]) != model.tips.names
+                or not close(file["fingerprint"][()], probe)
+            ):
+                raise ValueError(
+                    f"history file {self.path!r} was written for another model or another step; restart with "
+                    "those, or name another file"
+                )
             check_settings(file, settings, signals)
             done = int(_newest_head(file)[1])
             former = int(file.attrs["count"])
-            return mapped_rows(self.path, _ROWS, 1 + done // self.decimation), former, {slot: file[slot][()] for slot in SLOTS} if former < self.count else None
+            return (
+                mapped_rows(self.path, _ROWS, 1 + done // self.decimation),
+                former,
+                {slot: file[slot][()] for slot in SLOTS} if former < self.count else None,
+            )
 
     def resume(self) -> tuple[int, list]:
-        """Steps done and rows of the file that is continued, and its state put into the march; 0 and nothing for a new one."""
+        """Steps done and rows of the file that is continued, and its state put into the march; 0 and nothing
+        for a new one.
+        """
         if not self._continued:
             return 0, []
         march = self.march
@@ -129,7 +225,11 @@ class FullHistoryFile(RunningFile):
                 for slot in SLOTS:
                     head = file[slot][: self._head]
                     part = file[slot][self._first : self._first + 2 * march.u.size]
-                    if _valid(head) and zlib.crc32(part.tobytes()) == head[self._head - 1 - self.comm.size + self.comm.rank]:
+                    if (
+                        _valid(head)
+                        and zlib.crc32(part.tobytes())
+                        == head[self._head - 1 - self.comm.size + self.comm.rank]
+                    ):
                         parts[head[0]] = head, part
         # the newest that all ranks hold
         counters = set.intersection(*(set(given) for given in self.comm.allgather(list(parts))))
@@ -138,7 +238,9 @@ class FullHistoryFile(RunningFile):
                 raise ValueError(f"history file {self.path!r} holds no whole state")
         head, body = parts[max(counters)]
         march.u[:], march.v[:] = np.split(body, 2)
-        march.work, active, march.carried, slope, _ = np.split(head[2:], np.cumsum([3, march.pairs, march.pairs, march.slope.size]))
+        march.work, active, march.carried, slope, _ = np.split(
+            head[2:], np.cumsum([3, march.pairs, march.pairs, march.slope.size])
+        )
         march.active, march.slope = active != 0.0, slope.reshape(march.slope.shape)
         march.settle(fold=False)
         self._counter, done, found = int(head[0]), int(head[1]), self._found
@@ -146,17 +248,26 @@ class FullHistoryFile(RunningFile):
         with collective(self.comm):
             if self.comm.rank == 0 and done == self.count:  # killed between the last state and the mark
                 self._finish()
-        return done, [tuple(found[name][:count] if self.in_memory else np.zeros((0, *shape)) for name, shape in self._shapes.items())]
+        return done, [
+            tuple(
+                found[name][:count] if self.in_memory else np.zeros((0, *shape))
+                for name, shape in self._shapes.items()
+            )
+        ]
 
     def append(self, done: int, rows: tuple) -> None:
-        """Record a chunk's rows and the settled state after `done` steps; at the last one the file is marked complete."""
+        """Record a chunk's rows and the settled state after `done` steps; at the last one the file is marked
+        complete.
+        """
         march = self.march
         self._counter += 1
         slot, body = SLOTS[self._counter % 2], np.concatenate([march.u, march.v])
         sums = self.comm.gather(float(zlib.crc32(body.tobytes())))
         self._guarded(lambda: self._put(slot, body, self._first))
         if self.comm.rank == 0:
-            head = np.concatenate([[self._counter, done], march.work, march.active, march.carried, march.slope.ravel(), sums])
+            head = np.concatenate(
+                [[self._counter, done], march.work, march.active, march.carried, march.slope.ravel(), sums]
+            )
 
         def vouch():
             if self.comm.rank > 0:
@@ -179,8 +290,11 @@ class FullHistoryFile(RunningFile):
                 self._check_place()
                 work()
             except (OSError, RuntimeError) as error:
-                raise SolveError(f"transient: history file {self.path!r} cannot be written any more ({getattr(error, 'strerror', None) or error}); "
-                                 "what it holds stays readable, and restart=True continues from there") from None
+                raise SolveError(
+                    f"transient: history file {self.path!r} cannot be written any more "
+                    f"({getattr(error, 'strerror', None) or error}); "
+                    "what it holds stays readable, and restart=True continues from there"
+                ) from None
 
 
 def read_full_history(path: str) -> RecordedFullTransient:
@@ -190,8 +304,17 @@ def read_full_history(path: str) -> RecordedFullTransient:
         rows = _rows(file, int(head[1]))
     complete = bool(attrs["complete"])
     warn_unless(complete, path, int(head[1]), int(attrs["count"]), 3)
-    return assembled(rows.values(), tuple(attrs["points"]), tuple(attrs["tips"]), float(attrs["step"]), float(attrs["damping"]), int(attrs["damped_modes"]),
-                     tuple(float(value) for value in attrs["rayleigh"]), RecordedFullTransient, complete=complete)
+    return assembled(
+        rows.values(),
+        tuple(attrs["points"]),
+        tuple(attrs["tips"]),
+        float(attrs["step"]),
+        float(attrs["damping"]),
+        int(attrs["damped_modes"]),
+        tuple(float(value) for value in attrs["rayleigh"]),
+        RecordedFullTransient,
+        complete=complete,
+    )
 
 
 def _rows(file: h5py.File, done: int) -> dict[str, np.ndarray]:

@@ -27,8 +27,20 @@ FORMAT = "sbfem-petsc results"
 FORMAT_VERSION = 1
 
 # Units of the fields of materials and loads, by name.
-_UNITS = {"young": "Pa", "young_1": "Pa", "young_2": "Pa", "young_3": "Pa", "shear_12": "Pa", "density": "kg/m^3", "angle": "degree",
-          "fx": "N", "fy": "N", "tx": "Pa", "ty": "Pa", "pressure": "Pa"}
+_UNITS = {
+    "young": "Pa",
+    "young_1": "Pa",
+    "young_2": "Pa",
+    "young_3": "Pa",
+    "shear_12": "Pa",
+    "density": "kg/m^3",
+    "angle": "degree",
+    "fx": "N",
+    "fy": "N",
+    "tx": "Pa",
+    "ty": "Pa",
+    "pressure": "Pa",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +55,8 @@ class Results:
     modal : dict or None
         "frequencies" (Hz), "residuals", "shapes" (modes, nodes, 2), "points", "solver", "iterations".
     static : dict of str to dict
-        For each case "displacement" (nodes, 2), "contact_force", "gap", "active", "contact_resultant", "stress_intensity", "points", "loads", ...
+        For each case "displacement" (nodes, 2), "contact_force", "gap", "active", "contact_resultant",
+        "stress_intensity", "points", "loads", ...
     units : dict of str to str
         Unit of every dataset by its path in the file, "1" without dimension.
     """
@@ -64,7 +77,8 @@ class Results:
 
 
 def check_output_folder(path: str, comm: MPI.Comm) -> str:
-    """Make the folder if it is missing and see that every rank can write into it. Collective, for the start of a program.
+    """Make the folder if it is missing and see that every rank can write into it. Collective, for the start
+    of a program.
 
     Returns
     -------
@@ -82,18 +96,29 @@ def check_output_folder(path: str, comm: MPI.Comm) -> str:
             try:
                 os.makedirs(folder, exist_ok=True)
             except OSError as error:
-                raise ValueError(f"output folder {folder!r} cannot be made ({error.strerror or error}); name another one or free its place") from None
+                raise ValueError(
+                    f"output folder {folder!r} cannot be made ({error.strerror or error}); name another one "
+                    "or free its place"
+                ) from None
     with collective(comm):
         try:
             with tempfile.TemporaryFile(dir=folder):
                 pass
         except OSError as error:
-            raise ValueError(f"output folder {folder!r} cannot be written ({error.strerror or error}); name another one or change its permissions") from None
+            raise ValueError(
+                f"output folder {folder!r} cannot be written ({error.strerror or error}); name another one "
+                "or change its permissions"
+            ) from None
     return folder
 
 
-def write_results(path: str, model: Model, modal: Modal | None = None, static: Static | dict[str, Static] | None = None,
-                  loads: dict | None = None) -> str:
+def write_results(
+    path: str,
+    model: Model,
+    modal: Modal | None = None,
+    static: Static | dict[str, Static] | None = None,
+    loads: dict | None = None,
+) -> str:
     """Write inputs, versions, PETSc options, mesh, modes and static cases to an HDF5 file. Collective.
 
     Parameters
@@ -119,8 +144,9 @@ def write_results(path: str, model: Model, modal: Modal | None = None, static: S
 
     Notes
     -----
-    Rank 0 writes. Fields come to it slab by slab in the order of the mesh's node numbers, so that it never holds a whole one. Every
-    dataset has the attributes "unit" and "description"; the root's "complete" is set last.
+    Rank 0 writes. Fields come to it slab by slab in the order of the mesh's node numbers, so that it never
+    holds a whole one. Every dataset has the attributes "unit" and "description"; the root's "complete" is set
+    last.
     """
     comm = model.comm
     path = os.fspath(path)
@@ -128,8 +154,12 @@ def write_results(path: str, model: Model, modal: Modal | None = None, static: S
         cases = _cases(static, loads)
         for name, result in (("modal", modal), *((name, result) for name, (result, _) in cases.items())):
             if result is not None and result.model is not model:
-                raise ValueError(f"write_results: {name!r} was computed with another model than the one given")
-    temporary = os.path.join(os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.{os.getpid()}.part")
+                raise ValueError(
+                    f"write_results: {name!r} was computed with another model than the one given"
+                )
+    temporary = os.path.join(
+        os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.{os.getpid()}.part"
+    )
     file = None
     try:
         with _written(comm, path):
@@ -175,14 +205,28 @@ def read_results(path: str) -> Results:
             if file.attrs.get("format") != FORMAT:
                 raise ValueError(f"{path!r} is an HDF5 file of another kind, not {FORMAT}")
             if not file.attrs.get("complete", False):
-                raise ValueError(f"results file {path!r} is incomplete: the run that wrote it did not end; run it again")
+                raise ValueError(
+                    f"results file {path!r} is incomplete: the run that wrote it did not end; run it again"
+                )
             if int(file.attrs["format_version"]) > FORMAT_VERSION:
-                raise ValueError(f"results file {path!r} has format version {file.attrs['format_version']}, newer than this program's {FORMAT_VERSION}")
+                raise ValueError(
+                    f"results file {path!r} has format version {file.attrs['format_version']}, newer than "
+                    f"this program's {FORMAT_VERSION}"
+                )
             units: dict[str, str] = {}
             tree = _tree(file, units)
     except (OSError, KeyError, RuntimeError) as error:
         raise ValueError(f"results file {path!r} is truncated or no HDF5 file ({error})") from None
-    return Results(path, tree["versions"], tree["petsc_options"], tree["inputs"], tree["mesh"], tree.get("modal"), tree.get("static", {}), units)
+    return Results(
+        path,
+        tree["versions"],
+        tree["petsc_options"],
+        tree["inputs"],
+        tree["mesh"],
+        tree.get("modal"),
+        tree.get("static", {}),
+        units,
+    )
 
 
 # ---------------------------------------------------------------------- parts of the file
@@ -193,7 +237,9 @@ def _written(comm: MPI.Comm, path: str):
         try:
             yield
         except (OSError, RuntimeError) as error:
-            raise ValueError(f"results file {path!r} cannot be written: {getattr(error, 'strerror', None) or error}") from None
+            raise ValueError(
+                f"results file {path!r} cannot be written: {getattr(error, 'strerror', None) or error}"
+            ) from None
 
 
 def _cases(static, loads) -> dict[str, tuple[Static, object]]:
@@ -208,7 +254,10 @@ def _cases(static, loads) -> dict[str, tuple[Static, object]]:
     for name in static:
         if not isinstance(name, str) or not name.strip(". ") or "/" in name:
             raise ValueError(f"static case {name!r}: its name must be a text without '/'")
-    return {name: (result, (loads or {}).get(name, getattr(result, "load", None))) for name, result in static.items()}
+    return {
+        name: (result, (loads or {}).get(name, getattr(result, "load", None)))
+        for name, result in static.items()
+    }
 
 
 def _write_head(file: h5py.File) -> None:
@@ -219,11 +268,21 @@ def _write_head(file: h5py.File) -> None:
         own = metadata.version("sbfem-petsc")
     except metadata.PackageNotFoundError:
         own = "unknown (not installed)"
-    versions = {"sbfem-petsc": own, "petsc": ".".join(map(str, PETSc.Sys.getVersion())), "slepc": ".".join(map(str, SLEPc.Sys.getVersion())),
-                "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 "), "numpy": np.__version__, "scipy": scipy.__version__, "h5py": h5py.__version__,
-                "hdf5": h5py.version.hdf5_version, "python": platform.python_version()}
+    versions = {
+        "sbfem-petsc": own,
+        "petsc": ".".join(map(str, PETSc.Sys.getVersion())),
+        "slepc": ".".join(map(str, SLEPc.Sys.getVersion())),
+        "mpi": MPI.Get_library_version().splitlines()[0].strip("\0 "),
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+        "h5py": h5py.__version__,
+        "hdf5": h5py.version.hdf5_version,
+        "python": platform.python_version(),
+    }
     file.create_group("versions").attrs.update(versions)
-    file.create_group("petsc_options").attrs.update({name: value or "" for name, value in PETSc.Options().getAll().items()})
+    file.create_group("petsc_options").attrs.update(
+        {name: value or "" for name, value in PETSc.Options().getAll().items()}
+    )
 
 
 def _write_inputs(group: h5py.Group, model: Model) -> None:
@@ -250,17 +309,46 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
     with _written(comm, path):
         if comm.rank == 0:
             group = file.create_group("mesh")
-            group.attrs["edge_sets"], group.attrs["materials"] = list(model.edge_set_names), list(model.material_names)
-            _put(group, "boundary_unknowns", model.boundary_unknowns, "1", "displacement unknowns on S-element boundaries after the supports")
-            _put(group, "unknowns", model.unknowns, "1", "the same with all auxiliary unknowns of the continued fraction")
+            group.attrs["edge_sets"], group.attrs["materials"] = (
+                list(model.edge_set_names),
+                list(model.material_names),
+            )
+            _put(
+                group,
+                "boundary_unknowns",
+                model.boundary_unknowns,
+                "1",
+                "displacement unknowns on S-element boundaries after the supports",
+            )
+            _put(
+                group,
+                "unknowns",
+                model.unknowns,
+                "1",
+                "the same with all auxiliary unknowns of the continued fraction",
+            )
             _put(group, "shapes", model.shapes, "1", "different shapes of S-elements")
             for name, (at, _) in model.points.items():
-                _put(group.require_group("points"), name.replace("/", "_"), np.array(at), "m", f"coordinates of point {name}")
+                _put(
+                    group.require_group("points"),
+                    name.replace("/", "_"),
+                    np.array(at),
+                    "m",
+                    f"coordinates of point {name}",
+                )
             pairs = model.pairs
-            for name, values, unit, text in (("nodes", pairs.nodes, "1", "node on the face the normal points to, node on the opposite face"),
-                                             ("normal", pairs.normal, "1", "unit normal of the crack's axis"), ("gap", pairs.gap, "m", "initial gap"),
-                                             ("crack", pairs.crack, "1", "number of the crack, from 0"),
-                                             ("position", pairs.position, "1", "fraction of the face's length from the tip")):
+            for name, values, unit, text in (
+                (
+                    "nodes",
+                    pairs.nodes,
+                    "1",
+                    "node on the face the normal points to, node on the opposite face",
+                ),
+                ("normal", pairs.normal, "1", "unit normal of the crack's axis"),
+                ("gap", pairs.gap, "m", "initial gap"),
+                ("crack", pairs.crack, "1", "number of the crack, from 0"),
+                ("position", pairs.position, "1", "fraction of the face's length from the tip"),
+            ):
                 _put(group.require_group("pairs"), name, values, unit, text)
             for crack in model.cracks:
                 facts = group.require_group("cracks").create_group(crack.name.replace("/", "_"))
@@ -269,21 +357,39 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
                 _put(facts, "opening", crack.opening, "rad", "total angle between the faces")
                 _put(facts, "length", crack.length, "m", "length along the axis")
     nodes = global_size(comm, part.nodes)
-    _put_rows(comm, group, "nodes", part.nodes, part.coordinates, nodes, "m", "coordinates of the nodes", path)
+    _put_rows(
+        comm, group, "nodes", part.nodes, part.coordinates, nodes, "m", "coordinates of the nodes", path
+    )
     order = np.argsort(part.elements)
     elements = part.elements[order]
-    for name, values, unit, text in (("scaling_centres", part.centres, "m", "scaling centres of the S-elements"),
-                                     ("closed", part.closed.astype(np.int8), "1", "1: the boundary is a loop; 0: the scaling centre lies on the boundary"),
-                                     ("element_materials", part.materials.astype(np.int64), "1", "numbers in the list of materials"),
-                                     ("element_nodes_count", np.array([len(c) for c in part.chains], dtype=np.int64), "1", "number of boundary nodes")):
+    for name, values, unit, text in (
+        ("scaling_centres", part.centres, "m", "scaling centres of the S-elements"),
+        (
+            "closed",
+            part.closed.astype(np.int8),
+            "1",
+            "1: the boundary is a loop; 0: the scaling centre lies on the boundary",
+        ),
+        ("element_materials", part.materials.astype(np.int64), "1", "numbers in the list of materials"),
+        (
+            "element_nodes_count",
+            np.array([len(c) for c in part.chains], dtype=np.int64),
+            "1",
+            "number of boundary nodes",
+        ),
+    ):
         _put_rows(comm, group, name, elements, np.asarray(values)[order], model.elements, unit, text, path)
     # Chains of different lengths stand one after the other, in the order of the S-elements.
     counts = np.zeros(model.elements, dtype=np.int64)
     counts[part.elements] = [len(c) for c in part.chains]
     comm.Allreduce(MPI.IN_PLACE, counts)
     starts = np.concatenate([[0], np.cumsum(counts)])
-    flat = np.concatenate([part.nodes[part.chains[i]] for i in order] or [np.empty(0, dtype=np.int64)]).astype(np.int64)
-    places = np.concatenate([np.arange(starts[e], starts[e + 1]) for e in elements] or [np.empty(0, dtype=np.int64)])
+    flat = np.concatenate(
+        [part.nodes[part.chains[i]] for i in order] or [np.empty(0, dtype=np.int64)]
+    ).astype(np.int64)
+    places = np.concatenate(
+        [np.arange(starts[e], starts[e + 1]) for e in elements] or [np.empty(0, dtype=np.int64)]
+    )
     text = "boundary nodes of the S-elements, counter-clockwise, one element after the other"
     _put_rows(comm, group, "element_nodes", places, flat, int(starts[-1]), "1", text, path)
 
@@ -301,12 +407,34 @@ def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str
             _put(group, "iterations", modal.iterations, "1", "iterations of the eigensolver")
             _put(group, "unknowns", modal.unknowns, "1", "unknowns of the eigenvalue problem")
             for name, values in modal.point_shapes.items():
-                _put(group.require_group("points"), name.replace("/", "_"), values, "1/sqrt(kg)", f"displacement of point {name} in each mode")
-            shapes = _declare(group, "shapes", (count, nodes, 2), float, "1/sqrt(kg)", "mode shapes (mode, node, x and y), modal mass 1", chunks=(1, nodes, 2))
+                _put(
+                    group.require_group("points"),
+                    name.replace("/", "_"),
+                    values,
+                    "1/sqrt(kg)",
+                    f"displacement of point {name} in each mode",
+                )
+            shapes = _declare(
+                group,
+                "shapes",
+                (count, nodes, 2),
+                float,
+                "1/sqrt(kg)",
+                "mode shapes (mode, node, x and y), modal mass 1",
+                chunks=(1, nodes, 2),
+            )
     for mode in range(count):
         field = modal.nodal(mode)
         with _written(comm, path):
-            stream(comm, model.part.nodes, field, nodes, lambda first, rows: shapes.write_direct(rows, dest_sel=np.s_[mode, first:first + len(rows)]))
+            stream(
+                comm,
+                model.part.nodes,
+                field,
+                nodes,
+                lambda first, rows: shapes.write_direct(
+                    rows, dest_sel=np.s_[mode, first : first + len(rows)]
+                ),
+            )
 
 
 def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Static, load, path: str) -> None:
@@ -319,7 +447,13 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
             group.attrs["solver"] = result.solver
             for number, item in enumerate(as_loads(load).parts if load is not None else (), 1):
                 _put_fields(group.require_group("loads").create_group(f"{number}"), item)
-            _put(group, "contact_force", result.contact_force, "N", "forces of the contact pairs, compression positive")
+            _put(
+                group,
+                "contact_force",
+                result.contact_force,
+                "N",
+                "forces of the contact pairs, compression positive",
+            )
             _put(group, "contact_resultant", result.contact_resultant, "N", "sum of the contact forces")
             _put(group, "gap", result.gap, "m", "gaps of the contact pairs")
             _put(group, "active", result.active, "1", "pairs in contact")
@@ -327,15 +461,45 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
             _put(group, "residual", result.residual, "1", "||K u - f - G' force|| / ||f||")
             for crack, values in result.stress_intensity.items():
                 intensity = group.require_group("stress_intensity").create_group(crack.replace("/", "_"))
-                _put(intensity, "factors", np.array(values), "Pa m^(1 - exponent)", f"K_I and K_II at the tip of {crack}")
-                _put(intensity, "exponents", exponents[crack], "1", "exponents of the displacement at the tip, 1/2 at a crack")
+                _put(
+                    intensity,
+                    "factors",
+                    np.array(values),
+                    "Pa m^(1 - exponent)",
+                    f"K_I and K_II at the tip of {crack}",
+                )
+                _put(
+                    intensity,
+                    "exponents",
+                    exponents[crack],
+                    "1",
+                    "exponents of the displacement at the tip, 1/2 at a crack",
+                )
             for point, values in result.point_displacements.items():
-                _put(group.require_group("points"), point.replace("/", "_"), values, "m", f"displacement of point {point}")
-    _put_rows(comm, group, "displacement", model.part.nodes, result.field, global_size(comm, model.part.nodes), "m", "displacement of the nodes", path)
+                _put(
+                    group.require_group("points"),
+                    point.replace("/", "_"),
+                    values,
+                    "m",
+                    f"displacement of point {point}",
+                )
+    _put_rows(
+        comm,
+        group,
+        "displacement",
+        model.part.nodes,
+        result.field,
+        global_size(comm, model.part.nodes),
+        "m",
+        "displacement of the nodes",
+        path,
+    )
 
 
 # ---------------------------------------------------------------------- small pieces
-def _declare(group: h5py.Group, name: str, shape: tuple, kind, unit: str, description: str, **layout) -> h5py.Dataset:
+def _declare(
+    group: h5py.Group, name: str, shape: tuple, kind, unit: str, description: str, **layout
+) -> h5py.Dataset:
     dataset = group.create_dataset(name, shape=shape, dtype=kind, **(layout if 0 not in shape else {}))
     dataset.attrs["unit"], dataset.attrs["description"] = unit, description
     return dataset
@@ -346,15 +510,32 @@ def _put(group: h5py.Group, name: str, values, unit: str, description: str) -> N
     _declare(group, name, values.shape, values.dtype, unit, description)[...] = values
 
 
-def _put_rows(comm: MPI.Comm, group: h5py.Group | None, name: str, numbers: np.ndarray, values: np.ndarray, size: int,
-              unit: str, description: str, path: str) -> None:
+def _put_rows(
+    comm: MPI.Comm,
+    group: h5py.Group | None,
+    name: str,
+    numbers: np.ndarray,
+    values: np.ndarray,
+    size: int,
+    unit: str,
+    description: str,
+    path: str,
+) -> None:
     """One distributed dataset, streamed to rank 0, where alone an error can arise."""
     dataset = None
     with _written(comm, path):
         if comm.rank == 0:
             dataset = _declare(group, name, (size, *values.shape[1:]), values.dtype, unit, description)
     with _written(comm, path):
-        stream(comm, numbers, values, size, lambda first, rows: dataset.write_direct(np.ascontiguousarray(rows), dest_sel=np.s_[first:first + len(rows)]))
+        stream(
+            comm,
+            numbers,
+            values,
+            size,
+            lambda first, rows: dataset.write_direct(
+                np.ascontiguousarray(rows), dest_sel=np.s_[first : first + len(rows)]
+            ),
+        )
 
 
 def _put_fields(group: h5py.Group, item) -> None:
@@ -365,12 +546,21 @@ def _put_fields(group: h5py.Group, item) -> None:
         if isinstance(value, str):
             group.attrs[field.name] = value
         elif value is not None:
-            _put(group, field.name, float(value), _UNITS.get(field.name, "1"), f"{field.name} of {type(item).__name__}")
+            _put(
+                group,
+                field.name,
+                float(value),
+                _UNITS.get(field.name, "1"),
+                f"{field.name} of {type(item).__name__}",
+            )
 
 
 def _tree(group: h5py.Group, units: dict[str, str]) -> dict:
     """Groups as dicts: attributes, datasets and subgroups by name."""
-    result = {name: value.tolist() if isinstance(value, np.ndarray) else value for name, value in group.attrs.items()}
+    result = {
+        name: value.tolist() if isinstance(value, np.ndarray) else value
+        for name, value in group.attrs.items()
+    }
     for name, item in group.items():
         if isinstance(item, h5py.Group):
             result[name] = _tree(item, units)

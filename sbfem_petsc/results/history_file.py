@@ -1,4 +1,6 @@
-"""What the history files of reduced and of unreduced models have in common: layout, writing in place, settings."""
+"""What the history files of reduced and of unreduced models have in common: layout, writing in place,
+settings.
+"""
 
 from __future__ import annotations
 
@@ -28,11 +30,18 @@ class IncompleteHistory(UserWarning):
 def warn_unless(complete: bool, path: str, done: int, count: int, level: int) -> None:
     """Warn of a file whose run has not ended."""
     if not complete:
-        warnings.warn(f"history file {path!r} is incomplete: its run has recorded {done} of {count} steps; restart=True continues it", IncompleteHistory, stacklevel=level + 1)
+        warnings.warn(
+            f"history file {path!r} is incomplete: its run has recorded {done} of {count} steps; "
+            "restart=True continues it",
+            IncompleteHistory,
+            stacklevel=level + 1,
+        )
 
 
 def recorded_steps(comm: MPI.Comm, path: str) -> tuple[int, float] | None:
-    """Number of steps and time step (s) of a history file, on all ranks; None if there is no file. Collective."""
+    """Number of steps and time step (s) of a history file, on all ranks; None if there is no file.
+    Collective.
+    """
 
     def read():
         if not os.path.lexists(path):
@@ -45,7 +54,9 @@ def recorded_steps(comm: MPI.Comm, path: str) -> tuple[int, float] | None:
 
 @contextlib.contextmanager
 def opened(path: str, form: str | None = FORMAT):
-    """A history file open for reading, of one form or (None) of any; every failure as a ValueError of one sentence."""
+    """A history file open for reading, of one form or (None) of any; every failure as a ValueError of one
+    sentence.
+    """
     if not os.path.isfile(path):
         raise ValueError(f"history file {path!r} does not exist")
     try:
@@ -54,7 +65,10 @@ def opened(path: str, form: str | None = FORMAT):
             if found not in (FORMAT, UNREDUCED) if form is None else found != form:
                 raise ValueError(f"{path!r} is an HDF5 file of another kind, not {form or FORMAT}")
             if int(file.attrs["format_version"]) > FORMAT_VERSION:
-                raise ValueError(f"history file {path!r} has format version {file.attrs['format_version']}, newer than this program's {FORMAT_VERSION}")
+                raise ValueError(
+                    f"history file {path!r} has format version {file.attrs['format_version']}, newer than "
+                    f"this program's {FORMAT_VERSION}"
+                )
             yield file
     except (OSError, KeyError, RuntimeError, IndexError) as error:
         raise ValueError(f"history file {path!r} is truncated or no HDF5 file ({error})") from None
@@ -73,7 +87,7 @@ class RunningFile:
         self.comm, self.path = comm, os.path.abspath(os.fspath(path))
         self._handle = None
 
-    def __enter__(self) -> "RunningFile":
+    def __enter__(self) -> RunningFile:
         return self
 
     def __exit__(self, *_) -> None:
@@ -103,12 +117,17 @@ class RunningFile:
             place, data = place + written, data[written:]
 
     def recorded(self, names, count: int) -> dict[str, np.ndarray]:
-        """The first `count` rows as they lie in the file, read when they are used, on all ranks. Collective."""
+        """The first `count` rows as they lie in the file, read when they are used, on all ranks.
+        Collective.
+        """
         with collective(self.comm):
             try:
                 return mapped_rows(self.path, names, count)
             except (OSError, ValueError) as error:
-                raise SolveError(f"transient: rank {self.comm.rank} cannot read history file {self.path!r} ({error}); in_memory = False needs a folder that all ranks share") from None
+                raise SolveError(
+                    f"transient: rank {self.comm.rank} cannot read history file {self.path!r} ({error}); "
+                    "in_memory = False needs a folder that all ranks share"
+                ) from None
 
     def _finish(self) -> None:
         os.fsync(self._handle)
@@ -122,7 +141,10 @@ def mapped_rows(path: str, names, count: int) -> dict[str, np.ndarray]:
     """The first `count` rows of contiguous datasets as memory-mapped arrays."""
     with h5py.File(path, "r") as file:
         places = {name: (file[name].id.get_offset(), (count, *file[name].shape[1:])) for name in names}
-    return {name: np.memmap(path, "<f8", "r", place, shape) if np.prod(shape) else np.zeros(shape) for name, (place, shape) in places.items()}
+    return {
+        name: np.memmap(path, "<f8", "r", place, shape) if np.prod(shape) else np.zeros(shape)
+        for name, (place, shape) in places.items()
+    }
 
 
 @contextlib.contextmanager
@@ -158,7 +180,9 @@ def reserve_states(file: h5py.File, size: int, states: dict | None) -> None:
 
 
 def _reserve(file: h5py.File, name: str, shape: tuple) -> None:
-    """A contiguous dataset with a place in the file, but not written: file systems with holes give no blocks to it."""
+    """A contiguous dataset with a place in the file, but not written: file systems with holes give no blocks
+    to it.
+    """
     layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     layout.set_layout(h5py.h5d.CONTIGUOUS)
     layout.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
@@ -179,16 +203,32 @@ def check_settings(file: h5py.File, settings: dict, signals) -> None:
     path = file.filename
     for name, value in settings.items():
         if name != "count" and not close(file.attrs[name], value):
-            raise ValueError(f"history file {path!r} was written with {name} = {file.attrs[name]}, not {value}; restart with the same value, or name another file")
+            raise ValueError(
+                f"history file {path!r} was written with {name} = {file.attrs[name]}, not {value}; restart "
+                "with the same value, or name another file"
+            )
     count, step = int(file.attrs["count"]), float(file.attrs["step"])
     if count > settings["count"]:
-        raise ValueError(f"history file {path!r} is that of a run of {count * step:.6g} s, longer than {settings['count'] * step:.6g} s; read it, or name another file")
+        raise ValueError(
+            f"history file {path!r} is that of a run of {count * step:.6g} s, longer than "
+            f"{settings['count'] * step:.6g} s; read it, or name another file"
+        )
     if not close(file["signal_checks"][()], signal_checks(signals, count * step)):
-        raise ValueError(f"history file {path!r} was written for other load signals; restart with the same loads, or name another file")
+        raise ValueError(
+            f"history file {path!r} was written for other load signals; restart with the same loads, or name "
+            "another file"
+        )
 
 
 def close(one, other) -> bool:
     if isinstance(one, str) or isinstance(other, str):
         return one == other
     one, other = 1.0 * np.asarray(one), 1.0 * np.asarray(other)
-    return one.shape == other.shape and bool(np.allclose(one, other, rtol=1e-9 if one.ndim == 0 else SAME, atol=SAME * np.abs(other).max(initial=0.0) if one.ndim else 0.0))
+    return one.shape == other.shape and bool(
+        np.allclose(
+            one,
+            other,
+            rtol=1e-9 if one.ndim == 0 else SAME,
+            atol=SAME * np.abs(other).max(initial=0.0) if one.ndim else 0.0,
+        )
+    )

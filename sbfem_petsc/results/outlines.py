@@ -35,7 +35,9 @@ class Piece:
     displacements: np.ndarray
 
 
-def gather_outline(model: Model, fields: list[np.ndarray], subdivisions: int | None = None) -> list[Piece] | None:
+def gather_outline(
+    model: Model, fields: list[np.ndarray], subdivisions: int | None = None
+) -> list[Piece] | None:
     """Outline of the structure, crack faces included, with displacement fields, on rank 0. Collective.
 
     Parameters
@@ -76,7 +78,9 @@ def gather_outline(model: Model, fields: list[np.ndarray], subdivisions: int | N
 
 
 def _open_faces(model: Model, fields: list[np.ndarray]) -> list[Piece]:
-    """The two faces of each open S-element, from the end of its chain over the scaling centre to the start."""
+    """The two faces of each open S-element, from the end of its chain over the scaling centre to the
+    start.
+    """
     pieces = []
     names = {str(k): field for k, field in enumerate(fields)}
     for patch in sample(model, names, stress=False, keep=~model.part.closed):
@@ -87,7 +91,15 @@ def _open_faces(model: Model, fields: list[np.ndarray]) -> list[Piece]:
             if patch.mirrored[row]:
                 lines = [line[::-1] for line in lines]
             key = (-1 - int(model.part.elements[element]),)
-            pieces.append(Piece(key, int(chain[-1]), int(chain[0]), lines[0], np.array(lines[1:]).reshape(len(fields), -1, 2)))
+            pieces.append(
+                Piece(
+                    key,
+                    int(chain[-1]),
+                    int(chain[0]),
+                    lines[0],
+                    np.array(lines[1:]).reshape(len(fields), -1, 2),
+                )
+            )
     return pieces
 
 
@@ -110,7 +122,9 @@ def loops(pieces: list[Piece]) -> list[list[int]]:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Sampled interior of a window: points (n, 2), displacements (n, 2), stress (n, 4) as in `Patches`, triangles (t, 3)."""
+    """Sampled interior of a window: points (n, 2), displacements (n, 2), stress (n, 4) as in `Patches`,
+    triangles (t, 3).
+    """
 
     positions: np.ndarray
     displacements: np.ndarray
@@ -119,7 +133,9 @@ class Region:
 
 
 def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: float) -> Region | None:
-    """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0. Collective."""
+    """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0.
+    Collective.
+    """
     part = model.part
     keep = np.zeros(len(part.chains), dtype=bool)
     for k, chain in enumerate(part.chains):
@@ -130,7 +146,14 @@ def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: flo
         quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
         cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
         points = patch.positions.reshape(-1, 2)
-        pieces.append((points, patch.displacements["u"].reshape(-1, 2), patch.stresses["u"].reshape(-1, 4), cells + offset))
+        pieces.append(
+            (
+                points,
+                patch.displacements["u"].reshape(-1, 2),
+                patch.stresses["u"].reshape(-1, 4),
+                cells + offset,
+            )
+        )
         offset += len(points)
     gathered = model.comm.gather(pieces)
     if gathered is None:
@@ -146,7 +169,8 @@ def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: flo
 
 
 def contact_lengths(model: Model) -> np.ndarray:
-    """(pairs,): length of the crack face that belongs to each pair, m, the integral of its shape function; nan without a face edge. Collective.
+    """(pairs,): length of the crack face that belongs to each pair, m, the integral of its shape function;
+    nan without a face edge. Collective.
 
     The force of a pair divided by this length (and by the thickness) is the contact pressure there.
     """

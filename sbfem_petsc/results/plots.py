@@ -22,6 +22,7 @@ from .outlines import Piece, Region, contact_lengths, gather_outline, gather_reg
 
 __all__ = ["plot_contact", "plot_crack", "plot_discretisation", "plot_modes"]
 
+
 # ---------------------------------------------------------------------- mode shapes
 def plot_modes(modal: Modal, path: str, modes: Sequence[int] | None = None, columns: int = 2) -> str | None:
     """Mode shapes on the structure's outline, the frequency in each title. Collective.
@@ -42,16 +43,21 @@ def plot_modes(modal: Modal, path: str, modes: Sequence[int] | None = None, colu
     chosen = list(range(min(12, len(modal.frequencies))) if modes is None else modes)
     wrong = [m for m in chosen if not 0 <= m < len(modal.frequencies)]
     if not chosen or wrong:
-        raise ValueError(f"plot_modes: modes = {modes!r} must be numbers from 0 to {len(modal.frequencies) - 1}")
+        raise ValueError(
+            f"plot_modes: modes = {modes!r} must be numbers from 0 to {len(modal.frequencies) - 1}"
+        )
     pieces = gather_outline(modal.model, [modal.nodal(m) for m in chosen], max(2 * modal.model.order, 8))
-    return on_root(modal.model.comm, lambda: save(_draw_modes(pieces, modal.frequencies, chosen, columns), path))
+    return on_root(
+        modal.model.comm, lambda: save(_draw_modes(pieces, modal.frequencies, chosen, columns), path)
+    )
 
 
 def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], columns: int) -> Figure:
     points = np.concatenate([p.positions for p in pieces])
     lower, upper = points.min(axis=0), points.max(axis=0)
     extent = upper - lower
-    # A slender beam is drawn bent by a tenth of its length at most; steep waves of high modes by less, so that the sections' rotation stays legible.
+    # A slender beam is drawn bent by a tenth of its length at most; steep waves of high modes by less, so
+    # that the sections' rotation stays legible.
     size, slender = extent.max(), extent.max() > 8.0 * extent.min()
     amplitude = (0.08 if slender else 0.1) * size
     rows = -(-len(modes) // columns)
@@ -69,11 +75,25 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
             axial = largest[int(np.argmax(extent))]
             bending = largest[int(np.argmin(extent))] > axial
             scale = min(scale, 0.8 * extent.min() / axial) if bending else 0.03 * size / axial
-        # the sign of a mode is arbitrary: cracks are drawn open if that shows, else the largest displacement upwards or to the right
+        # the sign of a mode is arbitrary: cracks are drawn open if that shows, else the largest displacement
+        # upwards or to the right
         opening = _opening(pieces, k)
-        scale = np.copysign(scale, opening if not slender and abs(opening) * scale > 0.005 * size else shape.flat[np.abs(shape).argmax()])
-        fill(axes, [[pieces[i].positions for i in loop] for loop in order], "none", "#999999", 0.4, (0, (3, 2)))
-        fill(axes, [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order], SKY, BLUE, 0.6)
+        scale = np.copysign(
+            scale,
+            opening
+            if not slender and abs(opening) * scale > 0.005 * size
+            else shape.flat[np.abs(shape).argmax()],
+        )
+        fill(
+            axes, [[pieces[i].positions for i in loop] for loop in order], "none", "#999999", 0.4, (0, (3, 2))
+        )
+        fill(
+            axes,
+            [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order],
+            SKY,
+            BLUE,
+            0.6,
+        )
         axes.set_title(f"mode {mode + 1}:  {_frequency(frequencies[mode])}", fontsize=8, pad=2)
         axes.set_aspect("equal")
         margin = 1.15 * amplitude
@@ -81,7 +101,7 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
         axes.set_ylim((lower[1] - margin) * MILLI, (upper[1] + margin) * MILLI)
         axes.yaxis.set_major_locator(MaxNLocator(3))
         style(axes)
-    for axes in list(grid.flat)[len(modes):]:
+    for axes in list(grid.flat)[len(modes) :]:
         axes.set_axis_off()
     for axes in grid[-1]:
         axes.set_xlabel("x (mm)")
@@ -91,7 +111,9 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
 
 
 def _opening(pieces: list[Piece], field: int) -> float:
-    """Opening of the cracks in a displacement field, m, where their tip elements end; 0 without such elements."""
+    """Opening of the cracks in a displacement field, m, where their tip elements end; 0 without such
+    elements.
+    """
     total = 0.0
     for piece in pieces:
         if piece.key[0] < 0:  # from the right face over the tip to the left one
@@ -106,13 +128,20 @@ def _frequency(value: float) -> str:
 
 
 # ---------------------------------------------------------------------- crack region
-def plot_crack(model: Model, fields: dict[str, np.ndarray], path: str, crack: int = 0, colour: str = "von_mises",
-               magnification: float | None = None) -> str | None:
+def plot_crack(
+    model: Model,
+    fields: dict[str, np.ndarray],
+    path: str,
+    crack: int = 0,
+    colour: str = "von_mises",
+    magnification: float | None = None,
+) -> str | None:
     """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
 
-    The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be seen is magnified like the
-    displacement, as if it had opened from a closed one: where its faces touch, they touch in the picture. The faces of the tip element,
-    dashed, have no contact pairs: where they overlap they are drawn so.
+    The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be
+    seen is magnified like the displacement, as if it had opened from a closed one: where its faces touch,
+    they touch in the picture. The faces of the tip element, dashed, have no contact pairs: where they overlap
+    they are drawn so.
 
     Parameters
     ----------
@@ -138,10 +167,19 @@ def plot_crack(model: Model, fields: dict[str, np.ndarray], path: str, crack: in
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}
     outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
-    return on_root(model.comm, lambda: save(_draw_crack(regions, outline, facts, half, colour, magnification), path))
+    return on_root(
+        model.comm, lambda: save(_draw_crack(regions, outline, facts, half, colour, magnification), path)
+    )
 
 
-def _draw_crack(regions: dict[str, list[Region]], outline: list[Piece], crack, halves: np.ndarray, colour: str, magnification: float | None) -> Figure:
+def _draw_crack(
+    regions: dict[str, list[Region]],
+    outline: list[Piece],
+    crack,
+    halves: np.ndarray,
+    colour: str,
+    magnification: float | None,
+) -> Figure:
     tip = np.array(crack.tip)
     drawing = figure(3.15 * len(regions) + 0.15)
     grid = drawing.subplots(len(regions), 2, squeeze=False)
@@ -157,18 +195,39 @@ def _draw_crack(regions: dict[str, list[Region]], outline: list[Piece], crack, h
             if colour == "von_mises":
                 values, label, top = region.stress[:, 3] * 1e-6, "von Mises stress (MPa)", 0.97
             else:
-                values, label, top = np.linalg.norm(relative, axis=1) * 1e6, "displacement without rigid-body motion (µm)", 1.0
+                values, label, top = (
+                    np.linalg.norm(relative, axis=1) * 1e6,
+                    "displacement without rigid-body motion (µm)",
+                    1.0,
+                )
             norm = Normalize(0.0, _area_quantile(region, values, inside, top))
-            shown = axes.tripcolor(*place.T, region.triangles, values, shading="gouraud", cmap="viridis", norm=norm, rasterized=True)
-            bar = drawing.colorbar(shown, ax=axes, extend="max" if top < 1.0 else "neither", shrink=0.85, pad=0.02)
+            shown = axes.tripcolor(
+                *place.T,
+                region.triangles,
+                values,
+                shading="gouraud",
+                cmap="viridis",
+                norm=norm,
+                rasterized=True,
+            )
+            bar = drawing.colorbar(
+                shown, ax=axes, extend="max" if top < 1.0 else "neither", shrink=0.85, pad=0.02
+            )
             bar.set_label(label, size=7)
             bar.ax.tick_params(labelsize=6)
             bar.locator = MaxNLocator(5)
             bar.update_ticks()
             for piece in outline:
                 if (np.abs(piece.positions - tip) <= 1.5 * half).all(axis=1).any():
-                    moved = own.drawn(piece.positions, piece.displacements[row] - motion(piece.positions - tip), factor)
-                    axes.plot(*((moved - tip) * MILLI).T, color=BLACK, linewidth=0.8, linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)))
+                    moved = own.drawn(
+                        piece.positions, piece.displacements[row] - motion(piece.positions - tip), factor
+                    )
+                    axes.plot(
+                        *((moved - tip) * MILLI).T,
+                        color=BLACK,
+                        linewidth=0.8,
+                        linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)),
+                    )
             axes.set_xlim(-half * MILLI, half * MILLI)
             axes.set_ylim(-half * MILLI, half * MILLI)
             axes.set_aspect("equal")
@@ -181,7 +240,9 @@ def _draw_crack(regions: dict[str, list[Region]], outline: list[Piece], crack, h
 
 
 class _Notch:
-    """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and displacement."""
+    """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and
+    displacement.
+    """
 
     def __init__(self, crack, half: float):
         self.tip, self.axis, self.half = np.array(crack.tip), np.array(crack.axis), half
@@ -212,7 +273,9 @@ def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):
 
 
 def _area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share: float) -> float:
-    """Value that is not exceeded on a share of the area: the points crowd at the tip, where the stress has no bound."""
+    """Value that is not exceeded on a share of the area: the points crowd at the tip, where the stress has no
+    bound.
+    """
     triangles = region.triangles[inside[region.triangles].all(axis=1)]
     a, b, c = (region.positions[triangles[:, k]] for k in range(3))
     area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
@@ -236,8 +299,9 @@ def _round(value: float) -> float:
 def plot_contact(cases: dict[str, Static], path: str, crack: int = 0) -> str | None:
     """Contact pressure and gap along a crack for several static cases. Collective.
 
-    The pressure of a pair is its force divided by its share of the face. The pair on the tip element's boundary has no such share: it stands
-    in for the whole face of the tip element, which has no pairs; its force counts in the resultant but is not drawn.
+    The pressure of a pair is its force divided by its share of the face. The pair on the tip element's
+    boundary has no such share: it stands in for the whole face of the tip element, which has no pairs; its
+    force counts in the resultant but is not drawn.
 
     Parameters
     ----------
@@ -266,16 +330,32 @@ def _draw_contact(model, cases: dict[str, Static], lengths: np.ndarray, crack: i
     distance = pairs.position[rows] * length * MILLI
     drawing = figure(4.6)
     pressure_axes, gap_axes = drawing.subplots(2, 1, sharex=True)
-    gap_axes.plot(distance, pairs.gap[rows] * 1e6, color="#777777", linestyle=(0, (4, 2)), linewidth=0.9, label="initial")
-    for (name, case), colour, marker in zip(cases.items(), CYCLE * (1 + len(cases) // len(CYCLE)), MARKERS * (1 + len(cases) // len(MARKERS))):
+    gap_axes.plot(
+        distance,
+        pairs.gap[rows] * 1e6,
+        color="#777777",
+        linestyle=(0, (4, 2)),
+        linewidth=0.9,
+        label="initial",
+    )
+    for (name, case), colour, marker in zip(
+        cases.items(), CYCLE * (1 + len(cases) // len(CYCLE)), MARKERS * (1 + len(cases) // len(MARKERS))
+    ):
         pressure = case.contact_force[rows] / (drawn * model.thickness) * 1e-6
         shown = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
         force = case.contact_force[rows].sum()
-        pressure_axes.plot(distance, pressure, label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)", **shown)
+        pressure_axes.plot(
+            distance,
+            pressure,
+            label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)",
+            **shown,
+        )
         gap_axes.plot(distance, case.gap[rows] * 1e6, label=name, **shown)
     pressure_axes.set_ylabel("contact pressure (MPa)")
     pressure_axes.set_ylim(bottom=0.0)
-    pressure_axes.set_title(f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face", fontsize=8)
+    pressure_axes.set_title(
+        f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face", fontsize=8
+    )
     gap_axes.set_ylabel("gap (µm)")
     gap_axes.set_xlabel("distance from the tip along the crack (mm)")
     gap_axes.set_xlim(0.0, length * MILLI * 1.02)

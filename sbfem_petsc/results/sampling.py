@@ -11,14 +11,16 @@ from ..selement.coefficients import edge_nodes
 from ..selement.interior import InteriorSampler
 from ..system.model import Model
 
-# xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a crack tip, where it has no
-# bound, the innermost ring's; elsewhere all directions agree there within a percent of its variation.
+# xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
+# crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a
+# percent of its variation.
 INNERMOST_CLOSED, INNERMOST_OPEN, CENTRE = 0.25, 0.01, 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class Patches:
-    """Points of k S-elements of one shape: l levels from the boundary inwards, the last one the scaling centre.
+    """Points of k S-elements of one shape: l levels from the boundary inwards, the last one the scaling
+    centre.
 
     Attributes
     ----------
@@ -51,8 +53,8 @@ def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
     closed : bool
         Geometric steps towards the scaling centre in open S-elements (a crack tip), else even ones.
     finest : float
-        Length of the shortest edge in units of the S-element's size: where edges are graded towards a point of the
-        boundary of a closed S-element, the levels are graded towards the boundary.
+        Length of the shortest edge in units of the S-element's size: where edges are graded towards a point
+        of the boundary of a closed S-element, the levels are graded towards the boundary.
     refine : int
         Levels of open S-elements for each default one.
     """
@@ -65,8 +67,14 @@ def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
     return 1.0 - np.append(0.0, np.geomspace(finest, depth, steps))
 
 
-def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None = None, stress: bool = True,
-           keep: np.ndarray | None = None, refine: int = 1) -> list[Patches]:
+def sample(
+    model: Model,
+    fields: dict[str, np.ndarray],
+    subdivisions: int | None = None,
+    stress: bool = True,
+    keep: np.ndarray | None = None,
+    refine: int = 1,
+) -> list[Patches]:
     """Sample nodal displacement fields inside the S-elements of this rank.
 
     Parameters
@@ -85,7 +93,10 @@ def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None
     """
     for name, values in fields.items():
         if np.shape(values) != model.part.coordinates.shape:
-            raise ValueError(f"field {name!r} has shape {np.shape(values)}; displacements of this rank's nodes have shape {model.part.coordinates.shape}")
+            raise ValueError(
+                f"field {name!r} has shape {np.shape(values)}; displacements of this rank's nodes have shape "
+                f"{model.part.coordinates.shape}"
+            )
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     patches = []
     for group in model.groups:
@@ -94,25 +105,42 @@ def sample(model: Model, fields: dict[str, np.ndarray], subdivisions: int | None
         if len(group.elements) == 0:
             continue
         material = model.materials[group.material]
-        sampler = InteriorSampler(group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at)
+        sampler = InteriorSampler(
+            group.solution.radial, group.shape, group.order, group.closed, material.elasticity, at
+        )
         ends = group.shape[edge_nodes(len(group.shape), group.order, group.closed)][:, [0, -1]]
-        levels = graded_levels(group.closed, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()), refine)
+        levels = graded_levels(
+            group.closed, float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).min()), refine
+        )
         with_centre, near_centre = np.append(levels, 0.0), np.append(levels, CENTRE)
         sizes, rotations = group.sizes, group.rotations
         positions = sampler.positions(with_centre, model.part.centres[group.elements], sizes, rotations)
         displacements, stresses = {}, {}
         for name, values in fields.items():
-            radial = sampler.radial_fields(np.asarray(values, dtype=float)[group.nodes], rotations, np.append(near_centre, 0.0))
+            radial = sampler.radial_fields(
+                np.asarray(values, dtype=float)[group.nodes], rotations, np.append(near_centre, 0.0)
+            )
             displacements[name] = sampler.displacement(np.delete(radial, -2, axis=1), rotations)
             if stress:
                 plane = sampler.stress(radial[:, :-1], near_centre, rotations, sizes, material.modulus)
                 stresses[name] = np.concatenate([plane, von_mises(plane, material)[..., None]], axis=-1)
-        patches.append(Patches(group.elements, np.linalg.det(rotations) < 0.0, group.material, positions, displacements, stresses))
+        patches.append(
+            Patches(
+                group.elements,
+                np.linalg.det(rotations) < 0.0,
+                group.material,
+                positions,
+                displacements,
+                stresses,
+            )
+        )
     return patches
 
 
 def von_mises(stress: np.ndarray, material) -> np.ndarray:
-    """Von Mises stress (...,) from (xx, yy, xy) (..., 3), with the stress normal to the plane in plane strain."""
+    """Von Mises stress (...,) from (xx, yy, xy) (..., 3), with the stress normal to the plane in plane
+    strain.
+    """
     xx, yy, xy = np.moveaxis(stress, -1, 0)
     zz = stress @ normal_stress_row(material)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
@@ -127,9 +155,14 @@ def normal_stress_row(material) -> np.ndarray:
     young_3 = material.young_2 if material.young_3 is None else material.young_3
     nu_13 = material.poisson_12 if material.poisson_13 is None else material.poisson_13
     nu_23 = material.poisson_12 if material.poisson_23 is None else material.poisson_23
-    first, second = young_3 * nu_13 / material.young_1, young_3 * nu_23 / material.young_2  # of sigma_11, sigma_22
+    first, second = (
+        young_3 * nu_13 / material.young_1,
+        young_3 * nu_23 / material.young_2,
+    )  # of sigma_11, sigma_22
     c, s = np.cos(np.radians(material.angle)), np.sin(np.radians(material.angle))
-    return np.array([first * c * c + second * s * s, first * s * s + second * c * c, 2.0 * c * s * (first - second)])
+    return np.array(
+        [first * c * c + second * s * s, first * s * s + second * c * c, 2.0 * c * s * (first - second)]
+    )
 
 
 def point_grid_cells(patches: Patches) -> tuple[np.ndarray, np.ndarray]:
@@ -153,7 +186,9 @@ def point_grid_cells(patches: Patches) -> tuple[np.ndarray, np.ndarray]:
 
 
 def outline_edges(model: Model, chain: int) -> np.ndarray:
-    """(edges, order + 1): nodes of each edge of S-element `chain` of this rank, as rows of the part's nodes."""
+    """(edges, order + 1): nodes of each edge of S-element `chain` of this rank, as rows of the part's
+    nodes.
+    """
     nodes = model.part.chains[chain]
     closed = model.part.closed[chain]
     count = (len(nodes) if closed else len(nodes) - 1) // model.order

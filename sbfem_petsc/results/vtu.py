@@ -14,13 +14,21 @@ from .sampling import Patches, point_grid_cells, sample
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
 
 
-def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bool = True, subdivisions: int | None = None) -> str:
-    """Write displacement fields and their stresses to a VTU file, or a PVTU file with one piece a rank. Collective.
+def write_vtu(
+    path: str,
+    model: Model,
+    fields: dict[str, np.ndarray],
+    stress: bool = True,
+    subdivisions: int | None = None,
+) -> str:
+    """Write displacement fields and their stresses to a VTU file, or a PVTU file with one piece a rank.
+    Collective.
 
     Parameters
     ----------
     path : str
-        Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces: _0.vtu, _1.vtu ...).
+        Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces:
+        _0.vtu, _1.vtu ...).
     model : Model
     fields : dict of str to (m, 2) array
         Displacements of this rank's nodes, m: `Static.field`, `Modal.nodal(mode)`.
@@ -41,9 +49,9 @@ def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bo
 
     Notes
     -----
-    Points are not shared between the edges of an S-element: its stress is discontinuous there, as the method gives
-    it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a
-    crack tip for one, is that at a hundredth of the way to the boundary.
+    Points are not shared between the edges of an S-element: its stress is discontinuous there, as the method
+    gives it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a crack
+    tip for one, is that at a hundredth of the way to the boundary.
     """
     comm = model.comm
     stem, suffix = os.path.splitext(os.fspath(path))
@@ -66,12 +74,16 @@ def write_vtu(path: str, model: Model, fields: dict[str, np.ndarray], stress: bo
             try:
                 _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress)
             except OSError as error:
-                raise ValueError(f"PVTU file {stem + '.pvtu'!r} cannot be written: {error.strerror or error}") from None
+                raise ValueError(
+                    f"PVTU file {stem + '.pvtu'!r} cannot be written: {error.strerror or error}"
+                ) from None
     return f"{stem}.pvtu"
 
 
 def _mesh(model: Model, patches: list[Patches]) -> dict:
-    """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at the scaling centres."""
+    """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at
+    the scaling centres.
+    """
     points, data, offset = [], {}, 0
     blocks: dict[str, list] = {"quad": [], "triangle": []}
     facts: dict[str, list] = {"quad": [], "triangle": []}
@@ -81,7 +93,15 @@ def _mesh(model: Model, patches: list[Patches]) -> dict:
         for kind, cells in zip(blocks, point_grid_cells(patch)):
             blocks[kind].append(cells.reshape(-1, cells.shape[-1]) + offset)
             elements = np.repeat(model.part.elements[patch.elements], cells.shape[1])
-            facts[kind].append(np.stack([elements, np.full(len(elements), patch.material), np.full(len(elements), model.comm.rank)]))
+            facts[kind].append(
+                np.stack(
+                    [
+                        elements,
+                        np.full(len(elements), patch.material),
+                        np.full(len(elements), model.comm.rank),
+                    ]
+                )
+            )
         for name, values in patch.displacements.items():
             data.setdefault(name, []).append(values.reshape(-1, 2))
         for name, values in patch.stresses.items():
@@ -91,9 +111,16 @@ def _mesh(model: Model, patches: list[Patches]) -> dict:
     point_data = {name: np.concatenate(parts) for name, parts in data.items()}
     cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
     joined = [np.concatenate(facts[kind], axis=1).astype(np.int32) for kind in blocks]
-    cell_data = {name: [part[row] for part in joined] for row, name in enumerate(("element", "material", "rank"))}
+    cell_data = {
+        name: [part[row] for part in joined] for row, name in enumerate(("element", "material", "rank"))
+    }
     point_data = {name: _three(values) if values.ndim == 2 else values for name, values in point_data.items()}
-    return {"points": _three(np.concatenate(points)), "cells": cells, "point_data": point_data, "cell_data": cell_data}
+    return {
+        "points": _three(np.concatenate(points)),
+        "cells": cells,
+        "point_data": point_data,
+        "cell_data": cell_data,
+    }
 
 
 def _three(values: np.ndarray) -> np.ndarray:
@@ -116,7 +143,9 @@ def _write_piece(path: str, mesh: dict) -> None:
 
 def _write_index(path: str, pieces: list[str], fields, stress: bool) -> None:
     """The PVTU file: names and types of the arrays, and the pieces."""
-    root = xml.Element("VTKFile", type="PUnstructuredGrid", version="0.1", byte_order="LittleEndian", header_type="UInt32")
+    root = xml.Element(
+        "VTKFile", type="PUnstructuredGrid", version="0.1", byte_order="LittleEndian", header_type="UInt32"
+    )
     grid = xml.SubElement(root, "PUnstructuredGrid", GhostLevel="0")
     point_data = xml.SubElement(grid, "PPointData")
     for name in fields:

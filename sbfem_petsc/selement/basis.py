@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import cache
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -29,7 +29,7 @@ def shape_functions(order: int, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]
     return lagrange_values(gll_nodes(order), at), lagrange_slopes(gll_nodes(order), at)
 
 
-@lru_cache(maxsize=None)
+@cache
 def tabulated(order: int, points: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Shape functions and derivatives (points, order + 1) at the Gauss points, and the weights (points,)."""
     at, weights = legendre.leggauss(points)

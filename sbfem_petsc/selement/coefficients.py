@@ -15,7 +15,9 @@ class SElementError(ValueError):
 
 @dataclass(frozen=True, eq=False)
 class Coefficients:
-    """Coefficient matrices of one S-element with n degrees of freedom (x and y of each node in turn), all (n, n)."""
+    """Coefficient matrices of one S-element with n degrees of freedom (x and y of each node in turn), all (n,
+    n).
+    """
 
     e0: np.ndarray
     e1: np.ndarray
@@ -30,7 +32,9 @@ def edge_nodes(nodes: int, order: int, closed: bool) -> np.ndarray:
 
 
 def quadrature_points(coordinates: np.ndarray, order: int, connectivity: np.ndarray) -> int:
-    """Gauss points an edge: order + 1 is exact on straight edges with evenly mapped nodes; curved edges get twice as many."""
+    """Gauss points an edge: order + 1 is exact on straight edges with evenly mapped nodes; curved edges get
+    twice as many.
+    """
     ends = coordinates[connectivity[:, [0, -1]]]
     fraction = 0.5 * (1.0 + gll_nodes(order))[None, :, None]
     straight = ends[:, :1] * (1.0 - fraction) + ends[:, 1:] * fraction
@@ -38,7 +42,9 @@ def quadrature_points(coordinates: np.ndarray, order: int, connectivity: np.ndar
     return order + 1 if deviation < 1e-12 * np.abs(coordinates).max() else 2 * order + 4
 
 
-def strain_operators(edges: np.ndarray, values: np.ndarray, derivatives: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def strain_operators(
+    edges: np.ndarray, values: np.ndarray, derivatives: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """B1 and B2 of (10), (11) and |J| of (9) at points of several edges.
 
     Parameters
@@ -64,7 +70,10 @@ def strain_operators(edges: np.ndarray, values: np.ndarray, derivatives: np.ndar
     jacobian = x * dy - y * dx
     if not (jacobian > 0.0).all():
         worst = int(np.argmin(jacobian.min(axis=1)))
-        raise SElementError(f"the scaling centre does not see edge {worst} (|J| = {jacobian.min():.3g} in units of the squared size)")
+        raise SElementError(
+            f"the scaling centre does not see edge {worst} (|J| = {jacobian.min():.3g} in units of the "
+            "squared size)"
+        )
     first = np.zeros((*jacobian.shape, 3, values.shape[1], 2))
     second = np.zeros_like(first)
     first[:, :, 0, :, 0] = first[:, :, 2, :, 1] = (dy / jacobian)[:, :, None] * values
@@ -74,7 +83,9 @@ def strain_operators(edges: np.ndarray, values: np.ndarray, derivatives: np.ndar
     return first, second, jacobian
 
 
-def coefficient_matrices(coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray) -> Coefficients:
+def coefficient_matrices(
+    coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray
+) -> Coefficients:
     """E0, E1, E2 and M0 by Gauss quadrature.
 
     Parameters
@@ -106,8 +117,14 @@ def coefficient_matrices(coordinates: np.ndarray, order: int, closed: bool, elas
     first, second = (b.reshape(stack).transpose(0, 2, 1) for b in (first, second))
     mass = np.zeros((edges, width, 2, width, 2))
     mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * (weights * jacobian)[:, None, :]) @ values
-    blocks = (first @ stress_first, second @ stress_first, second @ stress_second, mass.reshape(edges, 2 * width, 2 * width))
-    # The edges follow one another, so their blocks overlap at vertices only; a loop is assembled as a chain and then closed.
+    blocks = (
+        first @ stress_first,
+        second @ stress_first,
+        second @ stress_second,
+        mass.reshape(edges, 2 * width, 2 * width),
+    )
+    # The edges follow one another, so their blocks overlap at vertices only; a loop is assembled as a chain
+    # and then closed.
     size, step = 2 * (edges * order + 1), 2 * order
     matrices = np.zeros((4, size, size))
     stacked = np.stack(blocks)

@@ -27,8 +27,8 @@ class Placement:
     size : float
         Largest distance of a node from the scaling centre, m.
     rotation : (2, 2) array
-        Orthogonal (a reflection where its determinant is -1); a vector v of the element is ``rotation @ v`` in
-        the frame of the reference shape.
+        Orthogonal (a reflection where its determinant is -1); a vector v of the element is ``rotation @ v``
+        in the frame of the reference shape.
     permutation : (nodes,) int array
     """
 
@@ -61,7 +61,7 @@ def placements(outlines: np.ndarray, order: int, closed: bool, isotropic: bool) 
         backward = (starts[:, None] - np.arange(nodes)) % nodes if closed else np.arange(nodes)[::-1][None, :]
         index = np.concatenate([forward, backward])
         candidates = z[:, index]
-        candidates[:, len(forward):] = candidates[:, len(forward):].conj()
+        candidates[:, len(forward) :] = candidates[:, len(forward) :].conj()
         turn = candidates[..., 0].conj() / np.abs(candidates[..., 0])
         candidates = candidates * turn[..., None]
     else:
@@ -81,7 +81,9 @@ def placements(outlines: np.ndarray, order: int, closed: bool, isotropic: bool) 
 
 
 def _smallest(candidates: np.ndarray) -> np.ndarray:
-    """Index of the lexicographically smallest rounded candidate of each element; candidates (k, c, nodes) complex."""
+    """Index of the lexicographically smallest rounded candidate of each element; candidates (k, c, nodes)
+    complex.
+    """
     rounded = np.round(np.concatenate([candidates.real, candidates.imag], axis=2), DIGITS)
     alive = np.ones(rounded.shape[:2], dtype=bool)
     for column in np.moveaxis(rounded, 2, 0):

@@ -1,4 +1,6 @@
-"""LAPACK on small dense matrices without SciPy's checks, which cost more than the factorisations of an S-element."""
+"""LAPACK on small dense matrices without SciPy's checks, which cost more than the factorisations of an
+S-element.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +13,9 @@ ADVICE = "use a lower order, fewer terms or split the cell"
 
 
 def cholesky(matrix: np.ndarray, what: str) -> np.ndarray:
-    """Lower Cholesky factor, or an `SElementError` that names what is not positive definite (round-off: a wrong model)."""
+    """Lower Cholesky factor, or an `SElementError` that names what is not positive definite (round-off: a
+    wrong model).
+    """
     factor, info = lapack.dpotrf(matrix, lower=1, clean=1)
     if info != 0:
         raise SElementError(f"the {what} is not positive definite; {ADVICE}")
@@ -76,7 +80,7 @@ def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
     ordered = vectors if vectors[:, 0] @ vectors[:, 0] >= vectors[:, 1] @ vectors[:, 1] else vectors[:, ::-1]
     basis, triangle = np.linalg.qr(ordered, mode="complete")
     diagonal = np.abs(triangle.diagonal())
-    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()):]
+    return basis[:, int((diagonal > 1e-8 * max(diagonal[0], 1.0)).sum()) :]
 
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:

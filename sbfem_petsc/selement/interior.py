@@ -1,11 +1,11 @@
 """Displacement and stress inside an S-element from its boundary displacement.
 
-Along the radius the static solution is u(xi) = xi^A u(1) with A = `SElement.radial`; the strain at (xi, eta) is
-B1 u,xi + B2 u / xi with u,xi = A u / xi (eqs. (4), (10), (11) of Sepehry et al. 2020).
+Along the radius the static solution is u(xi) = xi^A u(1) with A = `SElement.radial`; the strain at (xi, eta)
+is B1 u,xi + B2 u / xi with u,xi = A u / xi (eqs. (4), (10), (11) of Sepehry et al. 2020).
 
-The static interpolation serves mode shapes and other vibrating states too. Between the boundaries it neglects the
-element's own inertia, an error of relative order (k h)^2 with the wave number k and the element's size h; on the
-boundaries the solution is what the continued fraction gives.
+The static interpolation serves mode shapes and other vibrating states too. Between the boundaries it neglects
+the element's own inertia, an error of relative order (k h)^2 with the wave number k and the element's size h;
+on the boundaries the solution is what the continued fraction gives.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
     Parameters
     ----------
     radial : (n, n) array
-        A. It may be non-diagonalisable: the power is formed from matrix exponentials, never from eigenvectors.
+        A. It may be non-diagonalisable: the power is formed from matrix exponentials, never from
+        eigenvectors.
     boundary : (n, c) array
         Boundary displacements u(1), one column a field, in the frame that A belongs to.
     levels : (l,) array
@@ -37,18 +38,22 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
     -----
     Translations are kept apart exactly: on an orthonormal basis [T, P] of translations and the rest, A is
     [[0, a], [0, B]] with Re(eigenvalues of B) > 0. The rest d decays as xi^B d, and the translation becomes
-    c - a B^-1 (d - xi^B d). The levels are visited from 1 inwards, so every factor decays and no rounding error grows.
+    c - a B^-1 (d - xi^B d). The levels are visited from 1 inwards, so every factor decays and no rounding
+    error grows.
     """
     levels = np.asarray(levels, dtype=float)
     if not ((levels >= 0.0) & (levels <= 1.0)).all():
-        raise ValueError(f"levels must be between 0 (scaling centre) and 1 (boundary), got {levels.min():g} to {levels.max():g}")
+        raise ValueError(
+            f"levels must be between 0 (scaling centre) and 1 (boundary), got {levels.min():g} to "
+            f"{levels.max():g}"
+        )
     n = len(radial)
     translations, rest = _translations(n)
     inner = rest.T @ radial @ rest
-    transfer = linalg.solve(inner.T, (translations.T @ radial @ rest).T).T              # a B^-1
+    transfer = linalg.solve(inner.T, (translations.T @ radial @ rest).T).T  # a B^-1
     constant = translations.T @ boundary
     start = rest.T @ boundary
-    total = constant - transfer @ start                                                # translation of the scaling centre
+    total = constant - transfer @ start  # translation of the scaling centre
     result = np.empty((len(levels), *boundary.shape))
     factors: dict[float, np.ndarray] = {}
     current, reached = start, 1.0
@@ -57,7 +62,7 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
         if level == 0.0:
             current = np.zeros_like(start)
         elif level < reached:
-            ratio = float(f"{level / reached:.14g}")                                   # graded levels share one factor
+            ratio = float(f"{level / reached:.14g}")  # graded levels share one factor
             if ratio not in factors:
                 factors[ratio] = linalg.expm(inner * np.log(ratio))
             current = factors[ratio] @ current
@@ -67,7 +72,9 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
 
 
 def _translations(n: int) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal bases of the two translations (n, 2) and of their complement (n, n - 2), from a Householder reflector."""
+    """Orthonormal bases of the two translations (n, 2) and of their complement (n, n - 2), from a Householder
+    reflector.
+    """
     nodes = n // 2
     vector = np.full(nodes, 1.0 / np.sqrt(nodes))
     vector[0] += 1.0
@@ -96,13 +103,23 @@ class InteriorSampler:
     edges : int
     """
 
-    def __init__(self, radial: np.ndarray, shape: np.ndarray, order: int, closed: bool, elasticity: np.ndarray, at: np.ndarray):
+    def __init__(
+        self,
+        radial: np.ndarray,
+        shape: np.ndarray,
+        order: int,
+        closed: bool,
+        elasticity: np.ndarray,
+        at: np.ndarray,
+    ):
         self._radial, self._shape, self._elasticity = radial, shape, elasticity
         self._connectivity = edge_nodes(len(shape), order, closed)
         self._values, self._derivatives = shape_functions(order, at)
         self.edges = len(self._connectivity)
 
-    def positions(self, levels: np.ndarray, centres: np.ndarray, sizes: np.ndarray, rotations: np.ndarray) -> np.ndarray:
+    def positions(
+        self, levels: np.ndarray, centres: np.ndarray, sizes: np.ndarray, rotations: np.ndarray
+    ) -> np.ndarray:
         """(k, l, edges, q, 2): coordinates, m, of the points of k copies.
 
         Parameters
@@ -130,33 +147,44 @@ class InteriorSampler:
         """
         count, nodes, _ = boundary.shape
         columns = np.einsum("kij,knj->nik", rotations, boundary).reshape(2 * nodes, count)
-        return np.moveaxis(radial_displacement(self._radial, columns, levels), 2, 0).reshape(count, len(levels), nodes, 2)
+        return np.moveaxis(radial_displacement(self._radial, columns, levels), 2, 0).reshape(
+            count, len(levels), nodes, 2
+        )
 
     def displacement(self, fields: np.ndarray, rotations: np.ndarray) -> np.ndarray:
         """(k, l, edges, q, 2): displacement in each copy's own frame, m, from `radial_fields`."""
-        return np.einsum("qa,kleai,kij->kleqj", self._values, fields[:, :, self._connectivity], rotations, optimize=True)
+        return np.einsum(
+            "qa,kleai,kij->kleqj", self._values, fields[:, :, self._connectivity], rotations, optimize=True
+        )
 
-    def stress(self, fields: np.ndarray, levels: np.ndarray, rotations: np.ndarray, sizes: np.ndarray, modulus: float) -> np.ndarray:
+    def stress(
+        self, fields: np.ndarray, levels: np.ndarray, rotations: np.ndarray, sizes: np.ndarray, modulus: float
+    ) -> np.ndarray:
         """(k, l, edges, q, 3): stress (xx, yy, xy) in each copy's own frame, Pa, from `radial_fields`.
 
         Raises
         ------
         ValueError
-            At xi = 0: the stress of a crack tip has no limit there, and elsewhere it depends on the direction.
+            At xi = 0: the stress of a crack tip has no limit there, and elsewhere it depends on the
+            direction.
         SElementError
             If the scaling centre does not see a point.
         """
         levels = np.asarray(levels, dtype=float)
         if not (levels > 0.0).all():
-            raise ValueError("the stress is not defined at the scaling centre (xi = 0); take a small positive xi")
+            raise ValueError(
+                "the stress is not defined at the scaling centre (xi = 0); take a small positive xi"
+            )
         first, second, _ = strain_operators(self._shape[self._connectivity], self._values, self._derivatives)
         count, depth, nodes, _ = fields.shape
         flat = fields.reshape(count, depth, 2 * nodes)
-        slopes = (flat @ self._radial.T).reshape(fields.shape)                         # xi u,xi
+        slopes = (flat @ self._radial.T).reshape(fields.shape)  # xi u,xi
         strain = np.einsum("eqsai,kleai->kleqs", first, slopes[:, :, self._connectivity], optimize=True)
         strain += np.einsum("eqsai,kleai->kleqs", second, fields[:, :, self._connectivity], optimize=True)
         scale = modulus / (levels[None, :] * np.asarray(sizes)[:, None])
         stress = strain @ self._elasticity.T * scale[:, :, None, None, None]
         tensor = stress[..., [0, 2, 2, 1]].reshape(*stress.shape[:-1], 2, 2)
-        turned = np.einsum("kai,kleqab,kbj->kleqij", rotations, tensor, rotations, optimize=True)  # R^T sigma R
+        turned = np.einsum(
+            "kai,kleqab,kbj->kleqij", rotations, tensor, rotations, optimize=True
+        )  # R^T sigma R
         return np.stack([turned[..., 0, 0], turned[..., 1, 1], turned[..., 0, 1]], axis=-1)

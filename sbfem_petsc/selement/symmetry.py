@@ -1,7 +1,7 @@
 """Mirror symmetries of an S-element's outline, and the subspaces into which they separate its equations.
 
-Rectangles have two mirrors, the trapezoids of a ring and the square around a crack tip one. The cost of a Schur form grows
-with the cube of its size, so two mirrors save a factor of sixteen.
+Rectangles have two mirrors, the trapezoids of a ring and the square around a crack tip one. The cost of a
+Schur form grows with the cube of its size, so two mirrors save a factor of sixteen.
 """
 
 from __future__ import annotations
@@ -13,8 +13,11 @@ from .dense import symmetric_eigen
 TOLERANCE = 1e-12
 
 
-def invariant_subspaces(coordinates: np.ndarray, order: int, closed: bool, isotropic: bool) -> list[np.ndarray]:
-    """Orthonormal bases (n, n_i) of subspaces that the S-element's matrices leave invariant; together they span all.
+def invariant_subspaces(
+    coordinates: np.ndarray, order: int, closed: bool, isotropic: bool
+) -> list[np.ndarray]:
+    """Orthonormal bases (n, n_i) of subspaces that the S-element's matrices leave invariant; together they
+    span all.
 
     Parameters
     ----------
@@ -36,14 +39,17 @@ def invariant_subspaces(coordinates: np.ndarray, order: int, closed: bool, isotr
 
 
 def _mirrors(coordinates: np.ndarray, order: int, closed: bool) -> list[np.ndarray]:
-    """One mirror of the outline, and the one perpendicular to it if there is one, as (n, n) symmetric orthogonal matrices."""
+    """One mirror of the outline, and the one perpendicular to it if there is one, as (n, n) symmetric
+    orthogonal matrices.
+    """
     nodes = len(coordinates)
     z = coordinates[:, 0] + 1j * coordinates[:, 1]
-    # A mirror sends node i to node s - i: s is even around vertices and edge centres alike, given in half edges.
+    # A mirror sends node i to node s - i: s is even around vertices and edge centres alike, given in half
+    # edges.
     sums = order * np.arange(nodes // order) if closed else np.array([nodes - 1])
     index = (sums[:, None] - np.arange(nodes)) % nodes
     image = z[index]
-    turn = (image * z).mean(axis=1)                                                  # image = turn * conj(z) under a mirror
+    turn = (image * z).mean(axis=1)  # image = turn * conj(z) under a mirror
     turn = turn / np.maximum(np.abs(turn), 1e-300)
     holds = np.abs(image - turn[:, None] * z.conj()).max(axis=1) < TOLERANCE
     found = np.flatnonzero(holds)

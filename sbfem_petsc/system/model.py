@@ -1,4 +1,6 @@
-"""The discrete structure: S-elements on their ranks, numbered unknowns, assembled matrices, supports and loads."""
+"""The discrete structure: S-elements on their ranks, numbered unknowns, assembled matrices, supports and
+loads.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,12 @@ from meshing.boundary_mesh import BoundaryMesh
 
 from ..errors import UnknownName, on_all_ranks
 from ..loads import EdgeLoad, Loads, SupportMotion, as_loads
-from ..signals import Signal
 from ..material import Material, OrthotropicMaterial
 from ..parallel import collective
 from ..petsc import MPI, PETSc
-from ..selement.basis import shape_functions, tabulated
-from ..supports import Support, as_supports
+from ..selement.basis import tabulated
+from ..signals import Signal
+from ..supports import as_supports
 from . import partition
 from .assembly import assemble, block_triples
 from .shapes import Group, solve_groups
@@ -36,12 +38,14 @@ class Model:
     clamped : str, sequence of str or None
         Edge sets or points held fixed in both directions; None for a free structure.
     continued_fraction : int
-        Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix alone.
+        Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix
+        alone.
     damping : float
-        Modal damping ratio of every dynamic analysis. An unreduced model meets it in its computed modes, and has none beyond them
-        (see `full_transient`).
+        Modal damping ratio of every dynamic analysis. An unreduced model meets it in its computed modes, and
+        has none beyond them (see `full_transient`).
     rayleigh : (float, float)
-        a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio of a mode; see `rayleigh_factors`.
+        a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio
+        of a mode; see `rayleigh_factors`.
     thickness : float
         m.
     supports : sequence of Support
@@ -66,8 +70,18 @@ class Model:
         One sentence that names the item, on all ranks.
     """
 
-    def __init__(self, mesh, material, clamped="left", continued_fraction: int = 1, damping: float = 0.0, thickness: float = 1.0,
-                 supports=(), comm: MPI.Comm | None = None, rayleigh: tuple[float, float] = (0.0, 0.0)):
+    def __init__(
+        self,
+        mesh,
+        material,
+        clamped="left",
+        continued_fraction: int = 1,
+        damping: float = 0.0,
+        thickness: float = 1.0,
+        supports=(),
+        comm: MPI.Comm | None = None,
+        rayleigh: tuple[float, float] = (0.0, 0.0),
+    ):
         self.comm = MPI.COMM_WORLD if comm is None else comm
         with collective(self.comm):
             self.continued_fraction = _integer("continued_fraction", continued_fraction, 0, 20)
@@ -76,7 +90,12 @@ class Model:
             self.thickness = _real("thickness", thickness, above=0.0)
             self.supports = as_supports(clamped, supports)
         mesh, numbering, self.part = self._distribute(mesh)
-        self.order, self.points, self.cracks, self.pairs = mesh["order"], mesh["points"], mesh["cracks"], mesh["pairs"]
+        self.order, self.points, self.cracks, self.pairs = (
+            mesh["order"],
+            mesh["points"],
+            mesh["cracks"],
+            mesh["pairs"],
+        )
         self.edge_set_names, self.material_names = mesh["edge_sets"], mesh["material_names"]
         self.elements = mesh["elements"]
         self.ranges = numbering
@@ -84,35 +103,55 @@ class Model:
         with collective(self.comm):
             self.materials = _materials(material, self.material_names)
             if self.boundary_unknowns == 0:
-                raise ValueError(f"clamped = {clamped!r} with supports = {supports!r} leaves no free displacement")
-        self.groups, self.shapes = solve_groups(self.comm, self.part, self.order, self.materials, self.continued_fraction)
+                raise ValueError(
+                    f"clamped = {clamped!r} with supports = {supports!r} leaves no free displacement"
+                )
+        self.groups, self.shapes = solve_groups(
+            self.comm, self.part, self.order, self.materials, self.continued_fraction
+        )
         auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
         self.unknowns = self.boundary_unknowns + self.comm.allreduce(auxiliary)
 
     # ------------------------------------------------------------------ distribution
     def _distribute(self, mesh):
-        """Common facts, row ranges and this rank's part; from the mesh of every rank, or scattered by rank 0."""
+        """Common facts, row ranges and this rank's part; from the mesh of every rank, or scattered by rank
+        0.
+        """
         comm = self.comm
         everywhere = all(comm.allgather(mesh is not None))
         parts = None
         with collective(comm):
             if mesh is not None and not isinstance(mesh, BoundaryMesh):
-                raise TypeError(f"Model: mesh = {mesh!r} is not a BoundaryMesh; call its .mesh() or read_gmsh(path)")
+                raise TypeError(
+                    f"Model: mesh = {mesh!r} is not a BoundaryMesh; call its .mesh() or read_gmsh(path)"
+                )
             if comm.rank == 0 and mesh is None:
                 raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")
             if mesh is not None and (everywhere or comm.rank == 0):
                 numbering = partition.number_unknowns(mesh, self._fixed(mesh), comm.size)
                 facts = {
-                    "order": mesh.order, "elements": mesh.elements, "cracks": mesh.cracks, "material_names": tuple(mesh.material_names),
-                    "edge_sets": tuple(mesh.edge_sets), "pairs": mesh.pairs,
-                    "points": {name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n])) for name, n in mesh.points.items()},
+                    "order": mesh.order,
+                    "elements": mesh.elements,
+                    "cracks": mesh.cracks,
+                    "material_names": tuple(mesh.material_names),
+                    "edge_sets": tuple(mesh.edge_sets),
+                    "pairs": mesh.pairs,
+                    "points": {
+                        name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n]))
+                        for name, n in mesh.points.items()
+                    },
                     "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
-                    "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)), "measures": _measures(mesh),
+                    "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
+                    "measures": _measures(mesh),
                 }
                 wanted = [comm.rank] if everywhere else range(comm.size)
                 parts = [(facts, numbering.ranges, partition.extract(mesh, numbering, r)) for r in wanted]
         facts, ranges, part = parts[0] if everywhere else comm.scatter(parts)
-        self._pair_unknowns, self.extent, (self.area, self.perimeter) = facts["pair_unknowns"], facts["extent"], facts["measures"]
+        self._pair_unknowns, self.extent, (self.area, self.perimeter) = (
+            facts["pair_unknowns"],
+            facts["extent"],
+            facts["measures"],
+        )
         return facts, ranges, part
 
     def _fixed(self, mesh) -> np.ndarray:
@@ -124,7 +163,10 @@ class Model:
             elif support.where in mesh.points:
                 nodes = np.array([mesh.points[support.where]])
             else:
-                raise UnknownName(f"support {support.where!r} is neither an edge set ({_listed(mesh.edge_sets)}) nor a point ({_listed(mesh.points)}) of the mesh")
+                raise UnknownName(
+                    f"support {support.where!r} is neither an edge set ({_listed(mesh.edge_sets)}) nor a "
+                    f"point ({_listed(mesh.points)}) of the mesh"
+                )
             fixed[nodes] |= np.array(support.fixed)
         return fixed
 
@@ -139,7 +181,9 @@ class Model:
 
     @functools.cached_property
     def stiffness(self) -> PETSc.Mat:
-        """K over the displacement unknowns, N/m; with the rigid-body motions as near null space for multigrid where every node has both unknowns or none."""
+        """K over the displacement unknowns, N/m; with the rigid-body motions as near null space for multigrid
+        where every node has both unknowns or none.
+        """
         free = self.part.unknowns >= 0
         blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
         matrix = assemble(self.comm, self.ranges, self.stiffness_triples(), block_size=2 if blocks else 1)
@@ -159,7 +203,11 @@ class Model:
         triples = []
         for group in self.groups:
             unknowns = self.unknowns_of(group)
-            triples.append(block_triples(unknowns, unknowns, self.scales(group)[0] * group.turned_both(group.solution.stiffness)))
+            triples.append(
+                block_triples(
+                    unknowns, unknowns, self.scales(group)[0] * group.turned_both(group.solution.stiffness)
+                )
+            )
         return triples + self.spring_triples()
 
     def spring_triples(self) -> list:
@@ -174,16 +222,28 @@ class Model:
                 if len(edges) == 0:
                     continue
                 lengths, _ = self._edge_metric(edges)
-                blocks = np.einsum("eq,q,qa,qb,i,ij->eaibj", lengths, weights, values, values, springs * self.thickness, np.eye(2))
+                blocks = np.einsum(
+                    "eq,q,qa,qb,i,ij->eaibj",
+                    lengths,
+                    weights,
+                    values,
+                    values,
+                    springs * self.thickness,
+                    np.eye(2),
+                )
                 unknowns = self.part.unknowns[edges].reshape(len(edges), -1)
-                triples.append(block_triples(unknowns, unknowns, blocks.reshape(len(edges), unknowns.shape[1], -1)))
+                triples.append(
+                    block_triples(unknowns, unknowns, blocks.reshape(len(edges), unknowns.shape[1], -1))
+                )
             elif self.comm.rank == 0:
                 unknowns = np.array(self.points[support.where][1])[None, :]
                 triples.append(block_triples(unknowns, unknowns, np.diag(springs)[None]))
         return triples
 
     def _edge_metric(self, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """|dx/d eta| (edges, points) and outward unit normals (edges, points, 2) at the Gauss points of boundary edges."""
+        """|dx/d eta| (edges, points) and outward unit normals (edges, points, 2) at the Gauss points of
+        boundary edges.
+        """
         _, derivatives, _ = tabulated(self.order, self.order + 2)
         tangent = derivatives @ self.part.coordinates[edges]
         length = np.sqrt((tangent**2).sum(axis=2))
@@ -221,19 +281,28 @@ class Model:
         for item in loads.parts:
             if isinstance(item, EdgeLoad):
                 if not isinstance(item.edge_set, str) or item.edge_set not in self.edge_set_names:
-                    raise UnknownName(f"EdgeLoad: edge set {item.edge_set!r} does not exist; the mesh has {_listed(self.edge_set_names)}")
+                    raise UnknownName(
+                        f"EdgeLoad: edge set {item.edge_set!r} does not exist; the mesh has "
+                        f"{_listed(self.edge_set_names)}"
+                    )
                 components = {"tx": item.tx, "ty": item.ty, "pressure": item.pressure}
             elif isinstance(item, SupportMotion):
                 components = {"ax": item.ax, "ay": item.ay}
             else:
                 if not isinstance(item.point, str) or item.point not in self.points:
-                    raise UnknownName(f"PointForce: point {item.point!r} does not exist; the mesh has {_listed(self.points)}")
+                    raise UnknownName(
+                        f"PointForce: point {item.point!r} does not exist; the mesh has "
+                        f"{_listed(self.points)}"
+                    )
                 components = {"fx": item.fx, "fy": item.fy}
             for name, value in components.items():
                 if isinstance(value, Signal) and not constant:
                     continue
                 if not isinstance(value, numbers.Real) or isinstance(value, bool):
-                    raise TypeError(f"{type(item).__name__}: {name} = {value!r} must be a number" + (" (signals are for transient and periodic)" if isinstance(value, Signal) else ""))
+                    raise TypeError(
+                        f"{type(item).__name__}: {name} = {value!r} must be a number"
+                        + (" (signals are for transient and periodic)" if isinstance(value, Signal) else "")
+                    )
                 if not math.isfinite(value):
                     raise ValueError(f"{type(item).__name__}: {name} = {value!r} must be a finite number")
         return loads
@@ -289,7 +358,12 @@ class Model:
         """Raise ValueError, on all ranks, if the supports admit a rigid-body motion."""
         if not self.supported:
             held = _listed([s.where for s in self.supports]) if self.supports else "nothing"
-            raise on_all_ranks(ValueError(f"{analysis} needs a structure held against every rigid-body motion, but the supports ({held}) leave one free; clamp an edge set or add supports"))
+            raise on_all_ranks(
+                ValueError(
+                    f"{analysis} needs a structure held against every rigid-body motion, but the supports "
+                    f"({held}) leave one free; clamp an edge set or add supports"
+                )
+            )
 
     # ------------------------------------------------------------------ fields
     @functools.cached_property
@@ -304,7 +378,9 @@ class Model:
         return scatter, target, self.part.unknowns >= 0
 
     def nodal(self, vector: PETSc.Vec) -> np.ndarray:
-        """Displacements (m, 2) of this rank's nodes from a vector over the displacement unknowns; 0 where held fixed. Collective."""
+        """Displacements (m, 2) of this rank's nodes from a vector over the displacement unknowns; 0 where
+        held fixed. Collective.
+        """
         scatter, target, free = self._ghosts
         scatter.scatter(vector, target)
         result = np.zeros(self.part.unknowns.shape)
@@ -338,7 +414,9 @@ class Model:
         return dict(zip(self.points, table))
 
     def destroy(self) -> None:
-        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different
+        times.
+        """
         for name in ("stiffness", "_ghosts"):
             held = self.__dict__.pop(name, None)
             for item in held if isinstance(held, tuple) else (held,):
@@ -346,19 +424,33 @@ class Model:
                     item.destroy()
 
     def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
-        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a / (2 omega) + b omega / 2."""
+        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a
+        / (2 omega) + b omega / 2.
+        """
         a, b = self.rayleigh
-        return self.damping + 0.5 * (np.divide(a, omega, out=np.zeros(len(omega)), where=omega > 0.0) + b * omega)
+        return self.damping + 0.5 * (
+            np.divide(a, omega, out=np.zeros(len(omega)), where=omega > 0.0) + b * omega
+        )
 
     def __repr__(self) -> str:
-        rayleigh = f", Rayleigh damping {self.rayleigh[0]:g} 1/s M + {self.rayleigh[1]:g} s K" if any(self.rayleigh) else ""
-        return (f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, {self.boundary_unknowns} boundary unknowns, "
-                f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} contact pairs, damping ratio {self.damping:g}{rayleigh}, "
-                f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})")
+        rayleigh = (
+            f", Rayleigh damping {self.rayleigh[0]:g} 1/s M + {self.rayleigh[1]:g} s K"
+            if any(self.rayleigh)
+            else ""
+        )
+        return (
+            f"Model({self.elements} S-elements of {self.shapes} shapes, order {self.order}, "
+            f"{self.boundary_unknowns} boundary unknowns, "
+            f"{self.unknowns} unknowns with continued_fraction={self.continued_fraction}, {len(self.pairs)} "
+            f"contact pairs, damping ratio {self.damping:g}{rayleigh}, "
+            f"{self.comm.size} rank{'s' if self.comm.size > 1 else ''})"
+        )
 
 
 def rayleigh_factors(ratio: float, low: float, high: float) -> tuple[float, float]:
-    """a (1/s) and b (s) of a M + b K that give a damping ratio at two frequencies (Hz); it is smaller between them and larger outside."""
+    """a (1/s) and b (s) of a M + b K that give a damping ratio at two frequencies (Hz); it is smaller between
+    them and larger outside.
+    """
     low, high = 2.0 * math.pi * _real("low", low, above=0.0), 2.0 * math.pi * _real("high", high, above=0.0)
     ratio = _real("ratio", ratio, lower=0.0, below=1.0)
     return 2.0 * ratio * low * high / (low + high), 2.0 * ratio / (low + high)
@@ -381,10 +473,14 @@ def _materials(material, names: tuple[str, ...]) -> list:
     if isinstance(material, kinds):
         return [material] * len(names)
     if not isinstance(material, dict):
-        raise TypeError(f"Model: material = {material!r} must be a Material or a dict of material names to Materials")
+        raise TypeError(
+            f"Model: material = {material!r} must be a Material or a dict of material names to Materials"
+        )
     missing = [n for n in names if n not in material]
     if missing:
-        raise UnknownName(f"Model: no material is given for {_listed(missing)}; the mesh has {_listed(names)}")
+        raise UnknownName(
+            f"Model: no material is given for {_listed(missing)}; the mesh has {_listed(names)}"
+        )
     for name in names:
         if not isinstance(material[name], kinds):
             raise TypeError(f"Model: material[{name!r}] = {material[name]!r} is not a Material")
@@ -409,10 +505,20 @@ def _rayleigh(value) -> tuple[float, float]:
     return tuple(_real(f"rayleigh[{k}]", part, lower=0.0) for k, part in enumerate(value))
 
 
-def _real(name: str, value, above: float | None = None, lower: float | None = None, below: float = math.inf) -> float:
+def _real(
+    name: str, value, above: float | None = None, lower: float | None = None, below: float = math.inf
+) -> float:
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         raise TypeError(f"Model: {name} = {value!r} must be a number")
-    if not (math.isfinite(value) and (above is None or value > above) and (lower is None or value >= lower) and value < below):
+    if not (
+        math.isfinite(value)
+        and (above is None or value > above)
+        and (lower is None or value >= lower)
+        and value < below
+    ):
         bound = f"above {above:g}" if above is not None else f"at least {lower:g}"
-        raise ValueError(f"Model: {name} = {value!r} must be finite, {bound}" + (f" and below {below:g}" if math.isfinite(below) else ""))
+        raise ValueError(
+            f"Model: {name} = {value!r} must be finite, {bound}"
+            + (f" and below {below:g}" if math.isfinite(below) else "")
+        )
     return float(value)

@@ -46,7 +46,8 @@ class Part:
     closed : (e,) bool array
     materials : (e,) int array
     edge_sets : dict of str to (k, p + 1) int arrays
-        Edges of the named sets that belong to the rank's S-elements (material on the left), as rows of `nodes`.
+        Edges of the named sets that belong to the rank's S-elements (material on the left), as rows of
+        `nodes`.
     """
 
     nodes: np.ndarray
@@ -94,8 +95,11 @@ def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
     edges_of = np.diff(mesh.element_start)
     element_of = np.repeat(np.arange(mesh.elements), edges_of)
     ends = mesh.nodes[mesh.edges[mesh.element_edges][:, [0, -1]]].mean(axis=1)
-    centroids = np.stack([np.bincount(element_of, ends[:, k], mesh.elements) / edges_of for k in (0, 1)], axis=1)
-    # Assembled entries grow with the square of an element's nodes; the kernel's cube is shared by congruent shapes.
+    centroids = np.stack(
+        [np.bincount(element_of, ends[:, k], mesh.elements) / edges_of for k in (0, 1)], axis=1
+    )
+    # Assembled entries grow with the square of an element's nodes; the kernel's cube is shared by congruent
+    # shapes.
     assignment = bisect(centroids, (edges_of * mesh.order) ** 2.0, ranks)
     owner = np.full(len(mesh.nodes), ranks)
     touching = mesh.edges[mesh.element_edges]
@@ -126,7 +130,9 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
         owner[mesh.element_edges[part]] = e
         backwards[mesh.element_edges[part]] = mesh.element_reversed[part]
     lowest = np.full(len(mesh.edges), mesh.elements)
-    np.minimum.at(lowest, mesh.element_edges, np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start)))
+    np.minimum.at(
+        lowest, mesh.element_edges, np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
+    )
     sets = {}
     for name, members in mesh.edge_sets.items():
         mine = np.asarray(members, dtype=int)
@@ -134,5 +140,14 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
         nodes_of = mesh.edges[mine]
         nodes_of = np.where(backwards[mine][:, None], nodes_of[:, ::-1], nodes_of)
         sets[name] = local[nodes_of]
-    return Part(nodes, mesh.nodes[nodes], numbering.unknowns[nodes], elements, [local[c] for c in chains], mesh.scaling_centres[elements],
-                mesh.closed[elements], mesh.materials[elements], sets)
+    return Part(
+        nodes,
+        mesh.nodes[nodes],
+        numbering.unknowns[nodes],
+        elements,
+        [local[c] for c in chains],
+        mesh.scaling_centres[elements],
+        mesh.closed[elements],
+        mesh.materials[elements],
+        sets,
+    )

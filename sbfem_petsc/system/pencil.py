@@ -1,4 +1,6 @@
-"""The generalised eigenvalue pencil (16), (17): displacement and auxiliary unknowns, the latter reduced to what a band needs."""
+"""The generalised eigenvalue pencil (16), (17): displacement and auxiliary unknowns, the latter reduced to
+what a band needs.
+"""
 
 from __future__ import annotations
 
@@ -13,13 +15,15 @@ from .assembly import assemble, block_triples, from_rows
 from .model import Model
 from .shapes import Group
 
+
 class Pencil:
     """``K x = omega^2 M x`` with ``K = diag(K_b, E t I)`` and ``M = [[M_b, C], [C', J]]``.
 
     The auxiliary unknowns of an S-element act through -omega^4 C (E t I - omega^2 J)^-1 C'. For a band of
-    frequencies they are projected on the leading right singular vectors of L^-1 C, L L' = K_b + omega^2 M_b of
-    the element at the top of the band: what is left out is bounded there, and below falls with omega^4. Elements much smaller than
-    a wavelength keep none. The projection keeps the pencil symmetric and its mass positive definite.
+    frequencies they are projected on the leading right singular vectors of L^-1 C, L L' = K_b + omega^2 M_b
+    of the element at the top of the band: what is left out is bounded there, and below falls with omega^4.
+    Elements much smaller than a wavelength keep none. The projection keeps the pencil symmetric and its mass
+    positive definite.
 
     Parameters
     ----------
@@ -27,8 +31,8 @@ class Pencil:
     highest : float
         Top of the band, rad/s.
     tolerance : float
-        What the dropped auxiliary unknowns of an S-element may contribute at most, relative to its own strain and kinetic energy at
-        the top of the band; 0 keeps every one.
+        What the dropped auxiliary unknowns of an S-element may contribute at most, relative to its own strain
+        and kinetic energy at the top of the band; 0 keeps every one.
 
     Attributes
     ----------
@@ -39,7 +43,9 @@ class Pencil:
 
     def __init__(self, model: Model, highest: float, tolerance: float):
         self.model = model
-        self._pieces = [piece for group in model.groups for piece in _pieces(model, group, highest, tolerance)]
+        self._pieces = [
+            piece for group in model.groups for piece in _pieces(model, group, highest, tolerance)
+        ]
         local = sum(piece.auxiliary for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(model.comm.allgather(local))]).astype(np.int64)
         self.ranges = model.ranges + self.auxiliary_ranges
@@ -75,8 +81,11 @@ class Pencil:
         starts, columns, values = self.model.stiffness.getValuesCSR()
         count = len(self._auxiliary_stiffness)
         own = self.ranges[self.model.comm.rank] + self.owned + np.arange(count)
-        rows = (np.concatenate([starts, starts[-1] + 1 + np.arange(count)]), np.concatenate([self.numbers(columns.astype(np.int64)), own]),
-                np.concatenate([values, self._auxiliary_stiffness]))
+        rows = (
+            np.concatenate([starts, starts[-1] + 1 + np.arange(count)]),
+            np.concatenate([self.numbers(columns.astype(np.int64)), own]),
+            np.concatenate([values, self._auxiliary_stiffness]),
+        )
         return from_rows(self.model.comm, self.ranges, self.ranges, rows, symmetric=True)
 
     def condensed(self, shift: float) -> PETSc.Mat:
@@ -100,15 +109,21 @@ class Pencil:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
             triples.append(block_triples(piece.unknowns, numbers, piece.coupling))
             first += numbers.size
-        return assemble(self.model.comm, self.model.ranges, triples, symmetric=False, column_ranges=self.auxiliary_ranges)
+        return assemble(
+            self.model.comm, self.model.ranges, triples, symmetric=False, column_ranges=self.auxiliary_ranges
+        )
 
     def auxiliary_diagonal(self, shift: float) -> np.ndarray:
         """E t - shift J of this rank's auxiliary unknowns."""
-        inertia = np.concatenate([np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)])
+        inertia = np.concatenate(
+            [np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)]
+        )
         return self._auxiliary_stiffness - shift * inertia
 
     def auxiliary_translation(self) -> np.ndarray:
-        """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of the structure couples to."""
+        """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
+        the structure couples to.
+        """
         parts = []
         for piece in self._pieces:
             translations = np.tile(np.eye(2), (len(piece.group.shape), 1))
@@ -116,7 +131,9 @@ class Pencil:
         return np.concatenate(parts) if parts else np.zeros((0, 2))
 
     def eigenvalues_below(self, shift: float) -> int | None:
-        """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver does not tell it (MUMPS does). Collective."""
+        """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
+        does not tell it (MUMPS does). Collective.
+        """
         if direct_solver(self.model.comm)[1] != "mumps":
             return None
         matrix = self.condensed(shift)
@@ -153,7 +170,12 @@ class _Piece:
         self.unknowns = model.unknowns_of(self.group)
         coupling, inertia = group.solution.coupling, group.solution.inertia
         if tolerance > 0.0 and coupling.shape[1]:
-            coupling, inertia = _project(group.solution, highest**2 * self._inertia_scale / self.modulus, tolerance, model.continued_fraction)
+            coupling, inertia = _project(
+                group.solution,
+                highest**2 * self._inertia_scale / self.modulus,
+                tolerance,
+                model.continued_fraction,
+            )
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
         self.mass = self._inertia_scale * self.group.turned_both(group.solution.mass)
@@ -163,7 +185,11 @@ class _Piece:
     def condensed(self, shift: float) -> np.ndarray:
         """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns."""
         solution, s = self.group.solution, shift * self._inertia_scale / self.modulus
-        matrix = solution.stiffness - s * solution.mass - s * s * (self._coupling / (1.0 - s * self._inertia)) @ self._coupling.T
+        matrix = (
+            solution.stiffness
+            - s * solution.mass
+            - s * s * (self._coupling / (1.0 - s * self._inertia)) @ self._coupling.T
+        )
         return self.modulus * self.group.turned_both(matrix)
 
 
@@ -176,10 +202,12 @@ def _pieces(model: Model, group: Group, highest: float, tolerance: float) -> lis
 
 
 def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E = `w2`.
+    """Coupling (n, r) and inertia (r,) of the auxiliary unknowns that matter up to omega^2 rho h^2 / E =
+    `w2`.
 
-    C touches the first term of the continued fraction alone; the later terms act through J. With w2 J = W the expansion
-    C (1 - W)^-1 C' = C C' + C W C' + ... reaches term k by W^(k-1) C', so that many blocks are stacked before the singular vectors are taken.
+    C touches the first term of the continued fraction alone; the later terms act through J. With w2 J = W the
+    expansion C (1 - W)^-1 C' = C C' + C W C' + ... reaches term k by W^(k-1) C', so that many blocks are
+    stacked before the singular vectors are taken.
     """
     lower = cholesky(solution.stiffness + w2 * solution.mass, "dynamic stiffness of an S-element")
     block = w2 * lower_solve(lower, solution.coupling)
@@ -191,15 +219,20 @@ def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndar
         gram = gram + block.T @ block
     values, vectors = symmetric_eigen(gram)
     basis = vectors[:, values > tolerance]
-    inertia, modes = symmetric_eigen((basis.T * solution.inertia) @ basis) if basis.shape[1] else (solution.inertia[:0], np.zeros((0, 0)))
+    inertia, modes = (
+        symmetric_eigen((basis.T * solution.inertia) @ basis)
+        if basis.shape[1]
+        else (solution.inertia[:0], np.zeros((0, 0)))
+    )
     return solution.coupling @ (basis @ modes), inertia
 
 
 class CondensedSolve:
     """Python preconditioner of PETSc that applies (K - shift M)^-1 exactly.
 
-    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one linear solve
-    over the displacement unknowns, configured under `prefix`; `what` names the solve in its error.
+    The auxiliary unknowns, diagonal in both matrices, are eliminated element by element; what is left is one
+    linear solve over the displacement unknowns, configured under `prefix`; `what` names the solve in its
+    error.
     """
 
     def __init__(self, pencil: Pencil, shift: float, prefix: str, what: str):
@@ -230,7 +263,9 @@ class CondensedSolve:
         target[owned:] = scaled
 
     def release(self) -> None:
-        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of use."""
+        """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
+        use.
+        """
         if self.shift != 0.0:
             self.auxiliary.destroy()
             self.matrix.destroy()
@@ -242,7 +277,8 @@ class CondensedSolve:
 def top_of_band(model: Model, count: int) -> float:
     """Estimate of the angular frequency of mode `count` by Weyl's law with its boundary term, rad/s.
 
-    It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it finds.
+    It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it
+    finds.
     """
     slow = max(m.density / m.modulus / min(np.linalg.eigvalsh(m.elasticity)) for m in model.materials)
     a, b = model.area * slow / (2.0 * math.pi), 2.0 * model.perimeter * math.sqrt(slow) / (4.0 * math.pi)

@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..petsc import MPI
 from ..parallel import collective
+from ..petsc import MPI
 from ..selement.coefficients import SElementError
 from ..selement.congruence import placements, same_shape, shape_key
 from ..selement.solution import SElement, solve_selement
@@ -48,14 +48,24 @@ class Group:
     sizes: np.ndarray
     rotations: np.ndarray
 
-    def select(self, rows: np.ndarray) -> "Group":
+    def select(self, rows: np.ndarray) -> Group:
         """The group reduced to some of its S-elements."""
-        return replace(self, elements=self.elements[rows], nodes=self.nodes[rows], sizes=self.sizes[rows], rotations=self.rotations[rows])
+        return replace(
+            self,
+            elements=self.elements[rows],
+            nodes=self.nodes[rows],
+            sizes=self.sizes[rows],
+            rotations=self.rotations[rows],
+        )
 
     def turned(self, matrix: np.ndarray) -> np.ndarray:
-        """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame: R^T matrix."""
+        """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame:
+        R^T matrix.
+        """
         nodes = len(self.shape)
-        return np.matmul(self.rotations.transpose(0, 2, 1)[:, None], matrix.reshape(1, nodes, 2, -1)).reshape(len(self.sizes), 2 * nodes, -1)
+        return np.matmul(self.rotations.transpose(0, 2, 1)[:, None], matrix.reshape(1, nodes, 2, -1)).reshape(
+            len(self.sizes), 2 * nodes, -1
+        )
 
     def turned_both(self, matrix: np.ndarray) -> np.ndarray:
         """(n, n) symmetric matrix of the reference frame -> (k, n, n): R^T matrix R."""
@@ -103,24 +113,43 @@ def solve_groups(comm: MPI.Comm, part: Part, order: int, materials, terms: int) 
                 if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
                     break
             else:
-                label = f"S-element {part.elements[i]} around ({part.centres[i][0]:.6g}, {part.centres[i][1]:.6g}) m"
+                label = (
+                    f"S-element {part.elements[i]} around ({part.centres[i][0]:.6g}, "
+                    f"{part.centres[i][1]:.6g}) m"
+                )
                 bucket = [_Request(placement.shape, closed, material, tolerance, label)]
                 members[key].append(bucket)
             bucket.append((i, placement))
     buckets = [(key, bucket) for key, group in members.items() for bucket in group]
-    solutions, shapes = _solve_once(comm, [(key, bucket[0]) for key, bucket in buckets], order, materials, terms)
+    solutions, shapes = _solve_once(
+        comm, [(key, bucket[0]) for key, bucket in buckets], order, materials, terms
+    )
     groups = []
     for (_, bucket), solution in zip(buckets, solutions):
         request, placed = bucket[0], bucket[1:]
         elements = np.array([i for i, _ in placed])
-        groups.append(Group(solution, request.shape, order, request.closed, request.material, elements,
-                            np.stack([part.chains[i][p.permutation] for i, p in placed]),
-                            np.array([p.size for _, p in placed]), np.stack([p.rotation for _, p in placed])))
+        groups.append(
+            Group(
+                solution,
+                request.shape,
+                order,
+                request.closed,
+                request.material,
+                elements,
+                np.stack([part.chains[i][p.permutation] for i, p in placed]),
+                np.array([p.size for _, p in placed]),
+                np.stack([p.rotation for _, p in placed]),
+            )
+        )
     return groups, shapes
 
 
-def _solve_once(comm: MPI.Comm, requests: list[tuple[bytes, _Request]], order: int, materials, terms: int) -> tuple[list[SElement], int]:
-    """Send each request to the rank its key points to, solve different shapes once there, send the solutions back."""
+def _solve_once(
+    comm: MPI.Comm, requests: list[tuple[bytes, _Request]], order: int, materials, terms: int
+) -> tuple[list[SElement], int]:
+    """Send each request to the rank its key points to, solve different shapes once there, send the solutions
+    back.
+    """
     owners = [zlib.crc32(key) % comm.size for key, _ in requests]
     outgoing = [[] for _ in range(comm.size)]
     for (key, request), owner in zip(requests, owners):
@@ -133,11 +162,25 @@ def _solve_once(comm: MPI.Comm, requests: list[tuple[bytes, _Request]], order: i
             answer = []
             for key, request in batch:
                 known = solved.setdefault(key, [])
-                solution = next((s for r, s in known if same_shape(r.shape, request.shape, max(r.tolerance, request.tolerance))), None)
+                solution = next(
+                    (
+                        s
+                        for r, s in known
+                        if same_shape(r.shape, request.shape, max(r.tolerance, request.tolerance))
+                    ),
+                    None,
+                )
                 if solution is None:
                     material = materials[request.material]
                     try:
-                        solution = solve_selement(request.shape, order, request.closed, material.elasticity, terms, material.isotropic)
+                        solution = solve_selement(
+                            request.shape,
+                            order,
+                            request.closed,
+                            material.elasticity,
+                            terms,
+                            material.isotropic,
+                        )
                     except SElementError as error:
                         raise SElementError(f"{request.label}: {error}") from None
                     known.append((request, solution))

@@ -42,21 +42,43 @@ class TipIntensities:
                 row = place.get(int(crack.tip_element), -1)
                 if row < 0:
                     continue
-                group, member = next((g, int(np.flatnonzero(g.elements == row)[0])) for g in model.groups if (g.elements == row).any())
-                rotation, size, material = group.rotations[member], group.sizes[member], model.materials[group.material]
+                group, member = next(
+                    (g, int(np.flatnonzero(g.elements == row)[0]))
+                    for g in model.groups
+                    if (g.elements == row).any()
+                )
+                rotation, size, material = (
+                    group.rotations[member],
+                    group.sizes[member],
+                    model.materials[group.material],
+                )
                 try:
-                    form = intensity_rows(group.solution.radial, group.shape, group.order, material.elasticity, rotation @ np.array(crack.axis), material.isotropic)
+                    form = intensity_rows(
+                        group.solution.radial,
+                        group.shape,
+                        group.order,
+                        material.elasticity,
+                        rotation @ np.array(crack.axis),
+                        material.isotropic,
+                    )
                 except SElementError as error:
                     raise SElementError(f"tip of {crack.name}: {error}") from None
-                # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the sense of sliding
-                scale = material.modulus * size ** -np.nan_to_num(form.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
+                # lengths of the form are in units of the size, stresses of the modulus; a reflection turns
+                # the sense of sliding
+                scale = (
+                    material.modulus
+                    * size ** -np.nan_to_num(form.exponents, nan=1.0)
+                    * np.array([1.0, np.linalg.det(rotation)])
+                )
                 turned = form.rows.reshape(2, -1, 2) @ rotation
                 self._local.append(_TipRow(index, group.nodes[member], scale[:, None, None] * turned))
                 exponents[index] = form.exponents
         self.exponents = self.comm.allreduce(exponents)
 
     def evaluate(self, field: np.ndarray) -> dict[str, tuple[float, float]]:
-        """K_I and K_II of each tip, on all ranks, from the displacements (m, 2) of this rank's nodes. Collective."""
+        """K_I and K_II of each tip, on all ranks, from the displacements (m, 2) of this rank's nodes.
+        Collective.
+        """
         values = np.zeros((len(self.names), 2))
         for tip in self._local:
             values[tip.crack] = np.einsum("kni,ni->k", tip.rows, field[tip.nodes])

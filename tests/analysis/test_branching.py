@@ -1,4 +1,6 @@
-"""Motions of twice the period behind a period doubling: two masses and an elastic stop (NLvib's example 03)."""
+"""Motions of twice the period behind a period doubling: two masses and an elastic stop (NLvib's example
+03).
+"""
 
 import numpy as np
 import pytest
@@ -12,12 +14,28 @@ STEPS = 2048
 @pytest.fixture(scope="module")
 def reduction():
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return sb.reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"first": 0, "second": 1}, damping=0.03 * stiffness, compliance=np.array([0.01]))
+    return sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        np.array([[0.0], [1.0]]),
+        {"first": 0, "second": 1},
+        damping=0.03 * stiffness,
+        compliance=np.array([0.01]),
+    )
 
 
 @pytest.fixture(scope="module")
 def curve(reduction):
-    return sb.frequency_response(reduction, [0.1], 0.7 / TURN, 0.9 / TURN, steps=STEPS, first=sb.periodic(reduction, [0.1], 0.7 / TURN, steps=STEPS, start=_contacting(reduction)))
+    return sb.frequency_response(
+        reduction,
+        [0.1],
+        0.7 / TURN,
+        0.9 / TURN,
+        steps=STEPS,
+        first=sb.periodic(reduction, [0.1], 0.7 / TURN, steps=STEPS, start=_contacting(reduction)),
+    )
 
 
 def _contacting(reduction):
@@ -38,7 +56,9 @@ def _doubling(curve):
 def test_doubling_is_where_a_multiplier_is_minus_one(curve):
     """The multiplier at the point found; the step of the grid moves it by 1e-3 (2048 against 4096 steps)."""
     found = _doubling(curve)
-    assert found.multiplier == pytest.approx(-1.0, abs=1e-3) and found.value * TURN == pytest.approx(0.7385, abs=1e-3)
+    assert found.multiplier == pytest.approx(-1.0, abs=1e-3) and found.value * TURN == pytest.approx(
+        0.7385, abs=1e-3
+    )
 
 
 def test_motion_takes_two_periods(orbit):
@@ -49,20 +69,34 @@ def test_motion_takes_two_periods(orbit):
 
 
 def test_a_history_stays_on_it(reduction, orbit):
-    """A stable motion of two periods: a time history from it, of the same steps, repeats after two forcing periods and not after one, for 40."""
+    """A stable motion of two periods: a time history from it, of the same steps, repeats after two forcing
+    periods and not after one, for 40.
+    """
     assert orbit.stable
     duration = 40.0 / orbit.frequency
-    history = sb.transient(reduction, [sb.Harmonic(0.1, orbit.frequency)], duration, step=1.0 / (STEPS * orbit.frequency), start=(orbit.modal_displacement[0], orbit.modal_velocity[0]))
+    history = sb.transient(
+        reduction,
+        [sb.Harmonic(0.1, orbit.frequency)],
+        duration,
+        step=1.0 / (STEPS * orbit.frequency),
+        start=(orbit.modal_displacement[0], orbit.modal_velocity[0]),
+    )
     u = history.displacement("second")[:, 1]
-    late = u[-4 * STEPS - 1:]
-    two, one = np.abs(late[2 * STEPS:] - late[:-2 * STEPS]).max(), np.abs(late[STEPS:] - late[:-STEPS]).max()
-    # the history's loads are linear over a step, the orbit's are exact: (2 pi / 2048)^2 / 12 = 1e-6 of the amplitude
+    late = u[-4 * STEPS - 1 :]
+    two, one = (
+        np.abs(late[2 * STEPS :] - late[: -2 * STEPS]).max(),
+        np.abs(late[STEPS:] - late[:-STEPS]).max(),
+    )
+    # the history's loads are linear over a step, the orbit's are exact: (2 pi / 2048)^2 / 12 = 1e-6 of the
+    # amplitude
     assert two < 1e-4 * np.ptp(u) and one > 1e-2 * np.ptp(u)
 
 
 def test_its_branch_can_be_followed(reduction, orbit):
     branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
-    assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("second")[:, 1]) > 1e-3).all()
+    assert (
+        branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("second")[:, 1]) > 1e-3).all()
+    )
 
 
 def test_only_from_a_period_doubling(curve):

@@ -1,4 +1,6 @@
-"""Shooting on the unreduced model, without a matrix, against the reduced one and against the linear response."""
+"""Shooting on the unreduced model, without a matrix, against the reduced one and against the linear
+response.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +15,9 @@ LOAD = sb.PointForce("A", fy=300.0)
 
 @pytest.fixture(scope="module")
 def model():
-    return sb.Model(paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), rayleigh=RATIOS)
+    return sb.Model(
+        paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), rayleigh=RATIOS
+    )
 
 
 def harmonics(orbit):
@@ -21,7 +25,9 @@ def harmonics(orbit):
 
 
 def test_open_crack_is_the_linear_response(model):
-    """Without contact: the closed form in 160 modes, but for average acceleration's period error of (omega h)^2 / 12, magnified by mode 7 at 3006 Hz."""
+    """Without contact: the closed form in 160 modes, but for average acceleration's period error of (omega
+    h)^2 / 12, magnified by mode 7 at 3006 Hz.
+    """
     exact = harmonics(sb.periodic(model, LOAD, 3000.0, contact=False, modes=160, stability=False))[1]
     errors = []
     for steps in (129, 257):
@@ -36,19 +42,39 @@ def test_open_crack_is_the_linear_response(model):
 
 @pytest.mark.slow
 def test_reduced_orbits_converge_to_the_unreduced_one(model):
-    """The extrapolated unreduced orbit (second order in the step) and reduced ones with more and more modes: the distance falls to the extrapolation's own error."""
-    coarse, fine = (harmonics(sb.periodic(model, LOAD, 3000.0, steps=steps, reduction=None)) for steps in (257, 513))
+    """The extrapolated unreduced orbit (second order in the step) and reduced ones with more and more modes:
+    the distance falls to the extrapolation's own error.
+    """
+    coarse, fine = (
+        harmonics(sb.periodic(model, LOAD, 3000.0, steps=steps, reduction=None)) for steps in (257, 513)
+    )
     limit = fine + (fine - coarse) / ((513 / 257) ** 2 - 1.0)
-    distances = [np.linalg.norm(harmonics(sb.periodic(model, LOAD, 3000.0, steps=2048, modes=modes, stability=False)) - limit) / np.linalg.norm(limit) for modes in (10, 20, 40, 80)]
+    distances = [
+        np.linalg.norm(
+            harmonics(sb.periodic(model, LOAD, 3000.0, steps=2048, modes=modes, stability=False)) - limit
+        )
+        / np.linalg.norm(limit)
+        for modes in (10, 20, 40, 80)
+    ]
     assert distances[0] > 2.0 * distances[1] > 2.0 * distances[2] and distances[3] < 2e-4, distances
     assert np.abs(limit[2]) > 5e-3 * np.abs(limit[1])  # the crack breathes
 
 
 def test_iterations_and_residual(model):
-    """Newton's method ends as on the reduced model; a dozen linearised periods for each of its solves at most."""
+    """Newton's method ends as on the reduced model; a dozen linearised periods for each of its solves at
+    most.
+    """
     orbit = sb.periodic(model, LOAD, 3000.0, steps=129, reduction=None)
-    assert orbit.iterations <= 6 and orbit.residuals[-1] < 1e-8 * orbit.residuals[0] and orbit.products <= 12 * orbit.iterations
-    assert (orbit.contact_force >= 0.0).all() and (orbit.gap >= -1e-12).all() and orbit.contact_resultant.max() > 1000.0
+    assert (
+        orbit.iterations <= 6
+        and orbit.residuals[-1] < 1e-8 * orbit.residuals[0]
+        and orbit.products <= 12 * orbit.iterations
+    )
+    assert (
+        (orbit.contact_force >= 0.0).all()
+        and (orbit.gap >= -1e-12).all()
+        and orbit.contact_resultant.max() > 1000.0
+    )
 
 
 PROGRAM = """
@@ -71,7 +97,9 @@ def test_ranks_agree():
 
 
 def test_bad_input(model):
-    undamped = sb.Model(paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), damping=0.002)
+    undamped = sb.Model(
+        paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), damping=0.002
+    )
     with pytest.raises(ValueError, match="stiffness-proportional damping"):
         sb.periodic(undamped, LOAD, 3000.0, reduction=None)
     with pytest.raises(ValueError, match="start and jacobian are for the reduced model"):

@@ -16,14 +16,18 @@ def largest_error(found, case, count):
 
 
 def test_paper_case_by_default():
-    """Order 5, continued_fraction=1, at most 2,000 boundary unknowns: 1e-4 is asked for, 1.1e-5 is what the default mesh gives."""
+    """Order 5, continued_fraction=1, at most 2,000 boundary unknowns: 1e-4 is asked for, 1.1e-5 is what the
+    default mesh gives.
+    """
     model = sb.Model(paper_beam().mesh(order=5), ALUMINIUM)
     assert model.boundary_unknowns <= 2000
     assert largest_error(sb.modal(model, 46), "crack80_nu33", 46) < 1.5e-5
 
 
 def test_paper_case_at_its_best():
-    """At most 5,000 boundary unknowns of any order: 1e-5 is asked for; the reference itself is good to 1e-6."""
+    """At most 5,000 boundary unknowns of any order: 1e-5 is asked for; the reference itself is good to
+    1e-6.
+    """
     model = sb.Model(paper_beam().mesh(order=7), ALUMINIUM)
     assert model.boundary_unknowns <= 5000
     assert largest_error(sb.modal(model, 46), "crack80_nu33", 46) < 2e-6
@@ -45,14 +49,18 @@ def test_orders_converge_and_stay():
     assert floor < 2e-6
 
 
-@pytest.mark.parametrize("case, notches", [("long_cracked", [VNotch(0.176, 0.0038, 0.0)]), ("long_healthy", [])])
+@pytest.mark.parametrize(
+    "case, notches", [("long_cracked", [VNotch(0.176, 0.0038, 0.0)]), ("long_healthy", [])]
+)
 def test_long_beam(case, notches):
     """Beam of Long et al. (2019), frequencies 1-10."""
     model = sb.Model(Beam(0.406, 0.012, notches).mesh(), STEEL)
     assert largest_error(sb.modal(model, 10), case, 10) < 2e-5
 
 
-@pytest.mark.parametrize("case, notches", [("hole_crack80_nu33", [VNotch(0.080, 0.0015, 0.0458366)]), ("hole_healthy_nu33", [])])
+@pytest.mark.parametrize(
+    "case, notches", [("hole_crack80_nu33", [VNotch(0.080, 0.0015, 0.0458366)]), ("hole_healthy_nu33", [])]
+)
 def test_beam_with_hole(case, notches):
     """Beam with a hole of 2.5 mm, frequencies 1-20."""
     model = sb.Model(Beam(0.400, 0.005, notches, [Hole(0.065, 0.0025, 0.0025)]).mesh(), ALUMINIUM)
@@ -74,7 +82,9 @@ def test_band_equals_count():
 
 
 def test_free_structure_has_three_rigid_modes():
-    """An unsupported beam: three modes at zero, then the elastic ones of a second code path (free end, other shift)."""
+    """An unsupported beam: three modes at zero, then the elastic ones of a second code path (free end, other
+    shift).
+    """
     found = sb.modal(sb.Model(paper_beam().mesh(order=4), ALUMINIUM, clamped=None), 8)
     assert (found.frequencies[:3] < 1e-2).all()
     assert found.frequencies[3] > 100.0
@@ -82,7 +92,9 @@ def test_free_structure_has_three_rigid_modes():
 
 @pytest.mark.parametrize("tolerance, moved", [(1e-4, 3e-7), (1e-5, 6e-8)])
 def test_auxiliary_projection(tolerance, moved):
-    """Leaving out auxiliary unknowns that the band does not need moves the frequencies by no more than stated."""
+    """Leaving out auxiliary unknowns that the band does not need moves the frequencies by no more than
+    stated.
+    """
     model = sb.Model(paper_beam().mesh(), ALUMINIUM)
     reduced = sb.modal(model, 46, auxiliary_tolerance=tolerance)
     whole = sb.modal(model, 46, auxiliary_tolerance=0)
@@ -92,7 +104,9 @@ def test_auxiliary_projection(tolerance, moved):
 
 def test_thickness_changes_no_frequency():
     thin = sb.modal(sb.Model(paper_beam().mesh(order=3), ALUMINIUM, thickness=0.01), 6).frequencies
-    np.testing.assert_allclose(thin, sb.modal(sb.Model(paper_beam().mesh(order=3), ALUMINIUM), 6).frequencies, rtol=1e-7)
+    np.testing.assert_allclose(
+        thin, sb.modal(sb.Model(paper_beam().mesh(order=3), ALUMINIUM), 6).frequencies, rtol=1e-7
+    )
 
 
 def test_elastic_root_tends_to_the_clamp():
@@ -108,7 +122,9 @@ def test_elastic_root_tends_to_the_clamp():
 
 
 def test_mode_shapes_are_mass_normalised():
-    """sum over modes of (participation in x)^2 tends to the moving mass: here it stays below it and is large."""
+    """sum over modes of (participation in x)^2 tends to the moving mass: here it stays below it and is
+    large.
+    """
     model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
     found = sb.modal(model, 8)
     assert found.displacement("A").shape == (8, 2)
@@ -116,10 +132,17 @@ def test_mode_shapes_are_mass_normalised():
     assert abs(found.displacement("A")[0, 1]) == pytest.approx(2.0 / np.sqrt(2700 * 0.4 * 0.005), rel=0.02)
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    ({}, "either count or band"), ({"count": 3, "band": (1.0, 2.0)}, "either count or band"), ({"count": 0}, "count = 0"),
-    ({"count": 10**6}, "between 1 and half"), ({"band": (5.0, 1.0)}, "band"), ({"band": (1.0, float("nan"))}, "band"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({}, "either count or band"),
+        ({"count": 3, "band": (1.0, 2.0)}, "either count or band"),
+        ({"count": 0}, "count = 0"),
+        ({"count": 10**6}, "between 1 and half"),
+        ({"band": (5.0, 1.0)}, "band"),
+        ({"band": (1.0, float("nan"))}, "band"),
+    ],
+)
 def test_bad_requests(arguments, sentence):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises(ValueError, match=sentence):
@@ -128,12 +151,34 @@ def test_bad_requests(arguments, sentence):
 
 @pytest.mark.parametrize("terms", [2, 3, 4])
 def test_projection_keeps_the_later_terms(terms):
-    """Free unit square, one S-element of order 10: the default is the whole continued fraction within 1e-5; four terms give the printed digits."""
-    model = sb.Model(Beam(1.0, 1.0).mesh(order=10, size=1.0, corners=()), sb.Material(1.0, 0.3, 1.0), clamped=None, continued_fraction=terms)
-    reduced, whole = (2 * np.pi * sb.modal(model, 15, auxiliary_tolerance=t).frequencies[3:] for t in (1e-5, 0))
+    """Free unit square, one S-element of order 10: the default is the whole continued fraction within 1e-5;
+    four terms give the printed digits.
+    """
+    model = sb.Model(
+        Beam(1.0, 1.0).mesh(order=10, size=1.0, corners=()),
+        sb.Material(1.0, 0.3, 1.0),
+        clamped=None,
+        continued_fraction=terms,
+    )
+    reduced, whole = (
+        2 * np.pi * sb.modal(model, 15, auxiliary_tolerance=t).frequencies[3:] for t in (1e-5, 0)
+    )
     np.testing.assert_allclose(reduced, whole, rtol=1e-5)
     if terms == 4:
-        expected = [2.43265, 2.59096, 2.59096, 2.75536, 3.13163, 3.61893, 3.90289, 3.90289, 4.51085, 5.20854, 5.20854, 5.28911]
+        expected = [
+            2.43265,
+            2.59096,
+            2.59096,
+            2.75536,
+            3.13163,
+            3.61893,
+            3.90289,
+            3.90289,
+            4.51085,
+            5.20854,
+            5.20854,
+            5.28911,
+        ]
         np.testing.assert_allclose(reduced, expected, atol=8e-6)
 
 
@@ -145,15 +190,24 @@ def test_multiple_frequencies_are_all_found(count):
     from sbfem_petsc.system.pencil import Pencil
 
     edges = ["left", "right", "top", "bottom"]
-    model = sb.Model(Beam(1.0, 1.0).mesh(order=3, size=0.25, corners=()), sb.Material(1.0, 0.3, 1.0), clamped=edges)
+    model = sb.Model(
+        Beam(1.0, 1.0).mesh(order=3, size=0.25, corners=()), sb.Material(1.0, 0.3, 1.0), clamped=edges
+    )
     pencil = Pencil(model, 1.0, 0.0)
-    dense = [sparse.csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()).toarray() for m in (pencil.stiffness, pencil.mass)]
+    dense = [
+        sparse.csr_matrix(m.getValuesCSR()[::-1], shape=m.getSize()).toarray()
+        for m in (pencil.stiffness, pencil.mass)
+    ]
     exact = np.sqrt(linalg.eigh(*dense, eigvals_only=True, subset_by_index=(0, 19))) / (2 * np.pi)
-    np.testing.assert_allclose(sb.modal(model, count, auxiliary_tolerance=0).frequencies, exact[:count], rtol=1e-8)
+    np.testing.assert_allclose(
+        sb.modal(model, count, auxiliary_tolerance=0).frequencies, exact[:count], rtol=1e-8
+    )
     low, high = 0.99 * exact[count], 1.01 * exact[count + 2]
     inside = exact[(exact >= low) & (exact <= high)]
     if high < exact[-1]:
-        np.testing.assert_allclose(sb.modal(model, band=(low, high), auxiliary_tolerance=0).frequencies, inside, rtol=1e-8)
+        np.testing.assert_allclose(
+            sb.modal(model, band=(low, high), auxiliary_tolerance=0).frequencies, inside, rtol=1e-8
+        )
 
 
 def test_inertia_counts():
@@ -175,7 +229,9 @@ def test_rigid_modes_alone(count):
     """Few modes of a free structure, and of one held at a point, are no failure."""
     free = sb.modal(sb.Model(Beam(1.0, 0.3).mesh(order=4), ALUMINIUM, clamped=None), count).frequencies
     assert (free[:3] < 1e-2).all()
-    held = sb.modal(sb.Model(Beam(1.0, 0.3).mesh(order=4), ALUMINIUM, clamped=None, supports=[sb.Support("A")]), count).frequencies
+    held = sb.modal(
+        sb.Model(Beam(1.0, 0.3).mesh(order=4), ALUMINIUM, clamped=None, supports=[sb.Support("A")]), count
+    ).frequencies
     assert held[0] < 1e-2
 
 

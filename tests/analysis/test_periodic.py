@@ -1,4 +1,6 @@
-"""Periodic motions with contact against closed forms, converged values of an independent prototype, and time integration."""
+"""Periodic motions with contact against closed forms, converged values of an independent prototype, and time
+integration.
+"""
 
 import os
 import subprocess
@@ -9,7 +11,6 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.analysis import shooting
-from sbfem_petsc.analysis.transient import integrate
 from sbfem_petsc.reduction import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
 from tests.reference import paper_beam
@@ -22,9 +23,20 @@ def beam(opening=0.0458366, poisson=0.33, damping=0.002, **mesh):
 
 
 def bilinear(ratio, zeta, gap=0.0, stiffness=1.0):
-    """A mass whose spring is stiffer on one side: w_closed = 1, w_open = ratio; the second mass is far above and left out."""
-    r = reduce_matrices(np.eye(2), stiffness * np.diag([ratio**2, 1e6]), np.array([[1.0, 0.0]]), np.array([gap]), np.array([[1.0], [0.0]]), {"x": 0}, 1, damping=zeta,
-                        compliance=np.array([1 / (stiffness * (1 - ratio**2))]))
+    """A mass whose spring is stiffer on one side: w_closed = 1, w_open = ratio; the second mass is far above
+    and left out.
+    """
+    r = reduce_matrices(
+        np.eye(2),
+        stiffness * np.diag([ratio**2, 1e6]),
+        np.array([[1.0, 0.0]]),
+        np.array([gap]),
+        np.array([[1.0], [0.0]]),
+        {"x": 0},
+        1,
+        damping=zeta,
+        compliance=np.array([1 / (stiffness * (1 - ratio**2))]),
+    )
     return r, 2 * ratio / (1 + ratio) / (2 * np.pi)
 
 
@@ -42,9 +54,18 @@ def case_q():
 
 # ---------------------------------------------------------------- oscillators with known motions
 
-@pytest.mark.parametrize("ratio, mean, second, third, damping", [(0.9, 0.06704, 0.01488, 5.18e-4, (0.02, 0.005, 0.001)), (0.5, 0.43210, 1 / 11, 0.01920, (0.02, 0.01, 0.005))])
+
+@pytest.mark.parametrize(
+    "ratio, mean, second, third, damping",
+    [
+        (0.9, 0.06704, 0.01488, 5.18e-4, (0.02, 0.005, 0.001)),
+        (0.5, 0.43210, 1 / 11, 0.01920, (0.02, 0.01, 0.005)),
+    ],
+)
 def test_bilinear_oscillator_at_its_resonance(ratio, mean, second, third, damping):
-    """Driven at 2 w1 w2 / (w1 + w2) with light damping it moves as in free vibration; what damping changes is of first order in it, below 0.1 % at 2 %."""
+    """Driven at 2 w1 w2 / (w1 + w2) with light damping it moves as in free vibration; what damping changes is
+    of first order in it, below 0.1 % at 2 %.
+    """
     second_harmonics = []
     for zeta in damping:
         r, frequency = bilinear(ratio, zeta)
@@ -59,15 +80,21 @@ def test_bilinear_oscillator_at_its_resonance(ratio, mean, second, third, dampin
 
 @pytest.mark.parametrize("ratio", [0.9, 0.5])
 def test_bilinear_peak_frequency(ratio):
-    """The response's peak is at 2 w1 w2 / (w1 + w2): 1 % is asked for, 1e-4 is met with damping of 2 % and of 0.5 %."""
+    """The response's peak is at 2 w1 w2 / (w1 + w2): 1 % is asked for, 1e-4 is met with damping of 2 % and of
+    0.5 %.
+    """
     for zeta in (0.02, 0.005):
         r, frequency = bilinear(ratio, zeta)
-        curve = sb.frequency_response(r, [1.0], frequency * (1 - 8 * zeta), frequency * (1 + 8 * zeta), steps=1024, stability=False)
+        curve = sb.frequency_response(
+            r, [1.0], frequency * (1 - 8 * zeta), frequency * (1 + 8 * zeta), steps=1024, stability=False
+        )
         assert curve.peak("x").frequency == pytest.approx(frequency, rel=1e-3)
 
 
 def test_homogeneous_with_zero_gap():
-    """No gap, no length: force times 1000 gives the motion times 1000, to the tolerance of Newton's method."""
+    """No gap, no length: force times 1000 gives the motion times 1000, to the tolerance of Newton's
+    method.
+    """
     r, frequency = bilinear(0.9, 0.01)
     one, many = (sb.periodic(r, force, 0.9 * frequency) for force in (1.0, 1000.0))
     np.testing.assert_allclose(many.state, 1000 * one.state, rtol=1e-9)
@@ -75,7 +102,9 @@ def test_homogeneous_with_zero_gap():
 
 
 def test_preload_that_keeps_the_stop_closed():
-    """Pressed onto its stop for good, the mass is linear with both springs: -i F / (w_closed^2 - w^2 + 2 i zeta w_open w)."""
+    """Pressed onto its stop for good, the mass is linear with both springs: -i F / (w_closed^2 - w^2 + 2 i
+    zeta w_open w).
+    """
     zeta, ratio = 0.01, 0.5
     r, frequency = bilinear(ratio, zeta)
     preload = -100.0
@@ -90,9 +119,14 @@ def test_preload_that_keeps_the_stop_closed():
 
 
 def test_second_order_in_the_step():
-    """A piecewise linear motion, contact held at mean values: errors fall by 4 with half the step, in the mean of four halvings."""
+    """A piecewise linear motion, contact held at mean values: errors fall by 4 with half the step, in the
+    mean of four halvings.
+    """
     r, frequency = bilinear(0.5, 0.02, gap=0.3)
-    found = {steps: sb.periodic(r, 1.0, 0.8 * frequency, steps=steps, stability=False).harmonics("x")[:7] for steps in (64, 128, 256, 512, 1024, 8192)}
+    found = {
+        steps: sb.periodic(r, 1.0, 0.8 * frequency, steps=steps, stability=False).harmonics("x")[:7]
+        for steps in (64, 128, 256, 512, 1024, 8192)
+    }
     errors = [np.abs(found[steps] - found[8192]).max() for steps in (64, 128, 256, 512, 1024)]
     slope = np.polyfit(np.log([64, 128, 256, 512, 1024]), np.log(errors), 1)[0]
     assert -2.5 < slope < -1.7 and errors[-1] < 1e-4 * abs(found[8192][1])
@@ -100,8 +134,11 @@ def test_second_order_in_the_step():
 
 # ---------------------------------------------------------------- the notched beam
 
+
 def test_harmonics_of_the_beam(case_q):
-    """3 kHz, 300 N: mean, second to fourth harmonic of a converged prototype (85 pairs, 2048 steps) within 3 %; 1.3 % is met with 26 pairs and 512 steps."""
+    """3 kHz, 300 N: mean, second to fourth harmonic of a converged prototype (85 pairs, 2048 steps) within 3
+    %; 1.3 % is met with 26 pairs and 512 steps.
+    """
     _, orbit = case_q
     h = np.abs(orbit.harmonics("A"))
     np.testing.assert_allclose(h[[0, 2, 3, 4]] / h[1], [0.2120, 8.450e-3, 4.89e-4, 5.15e-4], rtol=0.03)
@@ -111,38 +148,61 @@ def test_harmonics_of_the_beam(case_q):
 
 @pytest.mark.parametrize("frequency", [433.0, 3000.0, 20140.0])
 def test_newton_iterations(case_q, frequency):
-    """At most 6 to 1e-10; the last one goes from the step at which the contact sets stop changing to round-off."""
+    """At most 6 to 1e-10; the last one goes from the step at which the contact sets stop changing to
+    round-off.
+    """
     model, other = case_q
-    orbit = sb.periodic(model, FORCE, frequency, steps=512, stability=False, **({} if frequency > 3000 else {"reduction": other.reduction}))
+    orbit = sb.periodic(
+        model,
+        FORCE,
+        frequency,
+        steps=512,
+        stability=False,
+        **({} if frequency > 3000 else {"reduction": other.reduction}),
+    )
     residuals = np.array(orbit.residuals) / orbit.residuals[0]
     assert orbit.path == "Newton" and orbit.iterations <= 6
     assert residuals[-1] < 1e-10 and residuals[-2] > 1e-8
 
 
 def test_one_newton_is_linear(case_q):
-    """1 N closes no pair: no iteration, no harmonics, the response without contact, digit for digit; harmonics 2-10 below 1e-4 are asked for."""
+    """1 N closes no pair: no iteration, no harmonics, the response without contact, digit for digit;
+    harmonics 2-10 below 1e-4 are asked for.
+    """
     model, orbit = case_q
     light = sb.PointForce("A", fy=1.0)
     for frequency in (3000.0, 20140.0):
-        found, open_crack = (sb.periodic(model, light, frequency, contact=c, modes=120, stability=False) for c in (True, False))
+        found, open_crack = (
+            sb.periodic(model, light, frequency, contact=c, modes=120, stability=False) for c in (True, False)
+        )
         h = np.abs(found.harmonics("A"))
         assert found.iterations == 0 and not found.contact_force.any() and h[2:11].max() < 1e-14 * h[1]
         np.testing.assert_allclose(found.harmonics("A")[1], open_crack.harmonics("A")[1], rtol=1e-13)
         r, omega = found.reduction, 2 * np.pi * frequency
         k = r.points.index("A")
         modal = r.load_modes[:, 0] / (r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
-        assert found.harmonics("A")[1] == pytest.approx(-1j * (r.sensor_modes[k, 1] @ modal + r.sensor_loads[k, 1, 0]), rel=1e-12)
+        assert found.harmonics("A")[1] == pytest.approx(
+            -1j * (r.sensor_modes[k, 1] @ modal + r.sensor_loads[k, 1, 0]), rel=1e-12
+        )
 
 
 def test_steps_modes_and_pairs(case_q):
     """512 steps are within 4e-6 of 8192, 40 and 80 modes within 5e-5 and 5e-6 of 160."""
     model, orbit = case_q
-    by_steps = {s: sb.periodic(model, FORCE, 3000.0, steps=s, reduction=orbit.reduction, stability=False).harmonics("A")[:7] for s in (128, 512, 2048, 8192)}
+    by_steps = {
+        s: sb.periodic(model, FORCE, 3000.0, steps=s, reduction=orbit.reduction, stability=False).harmonics(
+            "A"
+        )[:7]
+        for s in (128, 512, 2048, 8192)
+    }
     errors = [np.abs(by_steps[s] - by_steps[8192]).max() / abs(by_steps[8192][1]) for s in (128, 512, 2048)]
     assert errors[1] < 6e-6
     # second order: a factor of 16 each
     assert 8 < errors[0] / errors[1] < 32 and 6 < errors[1] / errors[2] < 32
-    by_modes = [sb.periodic(model, FORCE, 3000.0, steps=1024, modes=m, stability=False).harmonics("A")[:7] for m in (40, 80, 160)]
+    by_modes = [
+        sb.periodic(model, FORCE, 3000.0, steps=1024, modes=m, stability=False).harmonics("A")[:7]
+        for m in (40, 80, 160)
+    ]
     far = [np.abs(h - by_modes[-1]).max() / abs(by_modes[-1][1]) for h in by_modes[:-1]]
     assert far[0] < 5e-5 and far[1] < 5e-6
 
@@ -159,52 +219,94 @@ def test_mean_converges_with_pairs(case_q):
 
 def one_period(history, steps):
     """Complex harmonics of the last period of a history."""
-    u = history.displacement("A")[-steps - 1:-1, 1]
+    u = history.displacement("A")[-steps - 1 : -1, 1]
     found = np.fft.rfft(u) * 2 / steps
     found[0] /= 2
     return found[:7]
 
 
 def test_a_history_stays_on_the_orbit(case_p):
-    """100 periods of `transient` from the orbit's state: harmonics 0-6 within 1e-4 of the first; what differs is the load, linear in a step there: (omega h)^2 / 12."""
+    """100 periods of `transient` from the orbit's state: harmonics 0-6 within 1e-4 of the first; what differs
+    is the load, linear in a step there: (omega h)^2 / 12.
+    """
     model, orbit = case_p
     apart = []
     for steps in (512, 1024):
         here = sb.periodic(model, FORCE, 3000.0, steps=steps, reduction=orbit.reduction, stability=False)
-        history = sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0)), 100 / 3000, step=1 / (3000 * steps), reduction=orbit.reduction,
-                               start=(here.modal_displacement[0], here.modal_velocity[0]))
+        history = sb.transient(
+            model,
+            sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0)),
+            100 / 3000,
+            step=1 / (3000 * steps),
+            reduction=orbit.reduction,
+            start=(here.modal_displacement[0], here.modal_velocity[0]),
+        )
         assert len(history.time) == 100 * steps + 1
-        apart.append(np.abs(one_period(history, steps) - here.harmonics("A")[:7]).max() / abs(here.harmonics("A")[1]))
+        apart.append(
+            np.abs(one_period(history, steps) - here.harmonics("A")[:7]).max() / abs(here.harmonics("A")[1])
+        )
     assert apart[0] < 1e-4 and apart[1] == pytest.approx(apart[0] / 4, rel=0.2)
 
 
 def test_rest_leads_to_the_orbit():
-    """433 Hz, damping 5 %, 300 N from rest until the slowest mode has died away to 1e-6: within 1e-4 of the first harmonic; 3e-6 is met."""
+    """433 Hz, damping 5 %, 300 N from rest until the slowest mode has died away to 1e-6: within 1e-4 of the
+    first harmonic; 3e-6 is met.
+    """
     steps, frequency = 512, 433.0
     model = beam(damping=0.05)
     orbit = sb.periodic(model, FORCE, frequency, steps=steps)
-    assert orbit.contact_resultant.max() > 1000 and abs(orbit.harmonics("A")[2] / orbit.harmonics("A")[1]) > 0.01
+    assert (
+        orbit.contact_resultant.max() > 1000 and abs(orbit.harmonics("A")[2] / orbit.harmonics("A")[1]) > 0.01
+    )
     count = int(np.log(1e-6) / np.log(abs(orbit.multipliers[0])))
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, frequency))
-    history = sb.transient(model, load, count / frequency, step=1 / (frequency * steps), reduction=orbit.reduction, decimation=steps)
-    last = sb.transient(model, load, 1 / frequency, step=1 / (frequency * steps), reduction=orbit.reduction, start=(history.modal_displacement[-1], history.modal_velocity[-1]))
-    assert np.abs(one_period(last, steps) - orbit.harmonics("A")[:7]).max() < 2e-5 * abs(orbit.harmonics("A")[1])
+    history = sb.transient(
+        model,
+        load,
+        count / frequency,
+        step=1 / (frequency * steps),
+        reduction=orbit.reduction,
+        decimation=steps,
+    )
+    last = sb.transient(
+        model,
+        load,
+        1 / frequency,
+        step=1 / (frequency * steps),
+        reduction=orbit.reduction,
+        start=(history.modal_displacement[-1], history.modal_velocity[-1]),
+    )
+    assert np.abs(one_period(last, steps) - orbit.harmonics("A")[:7]).max() < 2e-5 * abs(
+        orbit.harmonics("A")[1]
+    )
 
 
 @pytest.mark.parametrize("frequency", [433.0, 3000.0])
 def test_dense_matrix_free_and_differences(case_p, frequency):
     """One orbit, three ways: 1e-8 is asked for; Newton's tolerance is 1e-10."""
     model, orbit = case_p
-    dense, free, differences = (sb.periodic(model, FORCE, frequency, steps=512, reduction=orbit.reduction, jacobian=j, stability=False) for j in ("dense", "matrix-free", "differences"))
+    dense, free, differences = (
+        sb.periodic(
+            model, FORCE, frequency, steps=512, reduction=orbit.reduction, jacobian=j, stability=False
+        )
+        for j in ("dense", "matrix-free", "differences")
+    )
     size = np.linalg.norm(dense.state)
-    assert np.linalg.norm(free.state - dense.state) < 1e-9 * size and np.linalg.norm(differences.state - dense.state) < 1e-8 * size
+    assert (
+        np.linalg.norm(free.state - dense.state) < 1e-9 * size
+        and np.linalg.norm(differences.state - dense.state) < 1e-8 * size
+    )
     assert free.iterations == dense.iterations and differences.iterations <= dense.iterations + 1
     for other in (free, differences):
-        np.testing.assert_allclose(other.harmonics("A"), dense.harmonics("A"), atol=1e-8 * np.abs(dense.harmonics("A")).max())
+        np.testing.assert_allclose(
+            other.harmonics("A"), dense.harmonics("A"), atol=1e-8 * np.abs(dense.harmonics("A")).max()
+        )
 
 
 def test_options_of_the_command_line():
-    """-shooting_... reaches Newton's method: too few iterations are an error with the residual and exit code 1 in a program, PETSc's own differences give the same orbit."""
+    """-shooting_... reaches Newton's method: too few iterations are an error with the residual and exit code
+    1 in a program, PETSc's own differences give the same orbit.
+    """
     program = """
 import sys
 from sbfem_petsc.command_line import Parser, run
@@ -219,18 +321,32 @@ run(main)
 """
 
     def call(*options):
-        return subprocess.run([sys.executable, "-c", program, *options], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300)
+        return subprocess.run(
+            [sys.executable, "-c", program, *options],
+            cwd=ROOT,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            timeout=300,
+        )
 
     differences, strict = call("-shooting_snes_fd"), call("-shooting_snes_max_it", "0")
-    exact = sb.periodic(beam(order=3, tip_size=2e-4), FORCE, 3000.0, modes=16, steps=256, stability=False).harmonics("A")[2]
+    exact = sb.periodic(
+        beam(order=3, tip_size=2e-4), FORCE, 3000.0, modes=16, steps=256, stability=False
+    ).harmonics("A")[2]
     # differences by 1e-8 leave Newton's method at 1e-10 of the first residual
     assert abs(complex(differences.stdout.splitlines()[0]) - exact) < 1e-7 * abs(exact)
     assert strict.returncode == 1
-    assert strict.stderr.startswith("error: periodic: Newton's method did not converge") and "of the linear state's size" in strict.stderr
+    assert (
+        strict.stderr.startswith("error: periodic: Newton's method did not converge")
+        and "of the linear state's size" in strict.stderr
+    )
 
 
 def test_start_from_a_neighbour(case_p):
-    """From the orbit at 3000 Hz that at 3001 Hz is the same as from the linear response; from itself there is nothing to do."""
+    """From the orbit at 3000 Hz that at 3001 Hz is the same as from the linear response; from itself there is
+    nothing to do.
+    """
     model, orbit = case_p
     fresh = sb.periodic(model, FORCE, 3001.0, reduction=orbit.reduction, stability=False)
     warm = sb.periodic(model, FORCE, 3001.0, start=orbit, stability=False)
@@ -244,18 +360,35 @@ def test_two_periods_of_a_period_one_motion(case_p):
     model, orbit = case_p
     twice = sb.periodic(model, FORCE, 3000.0, periods=2, steps=512, reduction=orbit.reduction)
     once = sb.periodic(model, FORCE, 3000.0, steps=512, reduction=orbit.reduction)
-    np.testing.assert_allclose(twice.harmonics("A")[:21], once.harmonics("A")[:21], atol=1e-9 * abs(once.harmonics("A")[1]))
-    assert abs(twice.subharmonics("A")[1]) < 1e-9 * abs(once.harmonics("A")[1]) and twice.period == pytest.approx(2 / 3000)
+    np.testing.assert_allclose(
+        twice.harmonics("A")[:21], once.harmonics("A")[:21], atol=1e-9 * abs(once.harmonics("A")[1])
+    )
+    assert abs(twice.subharmonics("A")[1]) < 1e-9 * abs(
+        once.harmonics("A")[1]
+    ) and twice.period == pytest.approx(2 / 3000)
     np.testing.assert_allclose(np.abs(twice.multipliers[:6]), np.abs(once.multipliers[:6]) ** 2, rtol=1e-9)
 
 
 def test_commensurate_tones_and_preload(case_p):
-    """3000 Hz with 1500 Hz beside it and a constant force: two periods, and the history that starts there stays."""
+    """3000 Hz with 1500 Hz beside it and a constant force: two periods, and the history that starts there
+    stays.
+    """
     model, _ = case_p
     load = sb.PointForce("A", fy=sb.Harmonic(200.0, 3000.0) + sb.Harmonic(60.0, 1500.0, 0.3) + 20.0)
     orbit = sb.periodic(model, load, 3000.0, steps=512, stability=False)
-    assert orbit.periods == 2 and abs(orbit.subharmonics("A")[1]) > 0.01 * abs(orbit.harmonics("A")[1]) and orbit.contact_resultant.max() > 100
-    history = sb.transient(model, load, 20 / 3000, step=1 / (3000 * 512), reduction=orbit.reduction, start=(orbit.modal_displacement[0], orbit.modal_velocity[0]))
+    assert (
+        orbit.periods == 2
+        and abs(orbit.subharmonics("A")[1]) > 0.01 * abs(orbit.harmonics("A")[1])
+        and orbit.contact_resultant.max() > 100
+    )
+    history = sb.transient(
+        model,
+        load,
+        20 / 3000,
+        step=1 / (3000 * 512),
+        reduction=orbit.reduction,
+        start=(orbit.modal_displacement[0], orbit.modal_velocity[0]),
+    )
     u, v = history.displacement("A")[-1025:-1, 1], orbit.displacement("A")[:, 1]
     assert np.abs(u - v).max() < 1e-4 * np.abs(v).max()
 
@@ -263,12 +396,26 @@ def test_commensurate_tones_and_preload(case_p):
 def test_what_an_orbit_tells(case_p):
     """Gaps, forces and acceleration obey the equations; the text names the verdict."""
     _, orbit = case_p
-    assert orbit.displacement("B").shape == (len(orbit.time), 2) and orbit.time[0] == 0 and orbit.time[-1] + orbit.time[1] == pytest.approx(1 / 3000)
+    assert (
+        orbit.displacement("B").shape == (len(orbit.time), 2)
+        and orbit.time[0] == 0
+        and orbit.time[-1] + orbit.time[1] == pytest.approx(1 / 3000)
+    )
     assert (orbit.gap * orbit.contact_force).max() < 1e-12 * orbit.gap.max() * orbit.contact_force.max()
-    # velocity and acceleration are derivatives of the displacement, taken from its Fourier series below the 20th harmonic
-    for values, derivative in ((orbit.modal_displacement, orbit.modal_velocity), (orbit.modal_velocity, orbit.modal_acceleration)):
+    # velocity and acceleration are derivatives of the displacement, taken from its Fourier series below the
+    # 20th harmonic
+    for values, derivative in (
+        (orbit.modal_displacement, orbit.modal_velocity),
+        (orbit.modal_velocity, orbit.modal_acceleration),
+    ):
         lines = np.fft.rfft(values[:, :10], axis=0)[:20]
-        assert np.abs(2j * np.pi * 3000 * np.arange(20)[:, None] * lines - np.fft.rfft(derivative[:, :10], axis=0)[:20]).max() < 1e-4 * np.abs(np.fft.rfft(derivative[:, :10], axis=0)).max()
+        assert (
+            np.abs(
+                2j * np.pi * 3000 * np.arange(20)[:, None] * lines
+                - np.fft.rfft(derivative[:, :10], axis=0)[:20]
+            ).max()
+            < 1e-4 * np.abs(np.fft.rfft(derivative[:, :10], axis=0)).max()
+        )
     assert "stable" in repr(orbit) and "3000 Hz" in repr(orbit) and "Newton iterations" in repr(orbit)
     with pytest.raises(KeyError, match="point 'Q' does not exist; the model has"):
         orbit.harmonics("Q")
@@ -278,12 +425,29 @@ def test_what_an_orbit_tells(case_p):
 
 # ---------------------------------------------------------------- bad input and hard cases
 
-@pytest.mark.parametrize("arguments, sentence", [
-    ({"frequency": 0.0}, "frequency = 0.0"), ({"frequency": -3.0}, "frequency"), ({"frequency": float("nan")}, "frequency"), ({"frequency": "fast"}, "frequency"),
-    ({"steps": 0}, "steps = 0"), ({"steps": 16}, "steps = 16 must be at least 48"), ({"steps": 100.0}, "steps = 100.0 must be an integer"), ({"steps": True}, "steps"),
-    ({"periods": 0}, "periods = 0"), ({"periods": 1.5}, "periods"), ({"modes": 0}, "modes = 0"), ({"longest": 0}, "longest"),
-    ({"jacobian": "exact"}, "jacobian = 'exact' must be one of 'auto', 'dense', 'matrix-free', 'differences'"), ({"reduction": "all"}, "reduction = 'all'"),
-])
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"frequency": 0.0}, "frequency = 0.0"),
+        ({"frequency": -3.0}, "frequency"),
+        ({"frequency": float("nan")}, "frequency"),
+        ({"frequency": "fast"}, "frequency"),
+        ({"steps": 0}, "steps = 0"),
+        ({"steps": 16}, "steps = 16 must be at least 48"),
+        ({"steps": 100.0}, "steps = 100.0 must be an integer"),
+        ({"steps": True}, "steps"),
+        ({"periods": 0}, "periods = 0"),
+        ({"periods": 1.5}, "periods"),
+        ({"modes": 0}, "modes = 0"),
+        ({"longest": 0}, "longest"),
+        (
+            {"jacobian": "exact"},
+            "jacobian = 'exact' must be one of 'auto', 'dense', 'matrix-free', 'differences'",
+        ),
+        ({"reduction": "all"}, "reduction = 'all'"),
+    ],
+)
 def test_bad_requests(case_p, arguments, sentence):
     model, _ = case_p
     with pytest.raises((ValueError, TypeError), match=sentence):
@@ -310,7 +474,9 @@ def test_bad_loads(case_p):
 
 
 def test_undamped_at_a_resonance():
-    """The linear response is infinite there: said so, with the remedy; the same model with contact is solved a little beside it."""
+    """The linear response is infinite there: said so, with the remedy; the same model with contact is solved
+    a little beside it.
+    """
     model = beam(order=3, damping=0.0)
     resonance = sb.modal(model, 3).frequencies[2]
     with pytest.raises(ValueError, match="mode 3 at .* Hz has no damping and is driven at its own frequency"):
@@ -321,7 +487,11 @@ def test_undamped_at_a_resonance():
 def test_no_convergence():
     """Far from any motion that Newton's method finds: the residual and the remedy in the message."""
     r, frequency = bilinear(0.1, 1e-5)
-    with pytest.raises(sb.SolveError, match=r"did not converge \(.*\).* of the linear state's size, from .*start from a neighbour, take more steps"):
+    with pytest.raises(
+        sb.SolveError,
+        match=r"did not converge \(.*\).* of the linear state's size, from .*start from a neighbour, take "
+        r"more steps",
+    ):
         sb.periodic(r, 1.0, frequency, stability=False)
 
 
@@ -339,13 +509,27 @@ def test_numbers_of_all_kinds_are_amplitudes(amplitude):
     r, frequency = bilinear(0.9, 0.01, gap=100.0)
     omega = np.pi * frequency
     found = sb.periodic(r, amplitude, 0.5 * frequency).harmonics("x")
-    assert found[1] == pytest.approx(-1j / (0.81 - omega**2 + 0.018j * omega), rel=1e-10) and abs(found[0]) < 1e-14
+    assert (
+        found[1] == pytest.approx(-1j / (0.81 - omega**2 + 0.018j * omega), rel=1e-10)
+        and abs(found[0]) < 1e-14
+    )
 
 
 def test_a_ramp_past_a_corner(monkeypatch):
-    """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it where a stiff stop is met and the branch turns back."""
+    """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it
+    where a stiff stop is met and the branch turns back.
+    """
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    r = reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"1": 0, "2": 1}, damping=0.03 * stiffness, compliance=np.array([0.01]))
+    r = reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        np.array([[0.0], [1.0]]),
+        {"1": 0, "2": 1},
+        damping=0.03 * stiffness,
+        compliance=np.array([0.01]),
+    )
     settled = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False)
     assert settled.path == "history" and settled.residuals[-1] < 1e-9
     monkeypatch.setattr("sbfem_petsc.analysis.periodic.SETTLING", ())
@@ -359,14 +543,26 @@ def test_a_ramp_past_a_corner(monkeypatch):
 def test_forces_of_all_kinds_are_amplitudes(case_p, number):
     """The same motion as for a float."""
     model, orbit = case_p
-    again = sb.periodic(model, sb.PointForce("A", fy=number), 3000.0, reduction=orbit.reduction, stability=False)
-    np.testing.assert_allclose(again.harmonics("A")[:5], orbit.harmonics("A")[:5], rtol=0, atol=1e-9 * np.abs(orbit.harmonics("A")[1]))
+    again = sb.periodic(
+        model, sb.PointForce("A", fy=number), 3000.0, reduction=orbit.reduction, stability=False
+    )
+    np.testing.assert_allclose(
+        again.harmonics("A")[:5],
+        orbit.harmonics("A")[:5],
+        rtol=0,
+        atol=1e-9 * np.abs(orbit.harmonics("A")[1]),
+    )
 
 
 def test_reductions_of_other_damping_are_refused(case_p):
     model, orbit = case_p
-    other = sb.Model(paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), damping=0.05)
-    for run in (lambda: sb.periodic(other, FORCE, 3000.0, reduction=orbit.reduction), lambda: sb.transient(other, FORCE, 1e-4, reduction=orbit.reduction)):
+    other = sb.Model(
+        paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), damping=0.05
+    )
+    for run in (
+        lambda: sb.periodic(other, FORCE, 3000.0, reduction=orbit.reduction),
+        lambda: sb.transient(other, FORCE, 1e-4, reduction=orbit.reduction),
+    ):
         with pytest.raises(ValueError, match="made for a model of other contact pairs or damping"):
             run()
 
@@ -389,7 +585,9 @@ if MPI.COMM_WORLD.rank == 0:
 
 @pytest.mark.slow
 def test_ranks():
-    """The same orbit on 1, 2 and 3 ranks: within 1e-7 of the first harmonic, since the reduction's modes differ by up to 3e-8; the same on every rank."""
+    """The same orbit on 1, 2 and 3 ranks: within 1e-7 of the first harmonic, since the reduction's modes
+    differ by up to 3e-8; the same on every rank.
+    """
     serial, *others = (answer(on_ranks(n, RANKS)) for n in (1, 2, 3))
     exact = np.array(serial["h"]) @ [1, 1j]
     for found in others:

@@ -1,4 +1,6 @@
-"""Response curves over frequency and load: folds and corners from both sides, peaks, the beam's five curves, refusals."""
+"""Response curves over frequency and load: folds and corners from both sides, peaks, the beam's five curves,
+refusals.
+"""
 
 import numpy as np
 import pytest
@@ -16,18 +18,40 @@ TURN = 2 * np.pi
 def two_masses(damping=0.03):
     """The published example of two masses and an elastic stop, in rad/s."""
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"1": 0, "2": 1}, damping=damping * stiffness, compliance=np.array([0.01]))
+    return reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        np.array([[0.0], [1.0]]),
+        {"1": 0, "2": 1},
+        damping=damping * stiffness,
+        compliance=np.array([0.01]),
+    )
 
 
 def with_a_stop(gap=1.0, zeta=0.05, compliance=2.0):
     """One mode (1 rad/s) and a soft stop."""
-    return reduce_matrices(np.eye(2), np.diag([1.0, 1e6]), np.array([[1.0, 0.0]]), np.array([gap]), np.array([[1.0], [0.0]]), {"x": 0}, 1, damping=zeta, compliance=np.array([compliance]))
+    return reduce_matrices(
+        np.eye(2),
+        np.diag([1.0, 1e6]),
+        np.array([[1.0, 0.0]]),
+        np.array([gap]),
+        np.array([[1.0], [0.0]]),
+        {"x": 0},
+        1,
+        damping=zeta,
+        compliance=np.array([compliance]),
+    )
 
 
 @pytest.fixture(scope="module")
 def curves():
     """Upwards and downwards."""
-    return [sb.frequency_response(two_masses(), [0.1], start / TURN, stop / TURN, steps=2048, stability=False) for start, stop in ((0.5, 0.9), (0.9, 0.5))]
+    return [
+        sb.frequency_response(two_masses(), [0.1], start / TURN, stop / TURN, steps=2048, stability=False)
+        for start, stop in ((0.5, 0.9), (0.9, 0.5))
+    ]
 
 
 def crossings(curve, omega):
@@ -38,10 +62,14 @@ def crossings(curve, omega):
 
 
 def test_the_same_branch_from_both_ends(curves):
-    """Up and down, through two folds and the corner at 0.653 rad/s where the stop is met: one curve, complete both ways."""
+    """Up and down, through two folds and the corner at 0.653 rad/s where the stop is met: one curve, complete
+    both ways.
+    """
     up, down = curves
     assert up.complete and down.complete and up.converged.all() and down.converged.all()
-    assert TURN * up.value[[0, -1]] == pytest.approx([0.5, 0.9]) and TURN * down.value[[0, -1]] == pytest.approx([0.9, 0.5])
+    assert TURN * up.value[[0, -1]] == pytest.approx([0.5, 0.9]) and TURN * down.value[
+        [0, -1]
+    ] == pytest.approx([0.9, 0.5])
     for curve in curves:
         turns = np.flatnonzero(np.diff(np.sign(np.diff(curve.value))))
         assert len(turns) == 2
@@ -58,8 +86,13 @@ def test_points_are_periodic_motions(curves):
     for k in (3, 20, 45, len(up.value) - 4):
         orbit = up.orbit(k)
         again = sb.periodic(up.reduction, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
-        assert np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k]) and again.iterations <= 1
-        np.testing.assert_allclose(again.harmonics("2")[:21], up.harmonics("2")[k], atol=1e-8 * again.amplitude("2"))
+        assert (
+            np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k])
+            and again.iterations <= 1
+        )
+        np.testing.assert_allclose(
+            again.harmonics("2")[:21], up.harmonics("2")[k], atol=1e-8 * again.amplitude("2")
+        )
         assert again.amplitude("2") == pytest.approx(up.amplitude("2")[k], rel=1e-8)
         assert again.contact_resultant.max() == pytest.approx(up.contact_peak[k], rel=1e-6, abs=1e-9)
 
@@ -77,22 +110,39 @@ def test_open_part_is_linear(curves):
 
 def test_smaller_steps_are_the_same_curve(curves):
     """`largest_step` bounds the change of the frequency; the branch is the same."""
-    fine = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.6 / TURN, steps=2048, stability=False, largest_step=0.004 / TURN)
+    fine = sb.frequency_response(
+        two_masses(), [0.1], 0.5 / TURN, 0.6 / TURN, steps=2048, stability=False, largest_step=0.004 / TURN
+    )
     assert np.abs(np.diff(fine.value)).max() <= 0.004 / TURN * 1.2 and len(fine.value) > 25
     np.testing.assert_allclose(crossings(fine, 0.55), crossings(curves[0], 0.55), rtol=0.01)
 
 
 def test_load_response_from_nothing():
-    """Linear in the factor until the stop is met, at the factor gap / linear amplitude; at factor 1 the orbit of `periodic`."""
+    """Linear in the factor until the stop is met, at the factor gap / linear amplitude; at factor 1 the orbit
+    of `periodic`.
+    """
     r, omega = with_a_stop(), 0.9
     linear = 3.0 / abs(1 - omega**2 + 0.1j * omega)
     curve = sb.load_response(r, [3.0], omega / TURN)
-    assert curve.parameter == "load" and curve.complete and curve.value[0] == 0.0 and curve.value[-1] == 1.0 and (np.diff(curve.value) > 0).all()
-    assert curve.amplitude("x")[0] == 0.0 and curve.frequency == pytest.approx(np.full(len(curve.value), omega / TURN))
+    assert (
+        curve.parameter == "load"
+        and curve.complete
+        and curve.value[0] == 0.0
+        and curve.value[-1] == 1.0
+        and (np.diff(curve.value) > 0).all()
+    )
+    assert curve.amplitude("x")[0] == 0.0 and curve.frequency == pytest.approx(
+        np.full(len(curve.value), omega / TURN)
+    )
     away = curve.value < 1.0 / linear
     # the largest displacement lies between two of 512 instants
-    np.testing.assert_allclose(np.abs(curve.harmonics("x")[:, 1])[away], linear * curve.value[away], rtol=1e-9, atol=1e-14)
-    assert not curve.contact_peak[curve.value < 0.999 / linear].any() and curve.contact_peak[curve.value > 1.01 / linear].all()
+    np.testing.assert_allclose(
+        np.abs(curve.harmonics("x")[:, 1])[away], linear * curve.value[away], rtol=1e-9, atol=1e-14
+    )
+    assert (
+        not curve.contact_peak[curve.value < 0.999 / linear].any()
+        and curve.contact_peak[curve.value > 1.01 / linear].all()
+    )
     orbit = sb.periodic(r, [3.0], omega / TURN, start=curve.orbit(len(curve.value) - 1))
     assert curve.amplitude("x")[-1] == pytest.approx(orbit.amplitude("x"), rel=1e-8) and orbit.iterations <= 1
     back = sb.load_response(r, [3.0], omega / TURN, start=1.0, stop=0.0, first=orbit)
@@ -100,13 +150,18 @@ def test_load_response_from_nothing():
 
 
 def test_load_response_past_a_corner():
-    """0.1 Hz: the stop, stiff as it is, is met at 0.3269 of the load, from where the branch turns back, and later forth to the full load."""
+    """0.1 Hz: the stop, stiff as it is, is met at 0.3269 of the load, from where the branch turns back, and
+    later forth to the full load.
+    """
     curve = sb.load_response(two_masses(), [0.1], 0.1, steps=2048, stability=False)
     k, omega = np.array([[1.0, -1.0], [-1.0, 2.0]]), 0.2 * np.pi
     corner = 1 / abs(np.linalg.solve(k - omega**2 * np.eye(2) + 0.03j * omega * k, [0.0, 0.1])[0])
     assert curve.complete and curve.value[-1] == 1.0
     touching = np.flatnonzero(curve.contact_peak > 0)
-    assert curve.value[touching[0] - 1] == pytest.approx(corner, rel=1e-3) and curve.value[touching].min() < 0.9 * corner
+    assert (
+        curve.value[touching[0] - 1] == pytest.approx(corner, rel=1e-3)
+        and curve.value[touching].min() < 0.9 * corner
+    )
     assert (np.diff(touching) == 1).all()
 
 
@@ -114,7 +169,9 @@ def test_load_response_keeps_the_preload():
     """Only what oscillates is scaled: at factor 0 the static deflection is left."""
     curve = sb.load_response(with_a_stop(gap=10.0), [sb.Harmonic(1.0, 0.1) + 0.5], 0.1, stop=2.0)
     np.testing.assert_allclose(curve.harmonics("x")[:, 0], 0.5, rtol=1e-9)
-    assert curve.amplitude("x")[-1] == pytest.approx(2.0 / abs(1 - (0.2 * np.pi) ** 2 + 0.1j * 0.2 * np.pi), rel=1e-4)
+    assert curve.amplitude("x")[-1] == pytest.approx(
+        2.0 / abs(1 - (0.2 * np.pi) ** 2 + 0.1j * 0.2 * np.pi), rel=1e-4
+    )
 
 
 def test_peak_of_a_known_resonance():
@@ -123,8 +180,14 @@ def test_peak_of_a_known_resonance():
     a = 1 / np.abs(1 - (f / 10) ** 2 + 0.02j * f / 10)
     for order in (slice(None), slice(None, None, -1)):
         peak = find_peak(f[order], a[order])
-        assert peak.frequency == pytest.approx(10 * np.sqrt(1 - 2 * 0.01**2), rel=1e-4) and peak.amplitude == pytest.approx(50.0, rel=1e-3)
-        assert peak.bandwidth == pytest.approx(0.2, rel=0.01) and abs(peak.skewness) < 0.02 and peak.lower < peak.frequency < peak.upper
+        assert peak.frequency == pytest.approx(
+            10 * np.sqrt(1 - 2 * 0.01**2), rel=1e-4
+        ) and peak.amplitude == pytest.approx(50.0, rel=1e-3)
+        assert (
+            peak.bandwidth == pytest.approx(0.2, rel=0.01)
+            and abs(peak.skewness) < 0.02
+            and peak.lower < peak.frequency < peak.upper
+        )
     leaning = find_peak(f + 0.004 * a, a)
     assert leaning.skewness > 0.2 and leaning.frequency == pytest.approx(10.2, rel=1e-3)
     assert np.isnan(find_peak(f[:200], a[:200]).upper)
@@ -136,12 +199,16 @@ def case_p():
 
 
 def test_response_of_the_beam(case_p):
-    """13.9-14.6 kHz: the open crack's peak at mode 17 (14.144 kHz), moved up and leaning by 300 N; every verdict is one multiplier's."""
+    """13.9-14.6 kHz: the open crack's peak at mode 17 (14.144 kHz), moved up and leaning by 300 N; every
+    verdict is one multiplier's.
+    """
     load = sb.PointForce("A", fy=300.0)
     linear = sb.frequency_response(case_p, load, 13900.0, 14600.0, contact=False)
     mode = sb.modal(case_p, 46).frequencies
     resonance = mode[np.argmin(abs(mode - 14144))]
-    assert linear.peak("A").frequency == pytest.approx(resonance, rel=1e-4) and linear.peak("A").bandwidth == pytest.approx(0.004 * resonance, rel=0.03)
+    assert linear.peak("A").frequency == pytest.approx(resonance, rel=1e-4) and linear.peak(
+        "A"
+    ).bandwidth == pytest.approx(0.004 * resonance, rel=0.03)
     curve = sb.frequency_response(case_p, load, 13900.0, 14600.0)
     assert curve.complete and (np.diff(curve.value) > 0).all() and len(curve.value) < 60
     peak = curve.peak("A")
@@ -153,8 +220,15 @@ def test_response_of_the_beam(case_p):
     # 36 points, a short unstable part beyond the peak: nothing flips
     assert changes == 2 and curve.stable[[0, -1]].all()
     # light load: the linear curve
-    light = sb.frequency_response(case_p, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, reduction=linear.reduction, stability=False)
-    exact = [sb.periodic(case_p, sb.PointForce("A", fy=0.01), f, reduction=linear.reduction, contact=False, stability=False).harmonics("A")[1] for f in light.value[::4]]
+    light = sb.frequency_response(
+        case_p, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, reduction=linear.reduction, stability=False
+    )
+    exact = [
+        sb.periodic(
+            case_p, sb.PointForce("A", fy=0.01), f, reduction=linear.reduction, contact=False, stability=False
+        ).harmonics("A")[1]
+        for f in light.value[::4]
+    ]
     np.testing.assert_allclose(light.harmonics("A")[::4, 1], exact, rtol=1e-10)
 
 
@@ -169,15 +243,22 @@ def test_curves_of_the_paper(case_p, force):
 
 @pytest.mark.slow
 def test_verdicts_do_not_depend_on_the_grid(case_p):
-    """700 N at 512 and 1024 steps: the same bifurcations within 1e-5, one for each change of the number of unstable multipliers, and four changes of the verdict."""
-    found = [sb.frequency_response(case_p, sb.PointForce("A", fy=700.0), 14080.0, 14250.0, steps=steps) for steps in (512, 1024)]
+    """700 N at 512 and 1024 steps: the same bifurcations within 1e-5, one for each change of the number of
+    unstable multipliers, and four changes of the verdict.
+    """
+    found = [
+        sb.frequency_response(case_p, sb.PointForce("A", fy=700.0), 14080.0, 14250.0, steps=steps)
+        for steps in (512, 1024)
+    ]
     kinds = [[b.kind for b in curve.bifurcations] for curve in found]
     assert kinds[0] == kinds[1] and len(kinds[0]) >= 4
     np.testing.assert_allclose(*([b.value for b in curve.bifurcations] for curve in found), rtol=1e-5)
     for curve in found:
         assert np.count_nonzero(curve.stable[1:] != curve.stable[:-1]) == 4
         outside = (np.abs(curve.multipliers) > 1).sum(axis=1)
-        assert set(np.flatnonzero(np.diff(outside)) + 1) == {b.after for b in curve.bifurcations if b.kind != "fold"}
+        assert set(np.flatnonzero(np.diff(outside)) + 1) == {
+            b.after for b in curve.bifurcations if b.kind != "fold"
+        }
 
 
 @pytest.mark.slow
@@ -192,18 +273,39 @@ def test_three_motions_with_little_damping():
 
 # ---------------------------------------------------------------- refusals and hard cases
 
-@pytest.mark.parametrize("arguments, sentence", [
-    ({"start": 0.0}, "start = 0.0"), ({"stop": -1.0}, "stop"), ({"stop": 0.08}, "both 0.08 Hz"), ({"start": "low"}, "start"), ({"steps": 10}, "steps = 10 must be at least 48"),
-    ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"), ({"load": [sb.ToneBurst(0.1, 0.08, 3)]}, "does not follow the swept frequency"),
-    ({"load": [0.0]}, "no load oscillates"), ({"load": [sb.Constant(1.0)]}, "no load oscillates"), ({"largest_step": 0.0}, "largest_step"), ({"periods": 0}, "periods"), ({"load": [0.1, 0.2]}, "the reduction has 1 unit loads, the load has 2"),
-])
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"start": 0.0}, "start = 0.0"),
+        ({"stop": -1.0}, "stop"),
+        ({"stop": 0.08}, "both 0.08 Hz"),
+        ({"start": "low"}, "start"),
+        ({"steps": 10}, "steps = 10 must be at least 48"),
+        ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"),
+        ({"load": [sb.ToneBurst(0.1, 0.08, 3)]}, "does not follow the swept frequency"),
+        ({"load": [0.0]}, "no load oscillates"),
+        ({"load": [sb.Constant(1.0)]}, "no load oscillates"),
+        ({"largest_step": 0.0}, "largest_step"),
+        ({"periods": 0}, "periods"),
+        ({"load": [0.1, 0.2]}, "the reduction has 1 unit loads, the load has 2"),
+    ],
+)
 def test_bad_sweeps(arguments, sentence):
     given = {"load": [0.1], "start": 0.08, "stop": 0.1, **arguments}
     with pytest.raises((ValueError, TypeError), match=sentence):
         sb.frequency_response(two_masses(), given.pop("load"), given.pop("start"), given.pop("stop"), **given)
 
 
-@pytest.mark.parametrize("arguments, sentence", [({"start": -0.1}, "start = -0.1"), ({"stop": float("inf")}, "stop = inf"), ({"start": 1.0}, "start and stop are both 1"), ({"frequency": 0.0}, "frequency")])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"start": -0.1}, "start = -0.1"),
+        ({"stop": float("inf")}, "stop = inf"),
+        ({"start": 1.0}, "start and stop are both 1"),
+        ({"frequency": 0.0}, "frequency"),
+    ],
+)
 def test_bad_ramps(arguments, sentence):
     with pytest.raises((ValueError, TypeError), match=sentence):
         sb.load_response(two_masses(), [0.1], **{"frequency": 0.1, **arguments})
@@ -228,7 +330,9 @@ def test_harmonic_load_on_a_beam_is_refused_in_a_sweep(case_p):
 
 
 def test_a_curve_that_stops(monkeypatch):
-    """Newton's method fails beyond 0.65 rad/s: where and why in the message, and the points so far with it."""
+    """Newton's method fails beyond 0.65 rad/s: where and why in the message, and the points so far with
+    it.
+    """
     whole = continuation.shoot_along
 
     def fails(period, state, value, *rest):
@@ -237,15 +341,25 @@ def test_a_curve_that_stops(monkeypatch):
         return whole(period, state, value, *rest)
 
     monkeypatch.setattr(continuation, "shoot_along", fails)
-    with pytest.raises(sb.SolveError, match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a step") as caught:
+    with pytest.raises(
+        sb.SolveError,
+        match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a step",
+    ) as caught:
         sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024)
     curve = caught.value.curve
-    assert not curve.complete and 10 < len(curve.value) < 100 and curve.value.max() < 0.65 / TURN and curve.stable.any()
+    assert (
+        not curve.complete
+        and 10 < len(curve.value) < 100
+        and curve.value.max() < 0.65 / TURN
+        and curve.stable.any()
+    )
     assert "no further point" in repr(curve)
 
 
 def test_points_at_most():
-    curve = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024, points=7, stability=False)
+    curve = sb.frequency_response(
+        two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024, points=7, stability=False
+    )
     assert len(curve.value) == 7 and not curve.complete and curve.reason == "7 points"
 
 
@@ -265,7 +379,9 @@ if MPI.COMM_WORLD.rank == 0:
 
 @pytest.mark.slow
 def test_ranks():
-    """The same points on 1 and 2 ranks: the branch within 1e-6, since points depend on steps that round-off may change."""
+    """The same points on 1 and 2 ranks: the branch within 1e-6, since points depend on steps that round-off
+    may change.
+    """
     one, two = (answer(on_ranks(n, RANKS)) for n in (1, 2))
     assert one["same"] and two["same"]
     np.testing.assert_allclose(two["value"], one["value"], rtol=1e-7)

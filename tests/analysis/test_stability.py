@@ -1,4 +1,6 @@
-"""Floquet multipliers against closed forms, eigenvalues of the monodromy and what small disturbances do; bifurcations."""
+"""Floquet multipliers against closed forms, eigenvalues of the monodromy and what small disturbances do;
+bifurcations.
+"""
 
 import numpy as np
 import pytest
@@ -25,14 +27,27 @@ def motion_of(model, reduction, force, frequency, steps=512):
     """Orbit, period map and integrated period."""
     load = sb.PointForce("A", fy=force)
     orbit = sb.periodic(model, load, frequency, reduction=reduction, steps=steps)
-    driven = prepare(model, load, frequency, None, steps, None, True, reduction, None, "dense", 64).at(frequency)
+    driven = prepare(model, load, frequency, None, steps, None, True, reduction, None, "dense", 64).at(
+        frequency
+    )
     return orbit, driven, driven.run(orbit.state)
 
 
 def two_masses():
-    """Masses 1, 1; springs 1 between and 1 to ground; damping 0.03 K; force 0.1 on the second mass; an elastic stop (100) for the first at a distance of 1."""
+    """Masses 1, 1; springs 1 between and 1 to ground; damping 0.03 K; force 0.1 on the second mass; an
+    elastic stop (100) for the first at a distance of 1.
+    """
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [1.0]]), {"1": 0, "2": 1}, damping=0.03 * stiffness, compliance=np.array([0.01]))
+    return reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        np.array([[0.0], [1.0]]),
+        {"1": 0, "2": 1},
+        damping=0.03 * stiffness,
+        compliance=np.array([0.01]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -45,16 +60,24 @@ def test_linear_multipliers():
     """Pairs of modulus exp(-zeta omega T), one for each mode, whatever the load; by products as well."""
     omega = np.array([1.0, 2.3, 7.1, 30.0])
     zeta = 0.013
-    r = reduce_matrices(np.eye(4), np.diag(omega**2), np.zeros((0, 4)), np.zeros(0), np.ones((4, 1)), {"x": 0}, damping=zeta)
+    r = reduce_matrices(
+        np.eye(4), np.diag(omega**2), np.zeros((0, 4)), np.zeros(0), np.ones((4, 1)), {"x": 0}, damping=zeta
+    )
     orbit = sb.periodic(r, 1.0, 0.21)
     exact = np.repeat(np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * omega / 0.21), 2)
     exact[1::2] = exact[1::2].conj()
-    np.testing.assert_allclose(np.sort_complex(orbit.multipliers), np.sort_complex(exact), rtol=1e-11, atol=1e-14)
-    assert (np.diff(np.abs(orbit.multipliers)) <= 1e-15).all() and orbit.stable and orbit.multiplier_error < 1e-8
+    np.testing.assert_allclose(
+        np.sort_complex(orbit.multipliers), np.sort_complex(exact), rtol=1e-11, atol=1e-14
+    )
+    assert (
+        (np.diff(np.abs(orbit.multipliers)) <= 1e-15).all() and orbit.stable and orbit.multiplier_error < 1e-8
+    )
 
 
 def test_dense_and_krylov(beam):
-    """SLEPc's LAPACK against numpy on the same matrix (1e-9, eigenvalues near the unit circle are well conditioned), and the largest by products alone."""
+    """SLEPc's LAPACK against numpy on the same matrix (1e-9, eigenvalues near the unit circle are well
+    conditioned), and the largest by products alone.
+    """
     orbit, driven, motion = motion_of(*beam, 1500.0, 14254.61)
     matrix = driven.monodromy(motion)
     exact = np.linalg.eigvals(matrix)
@@ -71,9 +94,11 @@ def test_dense_and_krylov(beam):
 
 
 def growth(model, reduction, force, frequency, steps=512, size=1e-3, periods=400):
-    """log |mu|, and the growth per period of a disturbance along the least stable Floquet direction, by two histories from the orbit and from beside it.
+    """log |mu|, and the growth per period of a disturbance along the least stable Floquet direction, by two
+    histories from the orbit and from beside it.
 
-    What is measured is the disturbance's part along the left eigenvector, in which no other direction takes part: it falls or grows from the first period on.
+    What is measured is the disturbance's part along the left eigenvector, in which no other direction takes
+    part: it falls or grows from the first period on.
     """
     orbit, driven, motion = motion_of(model, reduction, force, frequency, steps)
     found = multipliers(driven, motion)
@@ -84,29 +109,69 @@ def growth(model, reduction, force, frequency, steps=512, size=1e-3, periods=400
     for offset in (0.0, size * np.linalg.norm(orbit.state)):
         state = orbit.state + offset * direction
         m = len(reduction.omega)
-        history = sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(force, frequency)), periods / frequency, step=1 / (frequency * steps), reduction=reduction, decimation=steps,
-                               start=(state[:m] / reduction.omega, state[m:]), progress=None)
+        history = sb.transient(
+            model,
+            sb.PointForce("A", fy=sb.Harmonic(force, frequency)),
+            periods / frequency,
+            step=1 / (frequency * steps),
+            reduction=reduction,
+            decimation=steps,
+            start=(state[:m] / reduction.omega, state[m:]),
+            progress=None,
+        )
         assert len(history.time) == periods + 1
-        states.append(np.concatenate([reduction.omega * history.modal_displacement, history.modal_velocity], axis=1))
+        states.append(
+            np.concatenate([reduction.omega * history.modal_displacement, history.modal_velocity], axis=1)
+        )
     part = np.abs((states[1] - states[0]) @ left)
     return orbit, np.log(np.abs(found.values[0])), np.polyfit(np.arange(periods + 1), np.log(part), 1)[0]
 
 
-@pytest.mark.parametrize("force, frequency, size, stable", [
-    (300.0, 14149.34, 1e-2, True), (300.0, 14176.39, 1e-2, False), (1500.0, 14163.31, 1e-2, False),
-    *(pytest.param(*case, marks=pytest.mark.slow) for case in ((300.0, 14100.0, 1e-2, True), (1500.0, 14091.44, 1e-2, True), (1500.0, 14254.61, 1e-2, False), (1500.0, 14300.0, 1e-3, True))),
-])
+@pytest.mark.parametrize(
+    "force, frequency, size, stable",
+    [
+        (300.0, 14149.34, 1e-2, True),
+        (300.0, 14176.39, 1e-2, False),
+        (1500.0, 14163.31, 1e-2, False),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                (300.0, 14100.0, 1e-2, True),
+                (1500.0, 14091.44, 1e-2, True),
+                (1500.0, 14254.61, 1e-2, False),
+                (1500.0, 14300.0, 1e-3, True),
+            )
+        ),
+    ],
+)
 def test_disturbances_of_the_beam(beam, force, frequency, size, stable):
-    """1 % off the orbit (0.1 % in the last case, where 1 % is no longer small), 400 periods: growth or decay per period, from 1e-5 to 4e-3, is log |mu| within 5 %; 1 % is met."""
+    """1 % off the orbit (0.1 % in the last case, where 1 % is no longer small), 400 periods: growth or decay
+    per period, from 1e-5 to 4e-3, is log |mu| within 5 %; 1 % is met.
+    """
     orbit, expected, found = growth(*beam, force, frequency, size=size)
     assert orbit.stable is stable and orbit.contact_resultant.max() > 0
     assert found == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.parametrize("omega, large, size, stable", [(0.55, False, 1e-2, True), (0.66, True, 1e-3, True), (0.75, True, 1e-3, False), (0.605, True, 1e-3, False), (0.70, False, 1e-2, True)])
+@pytest.mark.parametrize(
+    "omega, large, size, stable",
+    [
+        (0.55, False, 1e-2, True),
+        (0.66, True, 1e-3, True),
+        (0.75, True, 1e-3, False),
+        (0.605, True, 1e-3, False),
+        (0.70, False, 1e-2, True),
+    ],
+)
 def test_disturbances_of_two_masses(up, omega, large, size, stable):
-    """The map itself, off the orbit along the direction: on the open branch, on stable and unstable parts with impacts; 5 % of log |mu|."""
-    near = np.abs(TURN * up.frequency - omega) + 10.0 * ((up.contact_peak > 0) != large) + 10.0 * (up.multipliers[:, 0].real > 1)
+    """The map itself, off the orbit along the direction: on the open branch, on stable and unstable parts
+    with impacts; 5 % of log |mu|.
+    """
+    near = (
+        np.abs(TURN * up.frequency - omega)
+        + 10.0 * ((up.contact_peak > 0) != large)
+        + 10.0 * (up.multipliers[:, 0].real > 1)
+    )
     index = int(near.argmin())
     assert up.stable[index] == stable
     period = up.period.at(float(up.value[index]))
@@ -123,23 +188,31 @@ def test_disturbances_of_two_masses(up, omega, large, size, stable):
     # while the disturbance is small
     part = np.array(part)[np.array(part) < 10 * part[0]]
     assert len(part) > 4
-    assert np.polyfit(np.arange(len(part)), np.log(part), 1)[0] == pytest.approx(np.log(abs(found.values[0])), rel=0.05)
+    assert np.polyfit(np.arange(len(part)), np.log(part), 1)[0] == pytest.approx(
+        np.log(abs(found.values[0])), rel=0.05
+    )
 
 
 def test_without_damping_the_steps_are_symplectic():
-    """Eigenvalues mu and 1 / mu, contact or not, of the steps' own derivative and of that with switches located: 1e-6 is asked for, 1e-10 is met."""
+    """Eigenvalues mu and 1 / mu, contact or not, of the steps' own derivative and of that with switches
+    located: 1e-6 is asked for, 1e-10 is met.
+    """
     model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
     reduction = sb.periodic(model, sb.PointForce("A", fy=1.0), 2500.0, stability=False, modes=40).reduction
     for frequency in (433.0, 3000.0):
         orbit, driven, motion = motion_of(model, reduction, 300.0, frequency)
         assert orbit.contact_resultant.max() > 1000
         for located in (False, True):
-            moduli = np.sort(np.abs(np.linalg.eigvals(driven.carried(motion, np.eye(len(orbit.state)), located=located))))
+            moduli = np.sort(
+                np.abs(np.linalg.eigvals(driven.carried(motion, np.eye(len(orbit.state)), located=located)))
+            )
             np.testing.assert_allclose(moduli * moduli[::-1], 1.0, atol=1e-8)
 
 
 def test_uncertainty_is_the_jitter_of_the_grid(beam):
-    """The moved grid is the same motion between the instants: same harmonics, multipliers within the uncertainty."""
+    """The moved grid is the same motion between the instants: same harmonics, multipliers within the
+    uncertainty.
+    """
     model, reduction = beam
     load = sb.PointForce("A", fy=1500.0)
     orbit = sb.periodic(model, load, 14254.61, reduction=reduction, steps=512)
@@ -157,31 +230,43 @@ def test_uncertainty_is_the_jitter_of_the_grid(beam):
 @pytest.mark.parametrize("force, frequency", [(300.0, 14176.39), (1500.0, 14163.31), (1500.0, 14254.61)])
 def test_multipliers_converge_with_the_steps(beam, force, frequency):
     """|mu| - 1 at 512 steps is within 1 % of that at 4096, and the verdict is the same from 256 on."""
-    moduli = [np.abs(motion_of(*beam, force, frequency, steps)[0].multipliers[0]) for steps in (256, 512, 4096)]
+    moduli = [
+        np.abs(motion_of(*beam, force, frequency, steps)[0].multipliers[0]) for steps in (256, 512, 4096)
+    ]
     assert all(m > 1 for m in moduli)
-    assert moduli[0] - 1 == pytest.approx(moduli[2] - 1, rel=0.05) and moduli[1] - 1 == pytest.approx(moduli[2] - 1, rel=0.01)
+    assert moduli[0] - 1 == pytest.approx(moduli[2] - 1, rel=0.05) and moduli[1] - 1 == pytest.approx(
+        moduli[2] - 1, rel=0.01
+    )
 
 
 # ---------------------------------------------------------------- two masses and a stop: a published example
 
+
 def test_grazing_peak_and_folds(up):
-    """Grazing at 0.582, peak of the second mass' fundamental harmonic 0.936 at 0.751, folds at 0.7556 and 0.655 rad/s, within 1 %."""
+    """Grazing at 0.582, peak of the second mass' fundamental harmonic 0.936 at 0.751, folds at 0.7556 and
+    0.655 rad/s, within 1 %.
+    """
     omega, amplitude = 2 * np.pi * up.frequency, np.abs(up.harmonics("2")[:, 1])
     assert up.complete and up.value[-1] == pytest.approx(0.9 / (2 * np.pi)) and up.converged.all()
     touching = np.flatnonzero(up.contact_peak > 0)
     assert (np.diff(touching) == 1).all()
     # by the bifurcation that begins there, and by the points on either side of it
     first = next(b for b in up.bifurcations)
-    assert 2 * np.pi * first.value == pytest.approx(0.582, rel=0.01) and omega[touching[0] - 1] < 2 * np.pi * first.value < omega[touching[0]]
+    assert (
+        2 * np.pi * first.value == pytest.approx(0.582, rel=0.01)
+        and omega[touching[0] - 1] < 2 * np.pi * first.value < omega[touching[0]]
+    )
     top = amplitude.argmax()
     assert amplitude[top] == pytest.approx(0.936, rel=0.01) and omega[top] == pytest.approx(0.751, rel=0.01)
     folds = [2 * np.pi * b.value for b in up.bifurcations if b.kind == "fold"]
     assert folds == [pytest.approx(0.7556, rel=0.01), pytest.approx(0.655, rel=0.01)]
-    assert max(omega[touching[0]:touching[-1]]) == pytest.approx(folds[0], rel=1e-3)
+    assert max(omega[touching[0] : touching[-1]]) == pytest.approx(folds[0], rel=1e-3)
 
 
 def test_verdicts_do_not_flip(up):
-    """Six changes along 90 points, each with its bifurcation: grazing, a Neimark-Sacker point, two period doublings, two folds."""
+    """Six changes along 90 points, each with its bifurcation: grazing, a Neimark-Sacker point, two period
+    doublings, two folds.
+    """
     assert np.count_nonzero(up.stable[1:] != up.stable[:-1]) == 6
     for k in np.flatnonzero(up.stable[1:] != up.stable[:-1]) + 1:
         assert min(abs(b.after - k) for b in up.bifurcations) <= 1
@@ -192,29 +277,37 @@ def test_verdicts_do_not_flip(up):
 
 
 def test_period_doublings_are_bracketed(up):
-    """A real multiplier passes -1 between the points beside each, first at 0.7388 rad/s, and again next to the upper fold."""
+    """A real multiplier passes -1 between the points beside each, first at 0.7388 rad/s, and again next to
+    the upper fold.
+    """
     doublings = [b for b in up.bifurcations if b.kind == "period doubling"]
     assert doublings and 2 * np.pi * doublings[0].value == pytest.approx(0.7388, rel=2e-3)
     for b in doublings:
         lowest = [min(up.multipliers[k].real) for k in (b.after - 1, b.after)]
         assert (lowest[0] + 1) * (lowest[1] + 1) < 0
         assert b.multiplier.real == pytest.approx(-1.0, abs=2e-3) and abs(b.multiplier.imag) < 1e-9
-        assert min(up.value[b.after - 1:b.after + 1]) <= b.value <= max(up.value[b.after - 1:b.after + 1])
+        assert min(up.value[b.after - 1 : b.after + 1]) <= b.value <= max(up.value[b.after - 1 : b.after + 1])
 
 
 def test_located_bifurcations_are_motions(up):
-    """The states that come with them are fixed points, and their directions eigenvectors of the monodromy with the multiplier named."""
+    """The states that come with them are fixed points, and their directions eigenvectors of the monodromy
+    with the multiplier named.
+    """
     assert up.bifurcations
     for b in up.bifurcations:
         driven = up.period.at(b.value)
         motion = driven.run(b.state)
         assert np.linalg.norm(motion.residual) < 1e-7 * np.linalg.norm(b.state)
         matrix = driven.monodromy(motion)
-        assert np.linalg.norm(matrix @ b.direction - b.multiplier * b.direction) < 1e-4 * np.linalg.norm(b.direction) * np.linalg.norm(matrix, 2)
+        assert np.linalg.norm(matrix @ b.direction - b.multiplier * b.direction) < 1e-4 * np.linalg.norm(
+            b.direction
+        ) * np.linalg.norm(matrix, 2)
 
 
 def test_period_doubled_motion(up):
-    """Between the doublings a history beside the unstable motion settles on one of twice the period; `periods=2` from there finds it, and it is stable."""
+    """Between the doublings a history beside the unstable motion settles on one of twice the period;
+    `periods=2` from there finds it, and it is stable.
+    """
     k = int(np.argmin(np.abs(2 * np.pi * up.frequency - 0.7445) + (up.amplitude("2") < 0.9)))
     frequency = float(up.frequency[k])
     assert up.multipliers[k].real.min() < -1 and not up.stable[k]
@@ -234,7 +327,9 @@ def test_period_doubled_motion(up):
 
 
 def test_coexisting_stable_branches(up):
-    """Between 0.655 and 0.739 rad/s: two stable motions at one frequency, small without impacts and large with them; each is kept by its own history and the third one is unstable."""
+    """Between 0.655 and 0.739 rad/s: two stable motions at one frequency, small without impacts and large
+    with them; each is kept by its own history and the third one is unstable.
+    """
     omega = 0.70
     apart = np.diff(np.sign(2 * np.pi * up.frequency - omega)) != 0
     beside = np.flatnonzero(apart)

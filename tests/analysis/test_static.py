@@ -1,4 +1,6 @@
-"""Static contact against the independent reference, and the active set against PETSc's variational inequality solver."""
+"""Static contact against the independent reference, and the active set against PETSc's variational inequality
+solver.
+"""
 
 import numpy as np
 import pytest
@@ -14,7 +16,16 @@ CASES = {"x80_mouth2um_nu33": (0.0458366, ALUMINIUM), "x80_total_nu30": (0.06, s
 def errors(solution, reference):
     """Relative errors of u_y(A), u_x(B), u_x(C)."""
     u = reference["u"]
-    return np.array([solution.displacement("A")[1] / u["A"]["uy"], solution.displacement("B")[0] / u["B"]["ux"], solution.displacement("C")[0] / u["C"]["ux"]]) - 1.0
+    return (
+        np.array(
+            [
+                solution.displacement("A")[1] / u["A"]["uy"],
+                solution.displacement("B")[0] / u["B"]["ux"],
+                solution.displacement("C")[0] / u["C"]["ux"],
+            ]
+        )
+        - 1.0
+    )
 
 
 @pytest.fixture(scope="module", params=CASES)
@@ -23,9 +34,13 @@ def case(request):
     return request.param, sb.Model(paper_beam(opening).mesh(), material)
 
 
-@pytest.mark.parametrize("force, tolerance", [(1, 1e-4), (100, 2e-4), (300, 2e-4), (1000, 2e-4), (-100, 1e-4)])
+@pytest.mark.parametrize(
+    "force, tolerance", [(1, 1e-4), (100, 2e-4), (300, 2e-4), (1000, 2e-4), (-100, 1e-4)]
+)
 def test_displacements(case, force, tolerance):
-    """Default mesh, five loads, two openings; the tolerances are those of the project's statement of accuracy."""
+    """Default mesh, five loads, two openings; the tolerances are those of the project's statement of
+    accuracy.
+    """
     name, model = case
     solution = sb.static(model, sb.PointForce("A", fy=float(force)))
     assert np.abs(errors(solution, statics(name, f"{force} N"))).max() < tolerance
@@ -38,7 +53,9 @@ def test_default_resultant(case):
     name, model = case
     solution = sb.static(model, sb.PointForce("A", fy=300.0))
     assert solution.active.all()
-    assert solution.contact_resultant == pytest.approx(statics(name, "300 N")["cracks"][0]["resultant"], rel=0.05)
+    assert solution.contact_resultant == pytest.approx(
+        statics(name, "300 N")["cracks"][0]["resultant"], rel=0.05
+    )
 
 
 @pytest.mark.slow
@@ -56,7 +73,9 @@ def test_resultant_converges_with_the_tip(force):
 
 
 def test_one_pass_tie(case):
-    """The paper's scheme ties every penetrating pair and admits tension; the reference has its displacements."""
+    """The paper's scheme ties every penetrating pair and admits tension; the reference has its
+    displacements.
+    """
     name, model = case
     tied = statics(name, "100 N")["one_shot_tied_u"]
     solution = sb.static(model, sb.PointForce("A", fy=100.0), method="one_pass_tie")
@@ -102,7 +121,9 @@ def test_against_snes_variational_inequality(case):
     scale = np.abs(flexibility).max()
 
     snes = PETSc.SNES().create(PETSc.COMM_SELF)
-    jacobian = PETSc.Mat().createDense((count, count), array=(flexibility / scale).copy(), comm=PETSc.COMM_SELF)
+    jacobian = PETSc.Mat().createDense(
+        (count, count), array=(flexibility / scale).copy(), comm=PETSc.COMM_SELF
+    )
     jacobian.assemble()
     unit = np.abs(free_gap).max() / scale
 
@@ -122,18 +143,24 @@ def test_against_snes_variational_inequality(case):
     x = jacobian.createVecRight()
     snes.solve(None, x)
     assert snes.getConvergedReason() > 0
-    np.testing.assert_allclose(x.array * unit, active_set.contact_force, atol=1e-8 * active_set.contact_force.max())
+    np.testing.assert_allclose(
+        x.array * unit, active_set.contact_force, atol=1e-8 * active_set.contact_force.max()
+    )
 
 
 def test_closed_crack_under_pressure_is_no_crack():
-    """opening = 0 in compression along the beam: the crack carries the uniform stress as if it were not there.
+    """opening = 0 in compression along the beam: the crack carries the uniform stress as if it were not
+    there.
 
-    The faces of the tip element carry no pairs, so its share is missing: the error falls with the square of its size.
+    The faces of the tip element carry no pairs, so its share is missing: the error falls with the square of
+    its size.
     """
     free_y = [sb.Support("left", x=True, y=False), sb.Support("origin", x=False, y=True)]
     missing = []
     for tip_size in (8e-4, 2e-4):
-        mesh = Beam(0.1, 0.02, [VNotch(0.05, 0.01, 0.0)]).mesh(order=7, tip_size=tip_size, points={"origin": (0.0, 0.0)})
+        mesh = Beam(0.1, 0.02, [VNotch(0.05, 0.01, 0.0)]).mesh(
+            order=7, tip_size=tip_size, points={"origin": (0.0, 0.0)}
+        )
         model = sb.Model(mesh, ALUMINIUM, clamped=None, supports=free_y)
         pressed = sb.static(model, sb.EdgeLoad("right", pressure=1e6))
         assert pressed.active.all()
@@ -144,7 +171,9 @@ def test_closed_crack_under_pressure_is_no_crack():
 
 
 def test_two_notches_act_apart():
-    """Two notches far from each other: pairs of both, points B2 and C2, and each closes under a closing load."""
+    """Two notches far from each other: pairs of both, points B2 and C2, and each closes under a closing
+    load.
+    """
     beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0458366), VNotch(0.2, 0.0015, 0.02, tilt=10)])
     model = sb.Model(beam.mesh(), ALUMINIUM)
     solution = sb.static(model, sb.PointForce("A", fy=300.0))
@@ -155,9 +184,15 @@ def test_two_notches_act_apart():
 
 @pytest.mark.parametrize("ratio, exact", [(0.2, 1.368040), (0.3, 1.661122), (0.5, 2.825465)])
 def test_stress_intensity_of_an_edge_crack(ratio, exact):
-    """Edge crack in a strip of half-height W under uniform end traction: K_I / (sigma sqrt(pi a)), K_II = 0."""
-    mesh = Beam(2.0, 1.0, [VNotch(1.0, ratio, 0.0)]).mesh(order=8, size=0.5, tip_size=0.05 * ratio, points={"L": (0, 0), "R": (2.0, 0)}, corners=())
-    model = sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)])
+    """Edge crack in a strip of half-height W under uniform end traction: K_I / (sigma sqrt(pi a)), K_II =
+    0.
+    """
+    mesh = Beam(2.0, 1.0, [VNotch(1.0, ratio, 0.0)]).mesh(
+        order=8, size=0.5, tip_size=0.05 * ratio, points={"L": (0, 0), "R": (2.0, 0)}, corners=()
+    )
+    model = sb.Model(
+        mesh, sb.Material(1.0, 0.3, 1.0), clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)]
+    )
     solution = sb.static(model, sb.EdgeLoad("right", tx=1.0) + sb.EdgeLoad("left", tx=-1.0))
     opening, sliding = solution.stress_intensity["crack1"]
     assert opening / np.sqrt(np.pi * ratio) == pytest.approx(exact, rel=1e-6)
@@ -166,29 +201,44 @@ def test_stress_intensity_of_an_edge_crack(ratio, exact):
 
 def test_stress_intensity_by_stress_and_by_displacement():
     """The orthotropic path (stress ahead of the tip) with isotropic constants agrees with Williams' modes."""
-    mesh = Beam(2.0, 1.0, [VNotch(1.0, 0.4, 0.0, tilt=20)]).mesh(order=12, size=0.5, points={"L": (0, 0), "R": (2.0, 0)}, corners=())
+    mesh = Beam(2.0, 1.0, [VNotch(1.0, 0.4, 0.0, tilt=20)]).mesh(
+        order=12, size=0.5, points={"L": (0, 0), "R": (2.0, 0)}, corners=()
+    )
     values = []
-    for material in (sb.Material(1.0, 0.3, 1.0), sb.OrthotropicMaterial(1.0, 1.0, 0.3, 1.0 / 2.6, 1.0, angle=30)):
+    for material in (
+        sb.Material(1.0, 0.3, 1.0),
+        sb.OrthotropicMaterial(1.0, 1.0, 0.3, 1.0 / 2.6, 1.0, angle=30),
+    ):
         model = sb.Model(mesh, material, clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)])
-        values.append(sb.static(model, sb.EdgeLoad("right", tx=1.0) + sb.EdgeLoad("left", tx=-1.0), contact=False).stress_intensity["crack1"])
+        values.append(
+            sb.static(
+                model, sb.EdgeLoad("right", tx=1.0) + sb.EdgeLoad("left", tx=-1.0), contact=False
+            ).stress_intensity["crack1"]
+        )
     np.testing.assert_allclose(values[1], values[0], rtol=2e-5)
     assert abs(values[0][1]) > 0.01 * values[0][0]
 
 
-@pytest.mark.parametrize("build, sentence", [
-    (lambda m: sb.static(m, sb.PointForce("Z", fy=1.0)), "point 'Z' does not exist"),
-    (lambda m: sb.static(m, sb.EdgeLoad("roof", tx=1.0)), "edge set 'roof' does not exist"),
-    (lambda m: sb.static(m, sb.PointForce("A", fy=float("nan"))), "fy = nan"),
-    (lambda m: sb.static(m, 300.0), "neither a PointForce nor an EdgeLoad"),
-    (lambda m: sb.static(m, sb.PointForce("A", fy=1.0), method="penalty"), "method = 'penalty'"),
-])
+@pytest.mark.parametrize(
+    "build, sentence",
+    [
+        (lambda m: sb.static(m, sb.PointForce("Z", fy=1.0)), "point 'Z' does not exist"),
+        (lambda m: sb.static(m, sb.EdgeLoad("roof", tx=1.0)), "edge set 'roof' does not exist"),
+        (lambda m: sb.static(m, sb.PointForce("A", fy=float("nan"))), "fy = nan"),
+        (lambda m: sb.static(m, 300.0), "neither a PointForce nor an EdgeLoad"),
+        (lambda m: sb.static(m, sb.PointForce("A", fy=1.0), method="penalty"), "method = 'penalty'"),
+    ],
+)
 def test_bad_loads(build, sentence):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises((ValueError, KeyError, TypeError), match=sentence):
         build(model)
 
 
-@pytest.mark.parametrize("clamped, supports", [(None, ()), (None, [sb.Support("left", x=True, y=False)]), (None, [sb.Support("A")])])
+@pytest.mark.parametrize(
+    "clamped, supports",
+    [(None, ()), (None, [sb.Support("left", x=True, y=False)]), (None, [sb.Support("A")])],
+)
 def test_statics_without_support(clamped, supports):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM, clamped=clamped, supports=supports)
     with pytest.raises(ValueError, match="rigid-body motion"):

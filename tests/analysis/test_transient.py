@@ -36,16 +36,22 @@ def distance(history, key):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("force, key, tolerance", [(1.0, "uA_y_1N_linear", 1e-3), (300.0, "uA_y_300N_contact", 3e-3)])
+@pytest.mark.parametrize(
+    "force, key, tolerance", [(1.0, "uA_y_1N_linear", 1e-3), (300.0, "uA_y_300N_contact", 3e-3)]
+)
 def test_paper_bursts(fine, force, key, tolerance):
-    """Figs. 5 and 6, 0-33 ms: 1e-3 and 3e-3 are asked for; at steps of 1 and 4 microseconds 4e-4 and 7e-4 are met."""
+    """Figs. 5 and 6, 0-33 ms: 1e-3 and 3e-3 are asked for; at steps of 1 and 4 microseconds 4e-4 and 7e-4 are
+    met.
+    """
     model, reduction = fine
     for step in (1e-6, 4e-6):
         history = sb.transient(model, burst(force), 0.033, step=step, reduction=reduction)
         assert distance(history, key) < min(tolerance, 8e-4)
         assert np.abs(history.energy.balance).max() < 1e-6 * np.abs(history.energy.external).max()
     if force > 1:
-        assert history.contact_resultant.max() == pytest.approx(REFERENCE["contact_resultant_300N"].max(), rel=0.02)
+        assert history.contact_resultant.max() == pytest.approx(
+            REFERENCE["contact_resultant_300N"].max(), rel=0.02
+        )
 
 
 def test_default_mesh_burst():
@@ -57,28 +63,43 @@ def test_default_mesh_burst():
 
 @pytest.mark.parametrize("frequency, duration", [(30.0, 0.07), (3000.0, 0.005)])
 def test_default_step(frequency, duration):
-    """However slow the load, contact is resolved: 3e-4 against a step 8 times finer; at 30 Hz a step by the load alone, 15 times as long, is at 5e-3."""
+    """However slow the load, contact is resolved: 3e-4 against a step 8 times finer; at 30 Hz a step by the
+    load alone, 15 times as long, is at 5e-3.
+    """
     model = sb.Model(paper_beam().mesh(), ALUMINIUM)
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, frequency))
     history = sb.transient(model, load, duration)
-    fine = sb.transient(model, load, duration, step=history.step / 8, decimation=8, reduction=history.reduction)
-    assert history.step == pytest.approx(min(1 / (320 * frequency), 0.8 / history.reduction.frequencies[-1]), rel=0.01)
+    fine = sb.transient(
+        model, load, duration, step=history.step / 8, decimation=8, reduction=history.reduction
+    )
+    assert history.step == pytest.approx(
+        min(1 / (320 * frequency), 0.8 / history.reduction.frequencies[-1]), rel=0.01
+    )
     assert history.contact_resultant.max() > 1000
-    for found, exact in ((history.displacement("A")[:, 1], fine.displacement("A")[:, 1]), (history.contact_resultant, fine.contact_resultant)):
+    for found, exact in (
+        (history.displacement("A")[:, 1], fine.displacement("A")[:, 1]),
+        (history.contact_resultant, fine.contact_resultant),
+    ):
         assert np.linalg.norm(found - exact) < 3e-4 * np.linalg.norm(exact)
     if frequency == 30.0:
         with pytest.warns(sb.StepWarning):
-            coarse = sb.transient(model, load, duration, step=1 / (320 * frequency), reduction=history.reduction)
+            coarse = sb.transient(
+                model, load, duration, step=1 / (320 * frequency), reduction=history.reduction
+            )
         exact = np.interp(coarse.time, fine.time, fine.contact_resultant)
         assert np.linalg.norm(coarse.contact_resultant - exact) > 1e-3 * np.linalg.norm(exact)
 
 
 def test_default_step_without_contact():
-    """Nothing but the load sets it where no faces can touch; the unreduced model's is the same with contact."""
+    """Nothing but the load sets it where no faces can touch; the unreduced model's is the same with
+    contact.
+    """
     plain, cracked = (sb.Model(beam.mesh(order=2), ALUMINIUM) for beam in (Beam(0.4, 0.005), paper_beam()))
     load = sb.PointForce("A", fy=sb.Harmonic(1.0, 30.0))
     for model, contact in ((plain, True), (cracked, False)):
-        assert sb.transient(model, load, 0.01, contact=contact).step == pytest.approx(1 / (320 * 30.0), rel=0.01)
+        assert sb.transient(model, load, 0.01, contact=contact).step == pytest.approx(
+            1 / (320 * 30.0), rel=0.01
+        )
     found = [sb.transient(cracked, load, 2e-4, modes=30, reduction=r).step for r in ("modes", None)]
     assert found[0] < 1e-4 and found[1] == found[0]
 
@@ -86,7 +107,13 @@ def test_default_step_without_contact():
 def test_period_error_of_newmark(fine):
     """Second order in the step: a factor of 4 from 4 to 2 microseconds, and far behind the exact scheme."""
     model, reduction = fine
-    far = [distance(sb.transient(model, burst(1.0), 0.033, step=step, reduction=reduction, scheme="newmark"), "uA_y_1N_linear") for step in (4e-6, 2e-6)]
+    far = [
+        distance(
+            sb.transient(model, burst(1.0), 0.033, step=step, reduction=reduction, scheme="newmark"),
+            "uA_y_1N_linear",
+        )
+        for step in (4e-6, 2e-6)
+    ]
     assert far[0] / far[1] == pytest.approx(4, rel=0.1) and far[1] > 1e-2
 
 
@@ -95,16 +122,23 @@ def test_energy_after_the_load_has_ended(fine):
     """Undamped, 20 cycles of 300 N, then 33 ms without load: the energy stays within 1e-6."""
     model, reduction = fine
     end = 20 / 3000
-    history = sb.transient(model, burst(300.0, 20), end + 0.033, step=0.5e-6, reduction=reduction, decimation=10)
+    history = sb.transient(
+        model, burst(300.0, 20), end + 0.033, step=0.5e-6, reduction=reduction, decimation=10
+    )
     energy = history.energy.total[history.time > end + 1e-5]
     assert abs(energy[-1] / energy[0] - 1.0) < 1e-6
     assert history.contact_resultant[history.time > end].max() > 1000.0
 
 
 def test_reduced_history_converges_with_modes():
-    """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against 250."""
+    """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against
+    250.
+    """
     model = sb.Model(paper_beam().mesh(), ALUMINIUM)
-    u = [sb.transient(model, burst(300.0, 20), 0.01, step=1e-6, modes=modes).displacement("A")[:, 1] for modes in (40, 80, 160)]
+    u = [
+        sb.transient(model, burst(300.0, 20), 0.01, step=1e-6, modes=modes).displacement("A")[:, 1]
+        for modes in (40, 80, 160)
+    ]
     errors = [np.linalg.norm(v - u[-1]) / np.linalg.norm(u[-1]) for v in u[:-1]]
     assert errors[0] < 4e-4 and errors[1] < 0.4 * errors[0]
 
@@ -113,18 +147,35 @@ def test_homogeneous_with_zero_gap():
     """A closed crack: force times 1000 gives the response times 1000."""
     model = sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0)]).mesh(), ALUMINIUM, damping=0.002)
     one, many = (sb.transient(model, burst(f, 20), 0.004, step=1e-6) for f in (1.0, 1000.0))
-    np.testing.assert_allclose(many.displacement("A"), 1000 * one.displacement("A"), atol=1e-9 * 1000 * np.abs(one.displacement("A")).max())
+    np.testing.assert_allclose(
+        many.displacement("A"),
+        1000 * one.displacement("A"),
+        atol=1e-9 * 1000 * np.abs(one.displacement("A")).max(),
+    )
     assert one.contact_resultant.max() > 0
 
 
 def test_damped_linear_response_against_closed_form():
-    """One mode under a constant force from rest: 1 - exp(-zeta w t)(cos wd t + zeta / sqrt(1 - zeta^2) sin wd t), at any step."""
+    """One mode under a constant force from rest: 1 - exp(-zeta w t)(cos wd t + zeta / sqrt(1 - zeta^2) sin wd
+    t), at any step.
+    """
     omega, zeta = 3.0, 0.1
-    r = reduce_matrices(np.eye(2), np.diag([omega**2, 100.0]), np.zeros((0, 2)), np.zeros(0), np.array([[1.0], [0.0]]), {"x": 0}, 1, damping=zeta)
+    r = reduce_matrices(
+        np.eye(2),
+        np.diag([omega**2, 100.0]),
+        np.zeros((0, 2)),
+        np.zeros(0),
+        np.array([[1.0], [0.0]]),
+        {"x": 0},
+        1,
+        damping=zeta,
+    )
     for step in (0.01, 0.5):
         history = module.integrate(r, [sb.Constant(omega**2)], int(10 / step), step)
         wd = omega * np.sqrt(1 - zeta**2)
-        exact = 1 - np.exp(-zeta * omega * history.time) * (np.cos(wd * history.time) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * history.time))
+        exact = 1 - np.exp(-zeta * omega * history.time) * (
+            np.cos(wd * history.time) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * history.time)
+        )
         np.testing.assert_allclose(history.displacement("x")[:, 1], exact, atol=1e-12)
         assert np.abs(history.energy.balance[-1]) < 0.05 * omega**2 * step
 
@@ -141,7 +192,9 @@ def bar(elements, length, young, density, area):
 
 
 def thrown(elements, length, young, density, area, gap, speed, gravity=0.0):
-    """Reduction to half of the modes of a bar thrown at a wall, its modal velocity, and its weight's signal."""
+    """Reduction to half of the modes of a bar thrown at a wall, its modal velocity, and its weight's
+    signal.
+    """
     mass, stiffness = bar(elements, length, young, density, area)
     row = np.zeros((1, elements + 1))
     row[0, 0] = 1.0
@@ -154,34 +207,54 @@ def thrown(elements, length, young, density, area, gap, speed, gravity=0.0):
 
 def fly(r, velocity, duration, step, scheme="exact"):
     """History from a given modal velocity."""
-    return module.integrate(r, [sb.Constant(1.0)], round(duration / step), step, scheme=scheme, start=(np.zeros(len(velocity)), velocity))
+    return module.integrate(
+        r,
+        [sb.Constant(1.0)],
+        round(duration / step),
+        step,
+        scheme=scheme,
+        start=(np.zeros(len(velocity)), velocity),
+    )
 
 
 @pytest.mark.parametrize("scheme", ["exact", "newmark"])
 def test_bar_on_a_wall(scheme):
-    """L = 10, E = 900, rho = 1, v = -10, gap 5: contact from 0.5 to 1.16667, force 300, impulse 200, energy 500."""
+    """L = 10, E = 900, rho = 1, v = -10, gap 5: contact from 0.5 to 1.16667, force 300, impulse 200, energy
+    500.
+    """
     elements, step = 400, 5e-4
     r, velocity = thrown(elements, 10.0, 900.0, 1.0, 1.0, 5.0, -10.0)
     history = fly(r, velocity, 2.0, step, scheme)
     force, time = history.contact_force[:, 0], history.time
     touching = time[force > 0]
-    if scheme == "exact":  # Newmark's waves are late by its period error: its last contact is five steps early
-        assert touching[0] == pytest.approx(0.5, abs=step) and touching[-1] == pytest.approx(1.166667, abs=2 * step)
+    if (
+        scheme == "exact"
+    ):  # Newmark's waves are late by its period error: its last contact is five steps early
+        assert touching[0] == pytest.approx(0.5, abs=step) and touching[-1] == pytest.approx(
+            1.166667, abs=2 * step
+        )
     assert force[(time > 0.55) & (time < 1.1)].mean() == pytest.approx(300.0, rel=0.01)
     assert force.sum() * step == pytest.approx(200.0, rel=0.01)
     assert history.energy.total[-1] == pytest.approx(500.0, rel=1e-3)
 
 
 def test_bouncing_bar():
-    """Doyen, Ern and Piperno (2011): g = 10, h0 = 5; contacts [1, 5/3] with 300 + 300 (t - 1) and [11/3, 13/3] with 500 - 300 (t - 11/3)."""
+    """Doyen, Ern and Piperno (2011): g = 10, h0 = 5; contacts [1, 5/3] with 300 + 300 (t - 1) and [11/3,
+    13/3] with 500 - 300 (t - 11/3).
+    """
     r, velocity = thrown(400, 10.0, 900.0, 1.0, 1.0, 5.0, 0.0, gravity=10.0)
     step = 5e-4
     history = fly(r, velocity, 16 / 3, step)
     force, time = history.contact_force[:, 0], history.time
-    for start, end, law in ((1.0, 5 / 3, lambda t: 300 + 300 * (t - 1)), (11 / 3, 13 / 3, lambda t: 500 - 300 * (t - 11 / 3))):
+    for start, end, law in (
+        (1.0, 5 / 3, lambda t: 300 + 300 * (t - 1)),
+        (11 / 3, 13 / 3, lambda t: 500 - 300 * (t - 11 / 3)),
+    ):
         inside = (time > start + 0.06) & (time < end - 0.06)
         assert force[inside].mean() == pytest.approx(law(time[inside]).mean(), rel=0.01)
-        assert force[(time > start - 0.1) & (time < end + 0.1)].sum() * step == pytest.approx(800 / 3, rel=0.01)
+        assert force[(time > start - 0.1) & (time < end + 0.1)].sum() * step == pytest.approx(
+            800 / 3, rel=0.01
+        )
     assert force[(time > 5 / 3 + 0.1) & (time < 11 / 3 - 0.1)].max() == 0.0
 
 
@@ -200,16 +273,31 @@ def test_code_aster_sdnv100():
     assert force[inside].mean() == pytest.approx(1.8564e6, rel=0.01)
 
 
-@pytest.mark.parametrize("ratio, mean, second, third", [(0.9, 0.06704, 0.01488, 5.18e-4), (0.5, 0.43210, 1 / 11, 0.01920)])
+@pytest.mark.parametrize(
+    "ratio, mean, second, third", [(0.9, 0.06704, 0.01488, 5.18e-4), (0.5, 0.43210, 1 / 11, 0.01920)]
+)
 def test_bilinear_oscillator(ratio, mean, second, third):
-    """Free vibration of a mass with a spring and an elastic stop: frequency 2 w1 w2 / (w1 + w2) within 1e-4, harmonics within 1 %."""
+    """Free vibration of a mass with a spring and an elastic stop: frequency 2 w1 w2 / (w1 + w2) within 1e-4,
+    harmonics within 1 %.
+    """
     closed, opened = 1.0, ratio
     stop = closed**2 - opened**2
-    r = reduce_matrices(np.eye(2), np.diag([opened**2, 1e6]), np.array([[1.0, 0.0]]), np.zeros(1), np.zeros((2, 1)), {"x": 0}, 1, compliance=np.array([1 / stop]))
+    r = reduce_matrices(
+        np.eye(2),
+        np.diag([opened**2, 1e6]),
+        np.array([[1.0, 0.0]]),
+        np.zeros(1),
+        np.zeros((2, 1)),
+        {"x": 0},
+        1,
+        compliance=np.array([1 / stop]),
+    )
     bilinear = 2 * closed * opened / (closed + opened)
     period = 2 * np.pi / bilinear
     steps = 4096
-    history = module.integrate(r, [sb.Constant(0.0)], 40 * steps, period / steps, start=(np.zeros(1), np.ones(1)))
+    history = module.integrate(
+        r, [sb.Constant(0.0)], 40 * steps, period / steps, start=(np.zeros(1), np.ones(1))
+    )
     u = history.displacement("x")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
     cross = history.time[rising] - u[rising] * history.step / (u[rising + 1] - u[rising])
@@ -227,7 +315,9 @@ def test_start_at_equilibrium():
     static = sb.static(model, load)
     u = history.displacement("A")
     np.testing.assert_allclose(u, np.broadcast_to(static.displacement("A"), u.shape), rtol=1e-6)
-    np.testing.assert_allclose(history.contact_force[-1], static.contact_force, atol=1e-5 * static.contact_force.max())
+    np.testing.assert_allclose(
+        history.contact_force[-1], static.contact_force, atol=1e-5 * static.contact_force.max()
+    )
 
 
 def test_decimation_keeps_the_same_instants():
@@ -249,17 +339,29 @@ def test_stress_intensity_history():
 def test_several_loads_and_signals():
     """Forces at one point and on an edge superpose in the linear structure."""
     model = sb.Model(Beam(0.4, 0.005).mesh(order=3), ALUMINIUM, damping=0.01)
-    one, two = sb.PointForce("A", fy=sb.Harmonic(1.0, 500.0)), sb.EdgeLoad("top", pressure=sb.Chirp(10.0, 100.0, 1000.0, 0.01))
+    one, two = (
+        sb.PointForce("A", fy=sb.Harmonic(1.0, 500.0)),
+        sb.EdgeLoad("top", pressure=sb.Chirp(10.0, 100.0, 1000.0, 0.01)),
+    )
     both = sb.transient(model, one + two, 0.01, step=5e-6).displacement("A")
     apart = sum(sb.transient(model, load, 0.01, step=5e-6).displacement("A") for load in (one, two))
     np.testing.assert_allclose(both, apart, atol=1e-9 * np.abs(both).max())
 
 
-@pytest.mark.parametrize("arguments, sentence", [
-    ({"duration": 0.0}, "duration = 0.0"), ({"duration": float("nan")}, "duration"), ({"duration": "long"}, "duration"), ({"duration": 1e-3, "step": -1e-6}, "step"),
-    ({"duration": 1e-3, "step": 1.0}, "longer than duration"), ({"duration": 1e-3, "modes": 0}, "modes"), ({"duration": 1e-3, "scheme": "euler"}, "scheme"),
-    ({"duration": 1e-3, "start": "moving"}, "start"), ({"duration": 1e-3, "decimation": 0}, "decimation"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"duration": 0.0}, "duration = 0.0"),
+        ({"duration": float("nan")}, "duration"),
+        ({"duration": "long"}, "duration"),
+        ({"duration": 1e-3, "step": -1e-6}, "step"),
+        ({"duration": 1e-3, "step": 1.0}, "longer than duration"),
+        ({"duration": 1e-3, "modes": 0}, "modes"),
+        ({"duration": 1e-3, "scheme": "euler"}, "scheme"),
+        ({"duration": 1e-3, "start": "moving"}, "start"),
+        ({"duration": 1e-3, "decimation": 0}, "decimation"),
+    ],
+)
 def test_bad_requests(arguments, sentence):
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises((ValueError, TypeError), match=sentence):
@@ -286,7 +388,9 @@ def test_step_too_coarse_for_contact():
 
 
 def test_contact_that_does_work_is_refused():
-    """A bar with nearly all modes kept leaves the contact no flexibility: the wrong history is not returned."""
+    """A bar with nearly all modes kept leaves the contact no flexibility: the wrong history is not
+    returned.
+    """
     mass, stiffness = bar(200, 10.0, 900.0, 1.0, 1.0)
     row = np.zeros((1, 201))
     row[0, 0] = 1.0
@@ -297,7 +401,9 @@ def test_contact_that_does_work_is_refused():
 
 
 def test_gravity_and_moving_support():
-    """Static weight against Euler's beam; the first mode's effective mass is 0.613 of the whole; a slow support motion is quasi-static."""
+    """Static weight against Euler's beam; the first mode's effective mass is 0.613 of the whole; a slow
+    support motion is quasi-static.
+    """
     beam, mass = Beam(0.4, 0.005), 2700 * 0.4 * 0.005
     model = sb.Model(beam.mesh(order=4), ALUMINIUM, damping=0.05)
     weight = sb.static(model, sb.SupportMotion(ay=9.81)).displacement("A")[1]
@@ -305,18 +411,28 @@ def test_gravity_and_moving_support():
     history = sb.transient(model, sb.SupportMotion(ay=sb.Step(9.81, rise=1.0)), 1.5, step=1e-3)
     translation = history.reduction.translation
     assert translation[0, 1] ** 2 / mass == pytest.approx(0.6131, rel=1e-3)
-    assert (translation**2).sum(axis=0) == pytest.approx([mass, mass], rel=0.02) and (translation**2).sum(axis=0).max() < mass
+    assert (translation**2).sum(axis=0) == pytest.approx([mass, mass], rel=0.02) and (translation**2).sum(
+        axis=0
+    ).max() < mass
     assert history.displacement("A")[-1, 1] == pytest.approx(weight, rel=1e-3)
 
 
 def test_support_motion_against_one_degree_of_freedom():
-    """Harmonic support acceleration at the first resonance: |u| = participation a / (2 zeta w^2), by the first mode alone within 1 %."""
+    """Harmonic support acceleration at the first resonance: |u| = participation a / (2 zeta w^2), by the
+    first mode alone within 1 %.
+    """
     model = sb.Model(Beam(0.1, 0.005).mesh(order=3), ALUMINIUM, damping=0.02)
     frequency = sb.modal(model, 1).frequencies[0]
-    history = sb.transient(model, sb.SupportMotion(ay=sb.Harmonic(1.0, frequency)), 120 / frequency, step=1 / (100 * frequency))
+    history = sb.transient(
+        model, sb.SupportMotion(ay=sb.Harmonic(1.0, frequency)), 120 / frequency, step=1 / (100 * frequency)
+    )
     r = history.reduction
     amplitude = np.abs(history.displacement("A")[-200:, 1]).max()
-    expected = r.translation[0, 1] * r.sensor_modes[r.points.index("A"), 1, 0] / (2 * 0.02 * (2 * np.pi * frequency) ** 2)
+    expected = (
+        r.translation[0, 1]
+        * r.sensor_modes[r.points.index("A"), 1, 0]
+        / (2 * 0.02 * (2 * np.pi * frequency) ** 2)
+    )
     assert amplitude == pytest.approx(abs(expected), rel=0.01)
 
 
@@ -326,14 +442,18 @@ def test_error_estimate():
     load = burst(1.0, 5)
     coarse = sb.transient(model, load, 0.002, step=4e-6, scheme="newmark")
     fine = sb.transient(model, load, 0.002, step=0.25e-6, scheme="newmark", reduction=coarse.reduction)
-    error = np.linalg.norm(coarse.displacement("A") - fine.displacement("A")[::16]) / np.linalg.norm(fine.displacement("A")[::16])
+    error = np.linalg.norm(coarse.displacement("A") - fine.displacement("A")[::16]) / np.linalg.norm(
+        fine.displacement("A")[::16]
+    )
     estimate = sb.estimate_error(model, load, coarse, scheme="newmark")
     assert estimate.step == pytest.approx(0.75 * error, rel=0.1)
     assert 0 < estimate.modes < 1e-3
 
 
 def test_error_estimate_with_contact():
-    """At the default step, where more modes would need a finer one: no warning, and both estimates are small."""
+    """At the default step, where more modes would need a finer one: no warning, and both estimates are
+    small.
+    """
     model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0))
     history = sb.transient(model, load, 0.01, modes=40)
@@ -346,4 +466,6 @@ def test_error_estimate_with_contact():
 def test_start_of_wrong_length():
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises(ValueError, match="start must be two finite arrays"):
-        sb.transient(model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, start=(np.zeros(3), np.zeros(3)))
+        sb.transient(
+            model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, start=(np.zeros(3), np.zeros(3))
+        )

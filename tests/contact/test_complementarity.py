@@ -37,7 +37,9 @@ def test_against_brute_force(seed):
 
 @pytest.mark.parametrize("seed", range(10))
 def test_any_start_gives_the_same_answer(seed):
-    """A warm start changes the work, not the answer; large random problems make the plain iteration cycle at times."""
+    """A warm start changes the work, not the answer; large random problems make the plain iteration cycle at
+    times.
+    """
     w, q = random_problem(60, seed)
     expected = solve_complementarity(w, q)
     generator = np.random.default_rng(seed)

@@ -15,10 +15,22 @@ from tests.parallel import ROOT
 
 
 def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
-    """Masses on springs with elastic stops, four of six modes kept: the stops' flexibility is a full matrix."""
+    """Masses on springs with elastic stops, four of six modes kept: the stops' flexibility is a full
+    matrix.
+    """
     k = np.diag(np.full(masses, 2.0)) - np.eye(masses, k=1) - np.eye(masses, k=-1)
     rows = np.eye(masses)[list(stops)]
-    return reduce_matrices(np.eye(masses), k, rows, np.full(len(stops), gap), np.eye(masses)[:, [1, 4]], {"first": 0, "last": masses - 1}, 4, damping, np.full(len(stops), 0.05))
+    return reduce_matrices(
+        np.eye(masses),
+        k,
+        rows,
+        np.full(len(stops), gap),
+        np.eye(masses)[:, [1, 4]],
+        {"first": 0, "last": masses - 1},
+        4,
+        damping,
+        np.full(len(stops), 0.05),
+    )
 
 
 def driven_chain(frequency=0.09, steps=1024):
@@ -33,10 +45,19 @@ def driven_chain(frequency=0.09, steps=1024):
 def chain_motion():
     """13 switches in the period; the second stop touches at t = 0."""
     period, driven, state = driven_chain()
-    state[:4] -= 0.3 * np.linalg.norm(state) * period.reduction.gap_modes[1] / np.linalg.norm(period.reduction.gap_modes[1])
+    state[:4] -= (
+        0.3
+        * np.linalg.norm(state)
+        * period.reduction.gap_modes[1]
+        / np.linalg.norm(period.reduction.gap_modes[1])
+    )
     motion = driven.run(state)
     touching = motion.forces > 0
-    assert touching[0].any() and not touching[0].all() and (np.diff(touching.astype(int), axis=0) != 0).sum() >= 10
+    assert (
+        touching[0].any()
+        and not touching[0].all()
+        and (np.diff(touching.astype(int), axis=0) != 0).sum() >= 10
+    )
     return period, driven, state, motion
 
 
@@ -49,25 +70,37 @@ def end(driven, state):
 
 
 def test_derivative_with_the_state(chain_motion):
-    """Central differences by 1e-7: with the same contact sets the period is linear but for round-off of 1e-16 / 1e-7; 1e-6 is asked for, 1e-8 is met."""
+    """Central differences by 1e-7: with the same contact sets the period is linear but for round-off of 1e-16
+    / 1e-7; 1e-6 is asked for, 1e-8 is met.
+    """
     _, driven, state, motion = chain_motion
     exact = driven.carried(motion, np.eye(len(state)))
     step = 1e-7 * np.linalg.norm(state)
     for k, unit in enumerate(np.eye(len(state))):
         ahead, behind = state + step * unit, state - step * unit
         assert same_sets(motion, driven.run(ahead), driven.run(behind))
-        np.testing.assert_allclose(exact[:, k], (end(driven, ahead) - end(driven, behind)) / (2 * step), atol=1e-8 * np.linalg.norm(exact, 2))
+        np.testing.assert_allclose(
+            exact[:, k],
+            (end(driven, ahead) - end(driven, behind)) / (2 * step),
+            atol=1e-8 * np.linalg.norm(exact, 2),
+        )
 
 
 @pytest.mark.parametrize("name", ["frequency", "load"])
 def test_derivative_with_a_parameter(chain_motion, name):
-    """At fixed x(0), the step's length and the linear state that is subtracted included; central differences have errors of 1e-10 here."""
+    """At fixed x(0), the step's length and the linear state that is subtracted included; central differences
+    have errors of 1e-10 here.
+    """
     period, driven, state, motion = chain_motion
     exact = driven.carried(motion, np.zeros((len(state), 0)), (name,))[:, 0]
     step = 1e-6
 
     def at(sign):
-        other = period.at(driven.frequency * (1 + sign * step)) if name == "frequency" else period.at(driven.frequency, 1 + sign * step)
+        other = (
+            period.at(driven.frequency * (1 + sign * step))
+            if name == "frequency"
+            else period.at(driven.frequency, 1 + sign * step)
+        )
         assert same_sets(motion, other.run(state))
         return end(other, state)
 
@@ -75,8 +108,12 @@ def test_derivative_with_a_parameter(chain_motion, name):
     assert np.linalg.norm(exact - difference) < 1e-7 * np.linalg.norm(difference)
     # both parameters at once are those one by one, behind the columns of the state
     both = driven.carried(motion, np.eye(len(state)), ("frequency", "load"))
-    np.testing.assert_allclose(both[:, len(state) + ("frequency", "load").index(name)], exact, atol=1e-13 * np.abs(both).max())
-    np.testing.assert_allclose(both[:, : len(state)], driven.carried(motion, np.eye(len(state))), atol=1e-13 * np.abs(both).max())
+    np.testing.assert_allclose(
+        both[:, len(state) + ("frequency", "load").index(name)], exact, atol=1e-13 * np.abs(both).max()
+    )
+    np.testing.assert_allclose(
+        both[:, : len(state)], driven.carried(motion, np.eye(len(state))), atol=1e-13 * np.abs(both).max()
+    )
 
 
 @pytest.mark.parametrize("located", [False, True])
@@ -85,7 +122,11 @@ def test_products_are_the_matrix(chain_motion, located):
     matrix = driven.carried(motion, np.eye(len(state)), located=located)
     vectors = np.random.default_rng(1).standard_normal((len(state), 3))
     for vector in vectors.T:
-        np.testing.assert_allclose(driven.carried(motion, vector[:, None], located=located)[:, 0], matrix @ vector, atol=1e-12 * np.abs(matrix).max() * np.linalg.norm(vector))
+        np.testing.assert_allclose(
+            driven.carried(motion, vector[:, None], located=located)[:, 0],
+            matrix @ vector,
+            atol=1e-12 * np.abs(matrix).max() * np.linalg.norm(vector),
+        )
 
 
 def test_linear_resolvent(chain_motion):
@@ -98,7 +139,9 @@ def test_linear_resolvent(chain_motion):
 
 
 def test_located_switches_do_not_jump():
-    """Motions along a line of states, on which switches pass instants of the grid 13 times: the steps' own derivative jumps by up to 0.5 (of a matrix of norm 5) there."""
+    """Motions along a line of states, on which switches pass instants of the grid 13 times: the steps' own
+    derivative jumps by up to 0.5 (of a matrix of norm 5) there.
+    """
     _, driven, state = driven_chain(steps=256)
     direction = np.sin(1 + np.arange(len(state)))
     direction *= 0.03 * np.linalg.norm(state) / np.linalg.norm(direction)
@@ -115,12 +158,15 @@ def test_located_switches_do_not_jump():
         sizes = np.array([np.linalg.norm(matrices[k] - matrices[k - 1]) for k in range(1, len(matrices))])
         return np.array([sizes[k - 1] for k in changes]) - np.median(sizes)
 
-    # what the steps' own derivative is off by at a switch is of the order of a step; 1e-4 is left where it is located
+    # what the steps' own derivative is off by at a switch is of the order of a step; 1e-4 is left where it is
+    # located
     assert jumps(whole).max() > 0.2 and jumps(located).max() < 2e-3 * jumps(whole).max()
 
 
 def test_jacobian_test_of_petsc():
-    """-shooting_snes_test_jacobian, PETSc's own differences, on a notched beam: every ratio it prints is below 1e-6."""
+    """-shooting_snes_test_jacobian, PETSc's own differences, on a notched beam: every ratio it prints is
+    below 1e-6.
+    """
     program = """
 import sys
 import petsc4py
@@ -130,7 +176,14 @@ from tests.reference import paper_beam
 model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.002)
 print(sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, modes=12, steps=256, stability=False).iterations)
 """
-    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, env={**os.environ, "PYTHONPATH": str(ROOT)}, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     lines = [line for line in done.stdout.splitlines() if "||J - Jfd||_F/||J||_F = " in line]
     ratios = [float(line.split("||J - Jfd||_F/||J||_F = ")[1].split(",")[0]) for line in lines]

@@ -1,7 +1,9 @@
-"""The script ``run``: which environment it takes, and what it says where there is none. Nothing is installed here.
+"""The script ``run``: which environment it takes, and what it says where there is none. Nothing is installed
+here.
 
-Each test works on a copy of the script in a directory of its own (with a blank in its name). The commands that could
-change the machine are replaced by stubs that write their name into a file and fail, so a test also sees what was started.
+Each test works on a copy of the script in a directory of its own (with a blank in its name). The commands
+that could change the machine are replaced by stubs that write their name into a file and fail, so a test also
+sees what was started.
 """
 
 import os
@@ -46,8 +48,14 @@ class Project:
 
     def _bash(self, arguments, variables=None, **options):
         options = {"cwd": self.directory, "input": "", **options}
-        return subprocess.run([BASH, *map(str, arguments)], env={**self.environment, **(variables or {})},
-                              capture_output=True, text=True, timeout=60, **options)
+        return subprocess.run(
+            [BASH, *map(str, arguments)],
+            env={**self.environment, **(variables or {})},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            **options,
+        )
 
     def run(self, *command, **options):
         return self._bash([self.directory / "run", *command], **options)
@@ -81,7 +89,9 @@ def fake_environment(directory, modules):
     for name in modules:
         (directory / "modules" / name).mkdir(parents=True)
         (directory / "modules" / name / "__init__.py").touch()
-    write_script(directory / "bin" / "python", f'PYTHONPATH="{directory}/modules" exec "{sys.executable}" -S "$@"\n')
+    write_script(
+        directory / "bin" / "python", f'PYTHONPATH="{directory}/modules" exec "{sys.executable}" -S "$@"\n'
+    )
     return {"VIRTUAL_ENV": str(directory)}
 
 
@@ -94,7 +104,9 @@ def test_without_a_command_it_prints_its_usage(project):
 
 class TestReadyEnvironment:
     def test_the_command_gets_its_arguments_input_output_and_exit_code(self, ready):
-        result = ready.run("sh", "-c", 'cat; echo "$1|$2"; exit 3', "sh", "two words", "*", input="from stdin\n")
+        result = ready.run(
+            "sh", "-c", 'cat; echo "$1|$2"; exit 3', "sh", "two words", "*", input="from stdin\n"
+        )
         assert (result.returncode, result.stdout, result.stderr) == (3, "from stdin\ntwo words|*\n", "")
 
     def test_it_starts_no_python_and_no_installer(self, ready):
@@ -107,7 +119,7 @@ class TestReadyEnvironment:
             ready.run("true")
             return time.perf_counter() - start
 
-        assert min(seconds() for _ in range(5)) < 0.3       # 0.02 s; the smallest of several, for busy machines
+        assert min(seconds() for _ in range(5)) < 0.3  # 0.02 s; the smallest of several, for busy machines
 
     def test_it_works_from_another_directory_and_through_a_link(self, ready, tmp_path):
         (tmp_path / "link").symlink_to(ready.directory)
@@ -116,29 +128,45 @@ class TestReadyEnvironment:
             assert (result.returncode, result.stdout.strip()) == (0, str(tmp_path.resolve()))
 
     def test_variables_pass_through(self, ready):
-        given = {"OMP_NUM_THREADS": "7", "OPENBLAS_NUM_THREADS": "", "PETSC_OPTIONS": "-log_view", "PYTHONPATH": "/x y:/z"}
+        given = {
+            "OMP_NUM_THREADS": "7",
+            "OPENBLAS_NUM_THREADS": "",
+            "PETSC_OPTIONS": "-log_view",
+            "PYTHONPATH": "/x y:/z",
+        }
         names = [*given, "VIRTUAL_ENV"]
         result = ready.run("sh", "-c", "".join(f'echo "${name}";' for name in names), variables=given)
         root = ready.directory.resolve()
         assert result.stdout.splitlines() == ["7", "", "-log_view", f"{root}:/x y:/z", f"{root}/.venv"]
 
     def test_defaults(self, ready):
-        names = "OMP_NUM_THREADS OPENBLAS_NUM_THREADS OMPI_MCA_rmaps_base_oversubscribe PRTE_MCA_rmaps_default_mapping_policy PYTHONPATH"
+        names = (
+            "OMP_NUM_THREADS OPENBLAS_NUM_THREADS OMPI_MCA_rmaps_base_oversubscribe "
+            "PRTE_MCA_rmaps_default_mapping_policy PYTHONPATH"
+        )
         result = ready.run("sh", "-c", "".join(f'echo "${name}";' for name in names.split()))
         assert result.stdout.splitlines() == ["1", "1", "1", ":oversubscribe", str(ready.directory.resolve())]
 
     def test_inside_itself_it_changes_nothing_more(self, ready):
         script = str(ready.directory / "run")
-        once, twice = (ready.run(*outer, "sh", "-c", 'echo "$PYTHONPATH $VIRTUAL_ENV"').stdout for outer in ([], [script]))
+        once, twice = (
+            ready.run(*outer, "sh", "-c", 'echo "$PYTHONPATH $VIRTUAL_ENV"').stdout
+            for outer in ([], [script])
+        )
         assert once == twice and once.strip()
 
     def test_an_unknown_command_is_named(self, ready):
         result = ready.run("no-such-command")
-        assert result.returncode == 127 and "no-such-command: no such command in the environment" in result.stderr
+        assert (
+            result.returncode == 127
+            and "no-such-command: no such command in the environment" in result.stderr
+        )
 
 
 class TestStamp:
-    """An environment counts as ready only with a stamp that fits: written last, so an interrupted run leaves none."""
+    """An environment counts as ready only with a stamp that fits: written last, so an interrupted run leaves
+    none.
+    """
 
     @staticmethod
     def state(project):
@@ -172,12 +200,16 @@ class TestStamp:
 
 
 class TestActiveEnvironment:
-    """An environment of the user's with petsc4py and slepc4py is used as it is, whatever .venv there may be."""
+    """An environment of the user's with petsc4py and slepc4py is used as it is, whatever .venv there may
+    be.
+    """
 
     def test_complete(self, ready, tmp_path):
         variables = fake_environment(tmp_path / "my env", MODULES)
         result = ready.run("sh", "-c", 'echo "$VIRTUAL_ENV"; command -v python', variables=variables)
-        assert result.stdout.splitlines() == [f"{tmp_path}/my env", f"{tmp_path}/my env/bin/python"], result.stderr
+        assert result.stdout.splitlines() == [f"{tmp_path}/my env", f"{tmp_path}/my env/bin/python"], (
+            result.stderr
+        )
         assert ready.commands_started() == []
 
     @pytest.mark.parametrize("missing", [["gmsh"], ["gmsh", "h5py"]])
@@ -196,19 +228,25 @@ class TestActiveEnvironment:
 
     def test_conda(self, ready, tmp_path):
         prefix = fake_environment(tmp_path / "env", MODULES)["VIRTUAL_ENV"]
-        assert ready.run("sh", "-c", "command -v python", variables={"CONDA_PREFIX": prefix}).stdout == f"{prefix}/bin/python\n"
+        assert (
+            ready.run("sh", "-c", "command -v python", variables={"CONDA_PREFIX": prefix}).stdout
+            == f"{prefix}/bin/python\n"
+        )
 
     def test_modules_on_pythonpath(self, ready, tmp_path):
         fake_environment(tmp_path / "env", MODULES)
         write_script(tmp_path / "bin" / "python3", f'exec "{sys.executable}" -S "$@"\n')
-        variables = {"PATH": f"{tmp_path}/bin:{ready.environment['PATH']}", "PYTHONPATH": str(tmp_path / "env" / "modules")}
+        variables = {
+            "PATH": f"{tmp_path}/bin:{ready.environment['PATH']}",
+            "PYTHONPATH": str(tmp_path / "env" / "modules"),
+        }
         result = ready.run("sh", "-c", 'echo "$VIRTUAL_ENV|"; command -v python3', variables=variables)
         assert result.stdout.splitlines() == ["|", f"{tmp_path}/bin/python3"], result.stderr
 
 
 class TestNoEnvironment:
     def test_elsewhere_it_says_what_to_install(self, project, tmp_path):
-        tools = tmp_path / "tools"                      # a system without apt-get
+        tools = tmp_path / "tools"  # a system without apt-get
         tools.mkdir()
         for name in ("bash", "cat", "cksum", "dirname", "env", "head", "readlink", "sed"):
             (tools / name).symlink_to(shutil.which(name))
@@ -219,7 +257,11 @@ class TestNoEnvironment:
 
     def test_who_is_not_root_is_told_what_root_must_do(self):
         os_release = Path("/etc/os-release")
-        if not os_release.exists() or "debian" not in os_release.read_text() or shutil.which("apt-get") is None:
+        if (
+            not os_release.exists()
+            or "debian" not in os_release.read_text()
+            or shutil.which("apt-get") is None
+        ):
             pytest.skip("for Debian and Ubuntu")
         options = {"user": 65534, "group": 65534, "extra_groups": []} if os.geteuid() == 0 else {}
         with tempfile.TemporaryDirectory() as directory:
@@ -228,7 +270,10 @@ class TestNoEnvironment:
                 path.chmod(0o777)
             result = project.run("true", **options)
             assert result.returncode == 1
-            assert "apt-get update && apt-get install --no-install-recommends python3-petsc4py python3-slepc4py" in result.stderr
+            assert (
+                "apt-get update && apt-get install --no-install-recommends python3-petsc4py python3-slepc4py"
+                in result.stderr
+            )
             assert not {"apt-get", "dpkg", "pip"} & set(project.commands_started())
 
     @pytest.mark.parametrize("version, pinned", [("1.24.2", True), ("2.2.4", False), ("10.0.0", False)])

@@ -12,14 +12,25 @@ from tests.parallel import ROOT, on_ranks
 EXAMPLES = ROOT / "examples"
 
 
-def run(example: str, *arguments, ranks: int = 1, folder: pathlib.Path | None = None, check: bool = True) -> subprocess.CompletedProcess:
-    """Run an example from a folder of its own (on one rank), so that nothing depends on the working directory."""
+def run(
+    example: str, *arguments, ranks: int = 1, folder: pathlib.Path | None = None, check: bool = True
+) -> subprocess.CompletedProcess:
+    """Run an example from a folder of its own (on one rank), so that nothing depends on the working
+    directory.
+    """
     arguments = [str(a) for a in arguments]
     script = str(EXAMPLES / example)
     if ranks > 1:
         return on_ranks(ranks, script, *arguments, check=check, timeout=120)
     environment = {"OMP_NUM_THREADS": "1", **os.environ}
-    done = subprocess.run([sys.executable, script, *arguments], cwd=folder, env=environment, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(
+        [sys.executable, script, *arguments],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     if check:
         assert done.returncode == 0, done.stdout + done.stderr
     return done

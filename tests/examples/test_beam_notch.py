@@ -24,7 +24,15 @@ def results(ran):
 
 def test_files_and_pictures(ran):
     done, folder = ran
-    assert {path.name for path in folder.iterdir()} == {"beam_notch.h5", "static_300N.vtu", "modes.vtu", "discretisation.png", "modes.png", "crack.png", "contact.png"}
+    assert {path.name for path in folder.iterdir()} == {
+        "beam_notch.h5",
+        "static_300N.vtu",
+        "modes.vtu",
+        "discretisation.png",
+        "modes.png",
+        "crack.png",
+        "contact.png",
+    }
     assert all(path.stat().st_size > 10_000 for path in folder.iterdir())
     assert done.stderr == "" and "…" not in done.stdout
 
@@ -38,7 +46,9 @@ def test_frequencies(results):
 
 @pytest.mark.parametrize("force, tolerance", [("1 N", 1e-4), ("100 N", 2e-4), ("300 N", 2e-4)])
 def test_statics(results, force, tolerance):
-    """The tolerances of tests/analysis/test_static.py, the project's statement of accuracy; measured: 1.5e-5, 6.3e-5, 5.2e-6."""
+    """The tolerances of tests/analysis/test_static.py, the project's statement of accuracy; measured: 1.5e-5,
+    6.3e-5, 5.2e-6.
+    """
     points, exact = results.static[force]["points"], statics(CASE, force)["u"]
     for point, axis, name in (("A", 1, "uy"), ("B", 0, "ux"), ("C", 0, "ux")):
         assert points[point][axis] == pytest.approx(exact[point][name], rel=tolerance), point
@@ -47,14 +57,20 @@ def test_statics(results, force, tolerance):
 def test_resultant(results):
     """300 N closes the whole notch: within 5 % on the default tip element; measured: 1.8 %."""
     assert results.static["300 N"]["active"].all()
-    assert results.static["300 N"]["contact_resultant"] == pytest.approx(statics(CASE, "300 N")["cracks"][0]["resultant"], rel=0.05)
+    assert results.static["300 N"]["contact_resultant"] == pytest.approx(
+        statics(CASE, "300 N")["cracks"][0]["resultant"], rel=0.05
+    )
 
 
 def test_printed_tables(ran):
     """The largest error stands below the table of frequencies."""
     text = ran[0].stdout
     assert float(text.split("largest relative error of frequencies 1-46:")[1].split()[0]) < 1e-4
-    for title in ("Natural frequencies, Hz (open crack)", "Static contact, force at A in +y", "24 of 26 pairs in contact"):
+    for title in (
+        "Natural frequencies, Hz (open crack)",
+        "Static contact, force at A in +y",
+        "24 of 26 pairs in contact",
+    ):
         assert title in text
 
 
@@ -66,9 +82,15 @@ def test_two_ranks_and_petsc_options(results, tmp_path):
     assert "cg" in done.stdout and "unused" not in done.stdout.replace("There are no unused options", "")
     found = read_results(tmp_path / "beam_notch.h5")
     np.testing.assert_allclose(found.modal["frequencies"], results.modal["frequencies"], rtol=1e-7)
-    np.testing.assert_allclose(found.static["100 N"]["points"]["A"], results.static["100 N"]["points"]["A"], rtol=1e-6)
+    np.testing.assert_allclose(
+        found.static["100 N"]["points"]["A"], results.static["100 N"]["points"]["A"], rtol=1e-6
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_help(ranks):
-    check_help("beam_notch.py", ranks, ("--order", "--size", "--tip-size", "--layout", "--continued-fraction", "--output", "--no-pictures"))
+    check_help(
+        "beam_notch.py",
+        ranks,
+        ("--order", "--size", "--tip-size", "--layout", "--continued-fraction", "--output", "--no-pictures"),
+    )

@@ -1,4 +1,6 @@
-"""The gmsh example: its files, its numbers beside converged ones and beside an independent finite element model, one and two ranks."""
+"""The gmsh example: its files, its numbers beside converged ones and beside an independent finite element
+model, one and two ranks.
+"""
 
 import re
 
@@ -10,16 +12,39 @@ from tests.examples.programs import EXAMPLES, check_help, run
 
 FORCE, THICKNESS = 4000.0, 0.020  # N, m
 
-# Orders 8 and 7 on gmsh's cells of at most 6 and 4 mm agree within 2e-8 in f 1 (1e-6 in f 10) and u, 2e-6 in K when opening and
-# 5e-4 in K when closing; these are the latter's numbers.
+# Orders 8 and 7 on gmsh's cells of at most 6 and 4 mm agree within 2e-8 in f 1 (1e-6 in f 10) and u, 2e-6 in
+# K when opening and 5e-4 in K when closing; these are the latter's numbers.
 CONVERGED = {
-    "frequencies": [835.934536, 3224.146615, 5270.638454, 12696.654632, 15359.687067, 20120.313174, 20430.882944, 24672.791393, 25559.778295, 30340.450098],
-    "opening": {"corner": [-5.37691797e-05, -7.06212454e-04], "intensity": [40.946794e6, -2.346902e6], "resultant": 0.0},
-    "closing": {"corner": [1.30495205e-05, 2.59860845e-04], "intensity": [1.134501e6, -0.714889e6], "resultant": 555166.4 * THICKNESS},
+    "frequencies": [
+        835.934536,
+        3224.146615,
+        5270.638454,
+        12696.654632,
+        15359.687067,
+        20120.313174,
+        20430.882944,
+        24672.791393,
+        25559.778295,
+        30340.450098,
+    ],
+    "opening": {
+        "corner": [-5.37691797e-05, -7.06212454e-04],
+        "intensity": [40.946794e6, -2.346902e6],
+        "resultant": 0.0,
+    },
+    "closing": {
+        "corner": [1.30495205e-05, 2.59860845e-04],
+        "intensity": [1.134501e6, -0.714889e6],
+        "resultant": 555166.4 * THICKNESS,
+    },
 }
-# Three to five times the errors measured on the example's coarse cells at order 5: f 8e-6; u 1.8e-5 and 8e-6; K (of its modulus) 3.7e-4
-# and 8e-4; resultant 1e-4. Another release of gmsh makes other cells.
-TOLERANCE = {"frequencies": 3e-5, "opening": {"corner": 6e-5, "intensity": 1e-3}, "closing": {"corner": 3e-5, "intensity": 3e-3, "resultant": 5e-4}}
+# Three to five times the errors measured on the example's coarse cells at order 5: f 8e-6; u 1.8e-5 and 8e-6;
+# K (of its modulus) 3.7e-4 and 8e-4; resultant 1e-4. Another release of gmsh makes other cells.
+TOLERANCE = {
+    "frequencies": 3e-5,
+    "opening": {"corner": 6e-5, "intensity": 1e-3},
+    "closing": {"corner": 3e-5, "intensity": 3e-3, "resultant": 5e-4},
+}
 
 
 @pytest.fixture(scope="module")
@@ -32,8 +57,16 @@ def ran(tmp_path_factory):
 def numbers(folder) -> dict:
     """What is compared, from the HDF5 file."""
     results = read_results(folder / "gmsh_bracket.h5")
-    cases = {name: {"corner": case["points"]["corner"], "intensity": case["stress_intensity"]["arm"]["factors"], "resultant": case["contact_resultant"],
-                    "force": case["contact_force"], "gap": case["gap"]} for name, case in results.static.items()}
+    cases = {
+        name: {
+            "corner": case["points"]["corner"],
+            "intensity": case["stress_intensity"]["arm"]["factors"],
+            "resultant": case["contact_resultant"],
+            "force": case["contact_force"],
+            "gap": case["gap"],
+        }
+        for name, case in results.static.items()
+    }
     return {"frequencies": results.modal["frequencies"], **cases}
 
 
@@ -51,12 +84,23 @@ def compare(found: dict, expected: dict, tolerance: dict) -> None:
 
 def test_files_and_pictures(ran):
     done, folder = ran
-    names = {"gmsh_bracket.h5", "static.vtu", "modes.vtu", "discretisation.png", "modes.png", "crack.png", "contact.png"}
+    names = {
+        "gmsh_bracket.h5",
+        "static.vtu",
+        "modes.vtu",
+        "discretisation.png",
+        "modes.png",
+        "crack.png",
+        "contact.png",
+    }
     assert {path.name for path in folder.iterdir()} == names
     assert all(path.stat().st_size > 10_000 for path in folder.iterdir())
     assert done.stderr == "" and "…" not in done.stdout
     results = read_results(folder / "gmsh_bracket.h5")
-    assert results.mesh["materials"] == ["steel", "bronze"] and set(results.inputs["materials"]) == {"steel", "bronze"}
+    assert results.mesh["materials"] == ["steel", "bronze"] and set(results.inputs["materials"]) == {
+        "steel",
+        "bronze",
+    }
     assert results.static["closing"]["loads"]["1"]["fy"] == FORCE and results.inputs["thickness"] == THICKNESS
 
 
@@ -78,7 +122,10 @@ def test_contact_is_partial_and_complementary(ran):
 def test_printed_convergence(ran):
     """The table of orders: f 1, u and K when opening lose at least a factor of three at each order."""
     table = ran[0].stdout.split("Convergence with the order")[1]
-    rows = {int(order): [abs(float(x)) for x in re.findall(r"[+-]\d\.\d+e[+-]\d+", line)] for order, line in re.findall(r"│ +(\d) │(.*)", table)}
+    rows = {
+        int(order): [abs(float(x)) for x in re.findall(r"[+-]\d\.\d+e[+-]\d+", line)]
+        for order, line in re.findall(r"│ +(\d) │(.*)", table)
+    }
     assert set(rows) == {3, 4, 5, 6} and rows[6] == []
     for column in (0, 2, 3):
         errors = np.array([rows[order][column] for order in (3, 4, 5)])
@@ -87,28 +134,55 @@ def test_printed_convergence(ran):
 
 def test_two_ranks(ran, tmp_path):
     done = run("gmsh_bracket.py", "--output", tmp_path, "--no-pictures", ranks=2)
-    assert {path.name for path in tmp_path.iterdir()} == {"gmsh_bracket.h5", *(f"{kind}{end}" for kind in ("static", "modes") for end in (".pvtu", "_0.vtu", "_1.vtu"))}
-    assert done.stdout.count("Convergence with the order") == 1 and "…" not in done.stdout and "\x1b" not in done.stdout
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "gmsh_bracket.h5",
+        *(f"{kind}{end}" for kind in ("static", "modes") for end in (".pvtu", "_0.vtu", "_1.vtu")),
+    }
+    assert (
+        done.stdout.count("Convergence with the order") == 1
+        and "…" not in done.stdout
+        and "\x1b" not in done.stdout
+    )
     one, two = numbers(ran[1]), numbers(tmp_path)
-    compare(two, one, {"frequencies": 1e-7, "opening": {"corner": 1e-7, "intensity": 1e-6}, "closing": {"corner": 1e-7, "intensity": 1e-6, "resultant": 1e-7}})
+    compare(
+        two,
+        one,
+        {
+            "frequencies": 1e-7,
+            "opening": {"corner": 1e-7, "intensity": 1e-6},
+            "closing": {"corner": 1e-7, "intensity": 1e-6, "resultant": 1e-7},
+        },
+    )
 
 
 @pytest.mark.slow
 def test_against_independent_finite_elements(ran):
     """scikit-fem's triangles of order 4, graded to the tip, on the same geometry.
 
-    Their own errors beside the converged numbers: f 4e-6 (arcs of second order), u 3e-7, K 1e-5 when opening and 2e-4 when closing, resultant 3e-5.
+    Their own errors beside the converged numbers: f 4e-6 (arcs of second order), u 3e-7, K 1e-5 when opening
+    and 2e-4 when closing, resultant 3e-5.
     """
     pytest.importorskip("skfem")
     from tests.examples.bracket_peer import Peer
 
     peer = Peer(str(EXAMPLES / "bracket.geo"))
-    cases = {"opening": peer.static(-FORCE / THICKNESS, contact=False), "closing": peer.static(FORCE / THICKNESS, contact=True)}
+    cases = {
+        "opening": peer.static(-FORCE / THICKNESS, contact=False),
+        "closing": peer.static(FORCE / THICKNESS, contact=True),
+    }
     for case in cases.values():
         case["resultant"] *= THICKNESS
     expected = {"frequencies": peer.frequencies(10), **cases}
     compare(numbers(ran[1]), expected, TOLERANCE)
-    compare(CONVERGED, expected, {"frequencies": 1e-5, "opening": {"corner": 2e-6, "intensity": 5e-5}, "closing": {"corner": 2e-6, "intensity": 1e-3, "resultant": 1e-4}})
+    compare(
+        CONVERGED,
+        expected,
+        {
+            "frequencies": 1e-5,
+            "opening": {"corner": 2e-6, "intensity": 5e-5},
+            "closing": {"corner": 2e-6, "intensity": 1e-3, "resultant": 1e-4},
+        },
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

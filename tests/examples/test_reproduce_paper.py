@@ -21,7 +21,15 @@ POINTS = ("A", "B", "C")
 def report(folder, *arguments, ranks=1, check=True, timeout=120):
     """Run the program; what it prints, and numbers.json."""
     done = (
-        on_ranks(ranks, "examples/reproduce_paper.py", "--output", str(folder), *arguments, check=check, timeout=timeout)
+        on_ranks(
+            ranks,
+            "examples/reproduce_paper.py",
+            "--output",
+            str(folder),
+            *arguments,
+            check=check,
+            timeout=timeout,
+        )
         if ranks > 1
         else run("reproduce_paper.py", "--output", folder, *arguments, folder=folder, check=check)
     )
@@ -38,7 +46,9 @@ def fast(tmp_path_factory):
 
 
 def test_static_tables(fast):
-    """Converged displacements within 5e-5 of the reference (its error is 3e-5 and less); at A along x the mesh's logarithm; the one-pass tie behind the 100 N columns."""
+    """Converged displacements within 5e-5 of the reference (its error is 3e-5 and less); at A along x the
+    mesh's logarithm; the one-pass tie behind the 100 N columns.
+    """
     exact = DATA["static"]["x80_mouth2um_nu33"]["contact"]
     for part, force in (("table2", "1 N"), ("table4", "100 N")):
         found = fast[2][part]
@@ -53,7 +63,9 @@ def test_static_tables(fast):
 
 
 def test_frequencies(fast):
-    """Modes 1-46: converged within the reference's own error of 1e-6, order 5 within 2e-5; the paper's columns as far off as they are."""
+    """Modes 1-46: converged within the reference's own error of 1e-6, order 5 within 2e-5; the paper's
+    columns as far off as they are.
+    """
     found = fast[2]["table6"]
     np.testing.assert_allclose(found["converged"], frequencies("crack80_nu33")[:46], rtol=1.5e-6)
     np.testing.assert_allclose(found["p5"], frequencies("crack80_nu33")[:46], rtol=2e-5)
@@ -64,38 +76,62 @@ def test_frequencies(fast):
 
 
 def test_closed_forms(fast):
-    assert fast[2]["eq1"]["book_error"] < 6e-5 and fast[2]["eq1"]["patch_error"] < 1e-12 and fast[2]["eq1"]["lame_error"][7] < 1e-11
+    assert (
+        fast[2]["eq1"]["book_error"] < 6e-5
+        and fast[2]["eq1"]["patch_error"] < 1e-12
+        and fast[2]["eq1"]["lame_error"][7] < 1e-11
+    )
 
 
 def test_report_is_self_contained(fast):
-    """Pictures inside, also as PNG files; every part named, numbers of four to six digits, nothing fetched."""
+    """Pictures inside, also as PNG files; every part named, numbers of four to six digits, nothing
+    fetched.
+    """
     folder, _, _, parts = fast
     page = (folder / "report.html").read_text(encoding="utf-8")
     pictures = re.findall(r'src="([^"]*)"', page)
     assert len(pictures) == len(FAST) and all(p.startswith("data:image/png;base64,") for p in pictures)
     for part, picture in zip(("eq1", "table2", "table4", "table6", "fig12"), pictures):
         assert (folder / f"{part}.png").read_bytes() == base64.b64decode(picture.split(",")[1])
-    assert page.count("not computed in this run") == len(run("reproduce_paper.py", "--list").stdout.splitlines()) - len(FAST)
+    assert page.count("not computed in this run") == len(
+        run("reproduce_paper.py", "--list").stdout.splitlines()
+    ) - len(FAST)
     assert "<script" not in page and "<link" not in page and not re.search(r"\d\.\d{7,}", page)
     assert set(parts) == set(FAST) and all("error" not in part for part in parts.values())
 
 
 def test_resumed(fast):
-    """Finished parts are reused; one whose result is lost, or whose inputs differ, is computed again, and so are all with --fresh."""
+    """Finished parts are reused; one whose result is lost, or whose inputs differ, is computed again, and so
+    are all with --fresh.
+    """
     folder = fast[0]
     (folder / "parts" / "eq1.json").unlink()
     stored = folder / "parts" / "fig12.json"
     stored.write_text(stored.read_text().replace('"inputs": "', '"inputs": "0'))
     done, parts = report(folder, "--only", *FAST)
-    assert [name for name in FAST if re.search(rf"│ {name} +│ +[\d.]+ +│", done.stdout)] == ["eq1", "fig12"] and done.stdout.count("(reused)") == 3
+    assert [name for name in FAST if re.search(rf"│ {name} +│ +[\d.]+ +│", done.stdout)] == [
+        "eq1",
+        "fig12",
+    ] and done.stdout.count("(reused)") == 3
     assert {name: part["numbers"] for name, part in parts.items()} == fast[2]
     assert "(reused)" not in report(folder, "--only", "eq1", "--fresh")[0].stdout
     assert not list(folder.rglob("*.part"))
 
 
 def test_killed_run_goes_on(tmp_path):
-    """A run killed while it computes keeps what was finished, and nothing half written is taken for a result."""
-    command = [sys.executable, str(EXAMPLES / "reproduce_paper.py"), "--output", str(tmp_path), "--no-pictures", "--only", "table6", "eq1"]
+    """A run killed while it computes keeps what was finished, and nothing half written is taken for a
+    result.
+    """
+    command = [
+        sys.executable,
+        str(EXAMPLES / "reproduce_paper.py"),
+        "--output",
+        str(tmp_path),
+        "--no-pictures",
+        "--only",
+        "table6",
+        "eq1",
+    ]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as program:
         deadline = time.monotonic() + 60.0
         while not (tmp_path / "parts" / "table6.json").exists() and time.monotonic() < deadline:
@@ -110,14 +146,30 @@ def test_two_ranks(fast, tmp_path):
     done, parts = report(tmp_path, "--only", *FAST, ranks=2)
     assert done.stdout.count("Parts of the report") == 1 and "\x1b" not in done.stdout
     np.testing.assert_allclose(parts["table6"]["numbers"]["p5"], fast[2]["table6"]["p5"], rtol=1e-12)
-    np.testing.assert_allclose(parts["table4"]["numbers"]["converged"], fast[2]["table4"]["converged"], rtol=1e-12)
+    np.testing.assert_allclose(
+        parts["table4"]["numbers"]["converged"], fast[2]["table4"]["converged"], rtol=1e-12
+    )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_part_that_fails(tmp_path, ranks):
     """It is named with a sentence, the others are kept, and the exit code says so."""
-    done, parts = report(tmp_path, "--only", "eq1", "table6", "--no-pictures", "-modal_eps_max_it", "1", ranks=ranks, check=False)
-    assert done.returncode != 0 and "part table6 failed: modal: SLEPc found" in done.stderr and "Traceback" not in done.stderr
+    done, parts = report(
+        tmp_path,
+        "--only",
+        "eq1",
+        "table6",
+        "--no-pictures",
+        "-modal_eps_max_it",
+        "1",
+        ranks=ranks,
+        check=False,
+    )
+    assert (
+        done.returncode != 0
+        and "part table6 failed: modal: SLEPc found" in done.stderr
+        and "Traceback" not in done.stderr
+    )
     assert "numbers" in parts["eq1"] and parts["table6"]["error"].startswith("modal: SLEPc found")
     assert "This part failed: modal: SLEPc found" in (tmp_path / "report.html").read_text(encoding="utf-8")
     # with other options the part's inputs are others
@@ -127,7 +179,9 @@ def test_part_that_fails(tmp_path, ranks):
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_unknown_part(tmp_path, ranks):
-    done = on_ranks(ranks, "examples/reproduce_paper.py", "--output", str(tmp_path), "--only", "table7", check=False)
+    done = on_ranks(
+        ranks, "examples/reproduce_paper.py", "--output", str(tmp_path), "--only", "table7", check=False
+    )
     assert (
         done.returncode != 0
         and done.stderr.count("error: --only: there is no part 'table7'; the parts are readings, eq1,") == 1
@@ -137,12 +191,15 @@ def test_unknown_part(tmp_path, ranks):
 
 def test_list_and_help():
     listed = run("reproduce_paper.py", "--list").stdout
-    assert all(re.search(rf"^{name} ", listed, re.M) for name in (*FAST, "fig5", "fig11", "fig13", "table1", "readings"))
+    assert all(
+        re.search(rf"^{name} ", listed, re.M)
+        for name in (*FAST, "fig5", "fig11", "fig13", "table1", "readings")
+    )
     check_help("reproduce_paper.py", 1, ("--only", "--fresh", "--output", "--no-pictures", "--list"))
 
 
-# Number: value and relative tolerance. Where there is a reference, its values; otherwise those of the report, at several times their change with twice the
-# steps or a mesh with 67 contact pairs instead of 26.
+# Number: value and relative tolerance. Where there is a reference, its values; otherwise those of the report,
+# at several times their change with twice the steps or a mesh with 67 contact pairs instead of 26.
 PINNED = {
     "readings": {
         "fitted_position_mm": (80.0, 2e-4),
@@ -152,7 +209,11 @@ PINNED = {
         "rms_80_033": (3.8e-4, 0.02),
         "plane_strain_f1": (0.05836, 0.01),
     },
-    "eq20": {"100 N/resultant": (9562.18, 5e-3), "300 N/resultant": (28799.2, 2e-3), "100 N/closed_length": (1.9963e-3, 0.03)},
+    "eq20": {
+        "100 N/resultant": (9562.18, 5e-3),
+        "300 N/resultant": (28799.2, 2e-3),
+        "100 N/closed_length": (1.9963e-3, 0.03),
+    },
     "eq25": {
         "printed_eq33_left": (1.0, 1e-6),
         "one_pass_tension": (174.9, 0.02),
@@ -161,7 +222,11 @@ PINNED = {
         "exact steps/energy": (7.8677, 2e-3),
     },
     "table1": {"3000/largest_multiplier": (0.999882, 1e-5), "433/largest_multiplier": (0.999291, 1e-5)},
-    "fig5": {"peak_displacement": (5.71069e-7, 1e-3), "ratio_80_to_100_mm": (10.01, 5e-3), "distance_on_default_mesh": (4.93e-4, 0.1)},
+    "fig5": {
+        "peak_displacement": (5.71069e-7, 1e-3),
+        "ratio_80_to_100_mm": (10.01, 5e-3),
+        "distance_on_default_mesh": (4.93e-4, 0.1),
+    },
     "fig6": {
         "peak_displacement": (2.90465e-4, 1e-3),
         "peak_contact_resultant": (19146.2, 5e-3),
@@ -221,7 +286,12 @@ PINNED = {
         "over_damping/1500 N, 0.002/line": (0.67, 0.1),
         "over_damping/300 N, 0.002/growth": (3.5e-5, 0.1),
     },
-    "fig13": {"amplitudes/cracked, 300 N/1": (6.2938e-5, 2e-3), "ratios/0": (9.518e-3, 0.02), "ratios/2": (4.298e-4, 0.02), "linear_change": (0.0763, 0.01)},
+    "fig13": {
+        "amplitudes/cracked, 300 N/1": (6.2938e-5, 2e-3),
+        "ratios/0": (9.518e-3, 0.02),
+        "ratios/2": (4.298e-4, 0.02),
+        "linear_change": (0.0763, 0.01),
+    },
     "bilinear": {
         "mode_17/bilinear": (14263.06, 2e-5),
         "mode_17/peak": (14256.5, 2e-4),
@@ -230,7 +300,11 @@ PINNED = {
         "open": (59.5447801, 2e-5),
         "harmonic_ratios/0": (8.51e-3, 0.02),
     },
-    "spectra": {"orbit/1": (8.694e-5, 2e-3), "orbit/2": (9.579e-7, 0.01), "work_of_a_period": (0.05162, 5e-3)},
+    "spectra": {
+        "orbit/1": (8.694e-5, 2e-3),
+        "orbit/2": (9.579e-7, 0.01),
+        "work_of_a_period": (0.05162, 5e-3),
+    },
 }
 # What must stay small, and what the paper says that does not hold.
 BOUNDS = {
@@ -284,7 +358,9 @@ def test_whole_report(tmp_path):
     print(f"{time.perf_counter() - began:.0f} s")
     assert all("error" not in part for part in parts.values())
     listed = [line.split()[0] for line in run("reproduce_paper.py", "--list").stdout.splitlines()]
-    assert list(parts) == listed and all((tmp_path / f"{name}.png").stat().st_size > 15_000 for name in listed)
+    assert list(parts) == listed and all(
+        (tmp_path / f"{name}.png").stat().st_size > 15_000 for name in listed
+    )
     wrong = [
         f"{part}/{path}: {at(parts[part]['numbers'], path):.6g} instead of {value:.6g}"
         for part, pins in PINNED.items()
@@ -297,7 +373,16 @@ def test_whole_report(tmp_path):
         if not abs(at(parts[path.split("/")[0]]["numbers"], path.split("/", 1)[1])) <= bound
     ]
     assert not wrong, wrong
-    not_met = {name: count for name, part in parts.items() if (count := sum(not claim["holds"] for claim in part["claims"]))}
-    assert not_met == NOT_MET and all(claim["holds"] for part in parts.values() for claim in part["claims"] if claim["source"] == "check")
-    assert parts["eq25"]["numbers"]["paper, Mcf = 0"]["excess"] > 0.05 and parts["eq25"]["numbers"]["paper, Mcf = 0"]["stopped"]
+    not_met = {
+        name: count
+        for name, part in parts.items()
+        if (count := sum(not claim["holds"] for claim in part["claims"]))
+    }
+    assert not_met == NOT_MET and all(
+        claim["holds"] for part in parts.values() for claim in part["claims"] if claim["source"] == "check"
+    )
+    assert (
+        parts["eq25"]["numbers"]["paper, Mcf = 0"]["excess"] > 0.05
+        and parts["eq25"]["numbers"]["paper, Mcf = 0"]["stopped"]
+    )
     assert 5_000 < len(re.sub(r"base64,[^\"]*", "", (tmp_path / "report.html").read_text(encoding="utf-8")))

@@ -1,4 +1,6 @@
-"""The examples of periodic motions run as programs and give their pinned numbers: those of this code on the meshes named, with what a finer mesh changes."""
+"""The examples of periodic motions run as programs and give their pinned numbers: those of this code on the
+meshes named, with what a finer mesh changes.
+"""
 
 import csv
 
@@ -23,10 +25,15 @@ def harmonics(path, case):
 
 @pytest.mark.slow
 def test_harmonics(tmp_path):
-    """Figs. 8 and 9 on the refined mesh; a mesh of 113 pairs changes A1 by 1e-4, the ratios by 1e-4 at 3000 Hz and 5e-4 at 20140 Hz, twice the steps by 1e-5."""
+    """Figs. 8 and 9 on the refined mesh; a mesh of 113 pairs changes A1 by 1e-4, the ratios by 1e-4 at 3000
+    Hz and 5e-4 at 20140 Hz, twice the steps by 1e-5.
+    """
     lines, text = example("harmonics", tmp_path, "--steps", "512")
     # A1 (m), and mean, A2, A3 over A1
-    pinned = {"3000Hz": (8.6946e-5, 2.8188e-1, 1.1007e-2, 6.132e-4), "20140Hz": (2.5043e-6, 1.8762, 1.8160e-2, 1.0898e-3)}
+    pinned = {
+        "3000Hz": (8.6946e-5, 2.8188e-1, 1.1007e-2, 6.132e-4),
+        "20140Hz": (2.5043e-6, 1.8762, 1.8160e-2, 1.0898e-3),
+    }
     for name, (first, *ratios) in pinned.items():
         c = harmonics(tmp_path / f"harmonics_{name}.csv", "300_N")
         assert c[1] == pytest.approx(first, rel=1e-3)
@@ -35,8 +42,15 @@ def test_harmonics(tmp_path):
             c = harmonics(tmp_path / f"harmonics_{name}.csv", case)
             assert np.delete(c, 1).max() < 1e-12 * c[1]
         orbit = sb.read_orbit(str(tmp_path / f"orbit_{name}_300_N.h5"))
-        assert orbit.stable and orbit.iterations <= 6 and abs(orbit.harmonics("A")[1]) == pytest.approx(first, rel=1e-3)
-    assert text.count("1 N: largest of harmonics") == 2 and text.count("differs from that without contact by 0.00e+00") == 2
+        assert (
+            orbit.stable
+            and orbit.iterations <= 6
+            and abs(orbit.harmonics("A")[1]) == pytest.approx(first, rel=1e-3)
+        )
+    assert (
+        text.count("1 N: largest of harmonics") == 2
+        and text.count("differs from that without contact by 0.00e+00") == 2
+    )
     assert float(cells(lines, "2")[3]) == pytest.approx(9.570e-7, rel=1e-3)
     for name in ("figure_8.png", "figure_9.png", "orbit_3000Hz.png", "multipliers_20140Hz.png"):
         assert (tmp_path / name).stat().st_size > 20000
@@ -44,7 +58,19 @@ def test_harmonics(tmp_path):
 
 def test_harmonics_on_two_ranks(tmp_path):
     """A coarse mesh and 256 steps: the same numbers on one rank and two."""
-    options = ("--frequencies", "3000", "--order", "4", "--grading", "2.5", "--tip-size", "5e-5", "--steps", "256", "--no-pictures")
+    options = (
+        "--frequencies",
+        "3000",
+        "--order",
+        "4",
+        "--grading",
+        "2.5",
+        "--tip-size",
+        "5e-5",
+        "--steps",
+        "256",
+        "--no-pictures",
+    )
     found = []
     for ranks in (1, 2):
         folder = tmp_path / str(ranks)
@@ -52,34 +78,70 @@ def test_harmonics_on_two_ranks(tmp_path):
         found.append(harmonics(folder / "harmonics_3000Hz.csv", "300_N"))
     np.testing.assert_allclose(found[1][:7], found[0][:7], rtol=1e-4)
     # 1.5e-3 off the refined mesh
-    assert found[0][1] == pytest.approx(8.69e-5, rel=3e-3) and found[0][2] / found[0][1] == pytest.approx(1.10e-2, rel=1e-2)
+    assert found[0][1] == pytest.approx(8.69e-5, rel=3e-3) and found[0][2] / found[0][1] == pytest.approx(
+        1.10e-2, rel=1e-2
+    )
 
 
 @pytest.mark.slow
 def test_frequency_response(tmp_path):
-    """Fig. 11 at 300 N over two damping ratios, on the default mesh (26 pairs; single motions every 2 Hz have their peak of 22.15 nm/N between 14166 and 14170 Hz)."""
-    lines, text = example("frequency_response", tmp_path, "--forces", "300", "--damping", "0.002", "--damping", "0.005", "--order", "5", "--grading", "2.5", "--tip-size", "5e-5")
+    """Fig. 11 at 300 N over two damping ratios, on the default mesh (26 pairs; single motions every 2 Hz have
+    their peak of 22.15 nm/N between 14166 and 14170 Hz).
+    """
+    lines, text = example(
+        "frequency_response",
+        tmp_path,
+        "--forces",
+        "300",
+        "--damping",
+        "0.002",
+        "--damping",
+        "0.005",
+        "--order",
+        "5",
+        "--grading",
+        "2.5",
+        "--tip-size",
+        "5e-5",
+    )
     open_crack, contact = cells(lines, "0.002", "no contact"), cells(lines, "0.002", "300 N")
-    assert float(open_crack[3]) == pytest.approx(14145.5, abs=0.2) and float(open_crack[4]) == pytest.approx(23.780, rel=1e-3)
-    assert float(contact[3]) == pytest.approx(14167.3, abs=1.0) and float(contact[4]) == pytest.approx(22.15, rel=1e-3)
+    assert float(open_crack[3]) == pytest.approx(14145.5, abs=0.2) and float(open_crack[4]) == pytest.approx(
+        23.780, rel=1e-3
+    )
+    assert float(contact[3]) == pytest.approx(14167.3, abs=1.0) and float(contact[4]) == pytest.approx(
+        22.15, rel=1e-3
+    )
     assert float(contact[5]) == pytest.approx(21.8, abs=1.1)
     with open(tmp_path / "curves.csv", newline="") as file:
         rows = {(row["damping"], row["force_N"]): row for row in csv.DictReader(file)}
     low, high = (float(end) for end in rows["0.002", "300"]["unstable_Hz"].split("-"))
     assert (low, high) == (pytest.approx(14169.5, abs=0.5), pytest.approx(14185.5, abs=0.5))
     assert rows["0.002", "300"]["neimark_sacker"] == "2" and rows["0.002", "300"]["folds"] == "0"
-    assert rows["0.005", "300"]["unstable_Hz"] == "" and float(rows["0.005", "300"]["peak_Hz"]) == pytest.approx(14153.0, abs=0.5)
+    assert rows["0.005", "300"]["unstable_Hz"] == "" and float(
+        rows["0.005", "300"]["peak_Hz"]
+    ) == pytest.approx(14153.0, abs=0.5)
     curve = sb.read_curve(str(tmp_path / "curve_300N_damping_0.002.h5"))
     assert curve.complete and [item.kind for item in curve.bifurcations] == 2 * ["Neimark-Sacker"]
-    assert 0 < (~curve.stable).sum() < 15 and column(tmp_path / "curve_300N_damping_0.002.csv", "frequency_Hz") == pytest.approx(curve.frequency, rel=1e-9)
-    for name in ("figure_11_damping_0.002.png", "figure_11_damping_0.005.png", "multipliers_300N_damping_0.002.png"):
+    assert 0 < (~curve.stable).sum() < 15 and column(
+        tmp_path / "curve_300N_damping_0.002.csv", "frequency_Hz"
+    ) == pytest.approx(curve.frequency, rel=1e-9)
+    for name in (
+        "figure_11_damping_0.002.png",
+        "figure_11_damping_0.005.png",
+        "multipliers_300N_damping_0.002.png",
+    ):
         assert (tmp_path / name).stat().st_size > 20000
 
 
 def test_hole(tmp_path):
-    """Figs. 12 and 13: the breathing crack adds a second harmonic of 4.3e-4 of the first; hole and open crack alone add none."""
+    """Figs. 12 and 13: the breathing crack adds a second harmonic of 4.3e-4 of the first; hole and open crack
+    alone add none.
+    """
     lines, text = example("hole", tmp_path, "--steps", "512")
-    c = {name: harmonics(tmp_path / "harmonics_3000Hz.csv", name) for name in ("healthy", "without_contact", "cracked")}
+    c = {
+        name: harmonics(tmp_path / "harmonics_3000Hz.csv", name)
+        for name in ("healthy", "without_contact", "cracked")
+    }
     assert [c[name][1] for name in c] == pytest.approx([5.8631e-5, 6.3109e-5, 6.2949e-5], rel=1e-3)
     np.testing.assert_allclose(c["cracked"][[0, 2]] / c["cracked"][1], [9.631e-3, 4.289e-4], rtol=5e-3)
     assert all(np.delete(c[name], 1).max() < 1e-12 * c[name][1] for name in ("healthy", "without_contact"))
@@ -88,10 +150,15 @@ def test_hole(tmp_path):
         assert (tmp_path / name).stat().st_size > 20000
 
 
-@pytest.mark.parametrize("name, options, sentence", [
-    ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be a positive"), ("frequency_response", ("--start", "14000", "--stop", "14000"), "start and stop are both 14000 Hz"),
-    ("hole", ("--steps", "3"), "steps = 3 must be at least 48"), ("frequency_response", ("--damping", "-1"), "damping"),
-])
+@pytest.mark.parametrize(
+    "name, options, sentence",
+    [
+        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be a positive"),
+        ("frequency_response", ("--start", "14000", "--stop", "14000"), "start and stop are both 14000 Hz"),
+        ("hole", ("--steps", "3"), "steps = 3 must be at least 48"),
+        ("frequency_response", ("--damping", "-1"), "damping"),
+    ],
+)
 def test_bad_options(tmp_path, name, options, sentence):
     done = on_ranks(1, f"examples/{name}.py", *options, "--output", str(tmp_path), check=False)
     assert done.returncode != 0 and sentence in done.stderr and "Traceback" not in done.stderr

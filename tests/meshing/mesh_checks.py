@@ -1,4 +1,6 @@
-"""What every mesh must satisfy, and a count of shapes that are congruent up to scale, rotation and reflection."""
+"""What every mesh must satisfy, and a count of shapes that are congruent up to scale, rotation and
+reflection.
+"""
 
 import numpy as np
 
@@ -26,7 +28,10 @@ def check_mesh(mesh: BoundaryMesh, area: float, tolerance: float, covered: bool 
     total = 0.0
     for element in range(mesh.elements):
         part = slice(mesh.element_start[element], mesh.element_start[element + 1])
-        edges = [mesh.edges[e, ::-1] if r else mesh.edges[e] for e, r in zip(mesh.element_edges[part], mesh.element_reversed[part])]
+        edges = [
+            mesh.edges[e, ::-1] if r else mesh.edges[e]
+            for e, r in zip(mesh.element_edges[part], mesh.element_reversed[part])
+        ]
         assert all(a[-1] == b[0] for a, b in zip(edges, edges[1:]))
         assert (edges[-1][-1] == edges[0][0]) == mesh.closed[element]
         relative = mesh.nodes[np.array(edges)] - mesh.scaling_centres[element]
@@ -42,7 +47,11 @@ def distinct_shapes(mesh: BoundaryMesh) -> int:
     """Number of S-elements that differ by more than translation, scaling, rotation and reflection."""
     known: list[np.ndarray] = []
     for element in range(mesh.elements):
-        loop = mesh.element_nodes(element)[:: mesh.order] if mesh.closed[element] else mesh.element_nodes(element)[:: mesh.order]
+        loop = (
+            mesh.element_nodes(element)[:: mesh.order]
+            if mesh.closed[element]
+            else mesh.element_nodes(element)[:: mesh.order]
+        )
         z = (mesh.nodes[loop] - mesh.scaling_centres[element]) @ [1, 1j]
         variants = []
         for w in (z, np.conj(z)[::-1]):

@@ -25,20 +25,44 @@ NOTCH = VNotch(0.08, 0.0025, 0.05)
         (lambda: VNotch(0.08, 0.001, 0, math.nan), "tilt is nan"),
         (lambda: Hole(0.1, 0.0025, 0), "diameter is 0 m"),
         (lambda: Hole(0.1, math.nan, 0.001), "y is nan"),
-        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.006, 0)]), "notch 1: depth 0.006 m is not less than the beam's height 0.005 m"),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.006, 0)]),
+            "notch 1: depth 0.006 m is not less than the beam's height 0.005 m",
+        ),
         (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.005, 0)]), "not less than the beam's height"),
         (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.00499, 0)]), "within 1 %"),
-        (lambda: Beam(LENGTH, HEIGHT, [NOTCH, VNotch(0.5, 0.001, 0)]), "notch 2: its tip at x = 0.5 m is outside the beam"),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [NOTCH, VNotch(0.5, 0.001, 0)]),
+            "notch 2: its tip at x = 0.5 m is outside the beam",
+        ),
         (lambda: Beam(LENGTH, HEIGHT, [VNotch(-0.1, 0.001, 0)]), "outside the beam"),
         (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.001, 0.0025, 60)]), "its mouth reaches x = "),
         (lambda: Beam(LENGTH, HEIGHT, [NOTCH, VNotch(0.08, 0.001, 0)]), "notches 1 and 2 overlap"),
-        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 0, 30), VNotch(0.081, 0.0025, 0, -30)]), "notches 1 and 2 overlap"),
-        (lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 60), VNotch(0.0815, 0.002, 60)]), "notches 1 and 2 overlap"),
-        (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.005)]), "hole 1: centre y = 0.0025 m with diameter 0.005 m leaves or touches the domain"),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 0, 30), VNotch(0.081, 0.0025, 0, -30)]),
+            "notches 1 and 2 overlap",
+        ),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0025, 60), VNotch(0.0815, 0.002, 60)]),
+            "notches 1 and 2 overlap",
+        ),
+        (
+            lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.005)]),
+            "hole 1: centre y = 0.0025 m with diameter 0.005 m leaves or touches the domain",
+        ),
         (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.4, 0.0025, 0.001)]), "leaves or touches the domain"),
-        (lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.002), Hole(0.101, 0.0025, 0.001)]), "holes 1 and 2 overlap"),
-        (lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.0805, 0.0025, 0.002)]), "hole 1 touches or cuts notch 1"),
-        (lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.08, 0.0015, 0.002)]), "hole 1 touches or cuts notch 1"),
+        (
+            lambda: Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.0025, 0.002), Hole(0.101, 0.0025, 0.001)]),
+            "holes 1 and 2 overlap",
+        ),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.0805, 0.0025, 0.002)]),
+            "hole 1 touches or cuts notch 1",
+        ),
+        (
+            lambda: Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.08, 0.0015, 0.002)]),
+            "hole 1 touches or cuts notch 1",
+        ),
     ],
 )
 def test_shapes(make, says):
@@ -88,7 +112,10 @@ def test_wrong_types(make):
         ({"points": {"P": (0.065, 0.0025)}}, "in or on hole 1"),
         ({"points": {"P": (math.nan, 0.0)}}, "x is nan"),
         ({"points": {"A": (0.1, 0.0)}}, "point 'A': this name is the mesh's own"),
-        ({"points": {"P": (0.0801, 0.0024), "Q": (0.0801, 0.0024)}, "tip_size": 1e-3}, "does not fit around the tip of notch 1"),
+        (
+            {"points": {"P": (0.0801, 0.0024), "Q": (0.0801, 0.0024)}, "tip_size": 1e-3},
+            "does not fit around the tip of notch 1",
+        ),
     ],
 )
 def test_mesh_options(options, says):

@@ -15,17 +15,25 @@ BEAMS = {
     "healthy": Beam(LENGTH, HEIGHT),
     "paper": PAPER,
     "long": Beam(0.406, 0.012, [VNotch(0.176, 0.0038, 0)]),
-    "hole beside notch": Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0015, 0.0458366)], [Hole(0.065, 0.0025, 0.0025)]),
+    "hole beside notch": Beam(
+        LENGTH, HEIGHT, [VNotch(0.08, 0.0015, 0.0458366)], [Hole(0.065, 0.0025, 0.0025)]
+    ),
     "small hole": Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.002, 0.0004)]),
     "hole near the edge": Beam(LENGTH, HEIGHT, holes=[Hole(0.1, 0.00105, 0.002)]),
     "two notches apart": Beam(LENGTH, HEIGHT, [VNotch(0.3, 0.001, 0), VNotch(0.08, 0.0025, 30)]),
     "two notches together": Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0015, 0.05), VNotch(0.083, 0.002, 10)]),
     "parallel tilted": Beam(0.1, HEIGHT, [VNotch(0.05, 0.0025, 0, 30), VNotch(0.0515, 0.003, 2, 30)]),
     "notch above a hole": Beam(LENGTH, HEIGHT, [VNotch(0.08, 0.0015, 0)], [Hole(0.0805, 0.0015, 0.0015)]),
-    "three holes": Beam(0.1, HEIGHT, holes=[Hole(0.05, 0.0025, 0.0015), Hole(0.0512, 0.0013, 0.0012), Hole(0.0519, 0.0035, 0.0008)]),
+    "three holes": Beam(
+        0.1,
+        HEIGHT,
+        holes=[Hole(0.05, 0.0025, 0.0015), Hole(0.0512, 0.0013, 0.0012), Hole(0.0519, 0.0035, 0.0008)],
+    ),
     "notch at the clamp": Beam(0.1, HEIGHT, [VNotch(0.0006, 0.0025, 0)]),
     # So close that a mesher sees crossing faces unless it is careful with how far it opens them.
-    "nearly touching cracks": Beam(0.1, HEIGHT, [VNotch(0.0381591, 0.0014739, 0), VNotch(0.038148, 0.0022351, 0)]),
+    "nearly touching cracks": Beam(
+        0.1, HEIGHT, [VNotch(0.0381591, 0.0014739, 0), VNotch(0.038148, 0.0022351, 0)]
+    ),
     "thin wall": Beam(0.01, HEIGHT, holes=[Hole(0.0038, 0.00334, 0.00318), Hole(0.0059, 0.0017, 0.00035)]),
     "short beam": Beam(0.002, HEIGHT, [VNotch(0.001, 0.0025, 0)]),
 }
@@ -53,7 +61,8 @@ def test_openings_depths_and_tilts(depth, opening, tilt):
     crack, pairs = mesh.cracks[0], mesh.pairs
     assert crack.opening == pytest.approx(math.radians(opening))
     assert crack.length == pytest.approx(depth * HEIGHT / math.cos(math.radians(tilt)))
-    # Both faces' points of equal fraction lie at the same height: the gap is their distance times the normal's x component.
+    # Both faces' points of equal fraction lie at the same height: the gap is their distance times the
+    # normal's x component.
     mouth = mesh.nodes[mesh.points["B"]] - mesh.nodes[mesh.points["C"]]
     assert pairs.gap == pytest.approx(pairs.position * mouth[0] * math.cos(math.radians(tilt)), abs=1e-15)
     assert (np.diff(pairs.position) > 0).all() and pairs.position[-1] == pytest.approx(1)
@@ -64,7 +73,9 @@ def test_openings_depths_and_tilts(depth, opening, tilt):
 def test_tilt_is_positive_with_the_mouth_towards_the_free_end():
     mesh = Beam(0.1, HEIGHT, [VNotch(0.05, 0.0025, 1, 20)]).mesh()
     for name, sign in (("B", 1), ("C", -1)):
-        assert mesh.nodes[mesh.points[name]] == pytest.approx([0.05 + 0.0025 * math.tan(math.radians(20 + sign * 0.5)), HEIGHT])
+        assert mesh.nodes[mesh.points[name]] == pytest.approx(
+            [0.05 + 0.0025 * math.tan(math.radians(20 + sign * 0.5)), HEIGHT]
+        )
     assert mesh.cracks[0].axis == pytest.approx((math.sin(math.radians(20)), math.cos(math.radians(20))))
 
 
@@ -87,8 +98,8 @@ class TestPaperCase:
         assert (self.mesh.pairs.normal == [1.0, 0.0]).all()
 
     def test_rings_are_congruent(self):
-        # Seven shapes serve all: the tip element, the trapezoids and those that end on the two faces (mirrored), two
-        # columns and their neighbours with a hanging vertex.
+        # Seven shapes serve all: the tip element, the trapezoids and those that end on the two faces
+        # (mirrored), two columns and their neighbours with a hanging vertex.
         assert distinct_shapes(PAPER.mesh(corners=())) <= 7
         assert distinct_shapes(PAPER.mesh(corners=(), tip_size=1e-6)) <= 7
 
@@ -136,10 +147,19 @@ def test_the_area_converges_with_the_order_on_curved_edges():
 
 @pytest.mark.parametrize("kind", ["columns", "rows", "filled", "corners"])
 def test_user_points_are_nodes(kind):
-    points = {"inside": (0.2, 0.0013), "edge": (0.081, 0.0), "near": (0.0815, 0.002), "end": (LENGTH, 0.004), "clamp": (0.0, 0.001), "top": (0.0795, HEIGHT)}
+    points = {
+        "inside": (0.2, 0.0013),
+        "edge": (0.081, 0.0),
+        "near": (0.0815, 0.002),
+        "end": (LENGTH, 0.004),
+        "clamp": (0.0, 0.001),
+        "top": (0.0795, HEIGHT),
+    }
     if kind == "filled":
         points["close to the tip"] = (0.0802, 0.0011)
-    options = {"rows": {"size": 0.0013}, "corners": {"corner_size": 1e-4, "corners": ("left", "right")}}.get(kind, {})
+    options = {"rows": {"size": 0.0013}, "corners": {"corner_size": 1e-4, "corners": ("left", "right")}}.get(
+        kind, {}
+    )
     mesh = PAPER.mesh(order=3, points=points, **options)
     for name, point in points.items():
         assert mesh.nodes[mesh.points[name]] == pytest.approx(point, abs=1e-12)
@@ -151,8 +171,11 @@ def test_graded_corners():
     check_mesh(mesh, PAPER.area, 1e-12)
     y = np.unique(mesh.nodes[mesh.edges[mesh.edge_sets["left"]]][..., [0, -1], 1])
     assert y[1] == pytest.approx(2e-5) and y[-2] == pytest.approx(HEIGHT - 2e-5)
-    assert len(mesh.edge_sets["left"]) == len(PAPER.mesh(corner_size=2e-5, corners=["left", "right"]).edge_sets["right"])
-    # Rings of the four squares are similar: two trapezoids that mirror each other, and the squares in the corners.
+    assert len(mesh.edge_sets["left"]) == len(
+        PAPER.mesh(corner_size=2e-5, corners=["left", "right"]).edge_sets["right"]
+    )
+    # Rings of the four squares are similar: two trapezoids that mirror each other, and the squares in the
+    # corners.
     assert distinct_shapes(mesh) <= distinct_shapes(PAPER.mesh(corners=())) + 4
 
 
@@ -167,8 +190,14 @@ def test_paper_layout_has_four_cells_at_the_tip():
     ("beam", "points"),
     [
         # gmsh's Blossom recombination folded the cells around these embedded points.
-        (Beam(0.003, HEIGHT, holes=[Hole(0.000813126, 0.000438446, 0.00025813)]), {"p": (0.00140653, 0.00484011), "q": (0.00235, 0.0)}),
-        (Beam(0.01, HEIGHT, [VNotch(0.00603966, 0.00275299, 100)]), {"p": (0.00499234, 0.0), "q": (0.00436926, 3.15654e-05)}),
+        (
+            Beam(0.003, HEIGHT, holes=[Hole(0.000813126, 0.000438446, 0.00025813)]),
+            {"p": (0.00140653, 0.00484011), "q": (0.00235, 0.0)},
+        ),
+        (
+            Beam(0.01, HEIGHT, [VNotch(0.00603966, 0.00275299, 100)]),
+            {"p": (0.00499234, 0.0), "q": (0.00436926, 3.15654e-05)},
+        ),
     ],
 )
 def test_points_that_the_mesher_stumbled_over(beam, points):
@@ -193,10 +222,22 @@ def test_save_and_load(tmp_path):
     again = BoundaryMesh.load(tmp_path / "mesh.h5")
     for name in ("order", "material_names", "points", "cracks"):
         assert getattr(again, name) == getattr(mesh, name)
-    for name in ("nodes", "edges", "element_start", "element_edges", "element_reversed", "scaling_centres", "closed", "materials"):
+    for name in (
+        "nodes",
+        "edges",
+        "element_start",
+        "element_edges",
+        "element_reversed",
+        "scaling_centres",
+        "closed",
+        "materials",
+    ):
         assert np.array_equal(getattr(again, name), getattr(mesh, name))
     assert all(np.array_equal(again.edge_sets[name], edges) for name, edges in mesh.edge_sets.items())
-    assert all(np.array_equal(getattr(again.pairs, name), getattr(mesh.pairs, name)) for name in ("nodes", "normal", "gap", "crack", "position"))
+    assert all(
+        np.array_equal(getattr(again.pairs, name), getattr(mesh.pairs, name))
+        for name in ("nodes", "normal", "gap", "crack", "position")
+    )
     assert [path.name for path in tmp_path.iterdir()] == ["mesh.h5"]
 
 

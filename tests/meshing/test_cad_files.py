@@ -13,7 +13,9 @@ AREA = 0.2 * 0.1 - np.pi * 0.02**2
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
-    """plate: 200 x 100 mm with a hole; two: touching squares of 100 mm side; tilted and solid: not plane. Lengths in step and iges are mm."""
+    """plate: 200 x 100 mm with a hole; two: touching squares of 100 mm side; tilted and solid: not plane.
+    Lengths in step and iges are mm.
+    """
     path = tmp_path_factory.mktemp("cad")
     gmsh.initialize([], readConfigFiles=False, interruptible=False)
     try:
@@ -27,7 +29,10 @@ def folder(tmp_path_factory):
             gmsh.clear()
 
         for size, endings in ((1e3, ("step", "iges")), (1.0, ("brep",))):
-            occ.cut([(2, occ.addRectangle(0, 0, 0, 0.2 * size, 0.1 * size))], [(2, occ.addDisk(0.1 * size, 0.05 * size, 0, 0.02 * size, 0.02 * size))])
+            occ.cut(
+                [(2, occ.addRectangle(0, 0, 0, 0.2 * size, 0.1 * size))],
+                [(2, occ.addDisk(0.1 * size, 0.05 * size, 0, 0.02 * size, 0.02 * size))],
+            )
             write("plate", *endings)
             for x in (0.0, 0.1):
                 occ.addRectangle(x * size, 0, 0, 0.1 * size, 0.1 * size)
@@ -55,7 +60,9 @@ def test_plate_with_hole(folder, ending):
     assert np.ptp(mesh.nodes, axis=0) == pytest.approx([0.2, 0.1])
     distance = np.hypot(*(mesh.nodes - [0.1, 0.05]).T)
     hole = next(name for name, edges in mesh.edge_sets.items() if distance[mesh.edges[edges]].max() < 0.03)
-    assert distance[mesh.edges[mesh.edge_sets[hole]]] == pytest.approx(0.02, abs=1e-9 if ending == "iges" else 1e-14)  # iges: a spline
+    assert distance[mesh.edges[mesh.edge_sets[hole]]] == pytest.approx(
+        0.02, abs=1e-9 if ending == "iges" else 1e-14
+    )  # iges: a spline
     corners = {tuple(np.round(mesh.nodes[node], 9)) for node in mesh.points.values()}
     assert {(0, 0), (0.2, 0), (0.2, 0.1), (0, 0.1)} <= corners
 
@@ -66,7 +73,11 @@ def test_touching_parts_are_one_body(folder, ending):
     mesh = read_gmsh(folder / f"two.{ending}", order=2, size=0.05)
     inside = np.setdiff1d(np.arange(len(mesh.edges)), mesh.outline_edges())
     assert mesh.area == pytest.approx(0.02) and len(mesh.edge_sets) == 7
-    seam = next(edges for edges in mesh.edge_sets.values() if (np.abs(mesh.nodes[mesh.edges[edges], 0] - 0.1) < 1e-12).all())
+    seam = next(
+        edges
+        for edges in mesh.edge_sets.values()
+        if (np.abs(mesh.nodes[mesh.edges[edges], 0] - 0.1) < 1e-12).all()
+    )
     assert np.isin(seam, inside).all()
     assert len(np.unique(np.round(mesh.nodes, 9), axis=0)) == len(mesh.nodes)
 
@@ -99,7 +110,10 @@ Physical Point("P") = Point In BoundingBox{0.2 - eps, 0.1 - eps, -eps, 0.2 + eps
 
 def test_closed_circle_in_a_geo_file(tmp_path):
     path = tmp_path / "disk.geo"
-    path.write_text('SetFactory("OpenCASCADE"); Disk(1) = {0, 0, 0, 0.02}; Physical Surface("steel") = {1}; Physical Curve("rim") = {1};\n')
+    path.write_text(
+        'SetFactory("OpenCASCADE"); Disk(1) = {0, 0, 0, 0.02}; Physical Surface("steel") = {1}; Physical '
+        'Curve("rim") = {1};\n'
+    )
     mesh = read_gmsh(path, order=5, size=0.01)
     check_mesh(mesh, np.pi * 0.02**2, 1e-9)
 
@@ -116,7 +130,13 @@ def test_a_session_of_the_user_keeps_its_unit(folder):
 
 @pytest.mark.parametrize(
     ("name", "says"),
-    [("tilted.step", "not in the plane z = 0"), ("solid.step", "not in the plane z = 0"), ("curve.brep", "has no surfaces"), ("cut.step", "cannot read or mesh it"), ("junk.brep", "has no surfaces")],
+    [
+        ("tilted.step", "not in the plane z = 0"),
+        ("solid.step", "not in the plane z = 0"),
+        ("curve.brep", "has no surfaces"),
+        ("cut.step", "cannot read or mesh it"),
+        ("junk.brep", "has no surfaces"),
+    ],
 )
 def test_refused_files(folder, name, says):
     text = (folder / "plate.step").read_text()

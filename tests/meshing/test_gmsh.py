@@ -1,4 +1,6 @@
-"""A user's gmsh models: geometry and meshes, straight and curved, cracks, materials, and models that are refused."""
+"""A user's gmsh models: geometry and meshes, straight and curved, cracks, materials, and models that are
+refused.
+"""
 
 import numpy as np
 import pytest
@@ -63,10 +65,23 @@ def msh2(points, elements, groups):
     """Text of an .msh file, version 2: elements are (type, physical tag, nodes)."""
     lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat"]
     if groups:
-        lines += ["$PhysicalNames", str(len(groups)), *(f'{d} {tag} "{name}"' for d, tag, name in groups), "$EndPhysicalNames"]
-    lines += ["$Nodes", str(len(points)), *(f"{i} {x} {y} 0" for i, (x, y) in enumerate(points, 1)), "$EndNodes"]
+        lines += [
+            "$PhysicalNames",
+            str(len(groups)),
+            *(f'{d} {tag} "{name}"' for d, tag, name in groups),
+            "$EndPhysicalNames",
+        ]
+    lines += [
+        "$Nodes",
+        str(len(points)),
+        *(f"{i} {x} {y} 0" for i, (x, y) in enumerate(points, 1)),
+        "$EndNodes",
+    ]
     lines += ["$Elements", str(len(elements))]
-    lines += [f"{i} {kind} 2 {tag} {max(tag, 1)} {' '.join(map(str, nodes))}" for i, (kind, tag, nodes) in enumerate(elements, 1)]
+    lines += [
+        f"{i} {kind} 2 {tag} {max(tag, 1)} {' '.join(map(str, nodes))}"
+        for i, (kind, tag, nodes) in enumerate(elements, 1)
+    ]
     return "\n".join([*lines, "$EndElements", ""])
 
 
@@ -113,7 +128,12 @@ def test_notch_with_two_faces(tmp_path):
     assert mesh.pairs.gap == pytest.approx(0.1 * mesh.pairs.position)
     assert mesh.cracks[0].opening == pytest.approx(2 * np.arctan(0.1))
     assert mesh.nodes[mesh.points["V_right"]] == pytest.approx([0.55, 1])
-    swapped = (NOTCHED % (5, 5)).replace("V:right", "V:other").replace("V:left", "V:right").replace("V:other", "V:left")
+    swapped = (
+        (NOTCHED % (5, 5))
+        .replace("V:right", "V:other")
+        .replace("V:left", "V:right")
+        .replace("V:other", "V:left")
+    )
     again = read_gmsh(write(tmp_path, swapped, "swapped.geo"), order=3)
     assert again.pairs.gap == pytest.approx(mesh.pairs.gap)
 
@@ -125,7 +145,9 @@ def test_faces_from_the_crack_plugin(tmp_path):
         gmsh.option.setNumber("General.Terminal", 0)
         gmsh.merge(str(geo))
         gmsh.model.mesh.generate(2)
-        line = next(tag for _, tag in gmsh.model.getPhysicalGroups(1) if gmsh.model.getPhysicalName(1, tag) == "line")
+        line = next(
+            tag for _, tag in gmsh.model.getPhysicalGroups(1) if gmsh.model.getPhysicalName(1, tag) == "line"
+        )
         mouth = gmsh.model.addPhysicalGroup(0, [6])
         gmsh.plugin.setNumber("Crack", "Dimension", 1)
         gmsh.plugin.setNumber("Crack", "PhysicalGroup", line)
@@ -168,15 +190,45 @@ BENT = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.98), (0.02, 0.5)]
     [
         ("no groups", msh2(SQUARE, [(3, 0, (1, 2, 3, 4))], []), "no physical surfaces"),
         ("no cells", msh2(SQUARE, [(1, 1, (1, 2))], [(1, 1, "edge")]), "no physical surfaces"),
-        ("degenerate", msh2([*SQUARE, (0.5, 0.0)], [(3, 1, (1, 2, 3, 4)), (2, 1, (1, 5, 2))], STEEL), "inverted or degenerate"),
-        ("inverted", msh2([*SQUARE, (2, 0), (2, 1)], [(3, 1, (1, 2, 3, 4)), (2, 1, (2, 5, 6)), (2, 1, (2, 3, 6))], STEEL), "inverted or degenerate"),
-        ("bow-tie", msh2([*SQUARE, (2, 0), (2, 1.2)], [(3, 1, (1, 2, 3, 4)), (3, 1, (2, 5, 3, 6))], STEEL), "inverted or degenerate"),
+        (
+            "degenerate",
+            msh2([*SQUARE, (0.5, 0.0)], [(3, 1, (1, 2, 3, 4)), (2, 1, (1, 5, 2))], STEEL),
+            "inverted or degenerate",
+        ),
+        (
+            "inverted",
+            msh2(
+                [*SQUARE, (2, 0), (2, 1)], [(3, 1, (1, 2, 3, 4)), (2, 1, (2, 5, 6)), (2, 1, (2, 3, 6))], STEEL
+            ),
+            "inverted or degenerate",
+        ),
+        (
+            "bow-tie",
+            msh2([*SQUARE, (2, 0), (2, 1.2)], [(3, 1, (1, 2, 3, 4)), (3, 1, (2, 5, 3, 6))], STEEL),
+            "inverted or degenerate",
+        ),
         # A second-order triangle whose sides bend far inwards.
         ("not star-convex", msh2(BENT, [(9, 1, (1, 2, 3, 6, 5, 4))], STEEL), "star-convex"),
-        ("not plane", msh2(SQUARE, [(3, 1, (1, 2, 3, 4))], STEEL).replace("3 1 1 0\n", "3 1 1 0.5\n"), "plane"),
-        ("lines off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "crack:c")]), "crack line 'crack:c' does not lie on cell"),
-        ("set off edges", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "clamp")]), "curve 'clamp' does not lie on cell edges"),
-        ("on the outline", msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 2))], [*STEEL, (1, 2, "crack:c")]), "lies on the outline"),
+        (
+            "not plane",
+            msh2(SQUARE, [(3, 1, (1, 2, 3, 4))], STEEL).replace("3 1 1 0\n", "3 1 1 0.5\n"),
+            "plane",
+        ),
+        (
+            "lines off edges",
+            msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "crack:c")]),
+            "crack line 'crack:c' does not lie on cell",
+        ),
+        (
+            "set off edges",
+            msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 3))], [*STEEL, (1, 2, "clamp")]),
+            "curve 'clamp' does not lie on cell edges",
+        ),
+        (
+            "on the outline",
+            msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 2))], [*STEEL, (1, 2, "crack:c")]),
+            "lies on the outline",
+        ),
         ("junk", "hello", "cannot read or mesh it"),
         ("empty", "", "cannot read or mesh it"),
     ],
@@ -197,8 +249,8 @@ def test_refused_meshes(tmp_path, name, text, says):
         (("crack:main", "crack:main:left"), "give either crack:main alone or both"),
         (("Curve{9} In Surface{1};", ""), "does not lie on cell edges"),
         (("Line(9)={6,8};", "Point(14)={1,0.3,0,h}; Line(9)={8,14};"), "both ends inside the material"),
-        (("Physical Curve(\"crack:main\")={9}", "Physical Curve(\"crack:main\")={9,5}"), "lies on the outline"),
-        (("Physical Point(\"P\")={4}", "Physical Point(\"P\")={8}"), "point 'P' is a crack tip"),
+        (('Physical Curve("crack:main")={9}', 'Physical Curve("crack:main")={9,5}'), "lies on the outline"),
+        (('Physical Point("P")={4}', 'Physical Point("P")={8}'), "point 'P' is a crack tip"),
         (("Point(8)={1,0.5,0,h}", "Point(8)={1,-0.5,0,h}"), "curves of surface 1 cross each other near"),
         (("Point(2)={1.5,0,0,h}", "Point(2)={1.5,2,0,h}"), "cross each other near"),
         (("Plane Surface(2)={3};", "Plane Surface(2)={3"), "cannot read or mesh it"),
@@ -214,10 +266,18 @@ def test_refused_geometry(tmp_path, change, says):
 
 
 def test_faces_that_do_not_match(tmp_path):
-    with pytest.raises(ValueError, match=r"model.geo: crack 'V': the faces do not match, 13 nodes on the right face and 19 on the left"):
+    with pytest.raises(
+        ValueError,
+        match=r"model.geo: crack 'V': the faces do not match, 13 nodes on the "
+        r"right face and 19 on the left",
+    ):
         read_gmsh(write(tmp_path, NOTCHED % (5, 7)), order=3, tip_element=False)
-    uneven = (NOTCHED % (5, 5)).replace("Transfinite Curve{4}=5", "Transfinite Curve{4}=5 Using Progression 1.3")
-    with pytest.raises(ValueError, match="crack 'V': the faces do not match, node .* lies at .* of the right face"):
+    uneven = (NOTCHED % (5, 5)).replace(
+        "Transfinite Curve{4}=5", "Transfinite Curve{4}=5 Using Progression 1.3"
+    )
+    with pytest.raises(
+        ValueError, match="crack 'V': the faces do not match, node .* lies at .* of the right face"
+    ):
         read_gmsh(write(tmp_path, uneven), order=3)
 
 
@@ -239,9 +299,25 @@ def test_order_out_of_range(tmp_path, order):
 
 
 def test_geometry_that_gmsh_would_hang_on(tmp_path):
-    """Curves that meet in separate nodes at one place: a bow tie, and a crack whose mouth is no point of the outline."""
-    bow = "\n".join(["Point(1)={0,0,0,.2};", "Point(2)={1,1,0,.2};", "Point(3)={1,0,0,.2};", "Point(4)={0,1,0,.2};", "Line(1)={1,2};", "Line(2)={2,3};", "Line(3)={3,4};", "Line(4)={4,1};",
-                     "Curve Loop(1)={1,2,3,4};", "Plane Surface(1)={1};", 'Physical Surface("s")={1};', ""])
+    """Curves that meet in separate nodes at one place: a bow tie, and a crack whose mouth is no point of
+    the outline.
+    """
+    bow = "\n".join(
+        [
+            "Point(1)={0,0,0,.2};",
+            "Point(2)={1,1,0,.2};",
+            "Point(3)={1,0,0,.2};",
+            "Point(4)={0,1,0,.2};",
+            "Line(1)={1,2};",
+            "Line(2)={2,3};",
+            "Line(3)={3,4};",
+            "Line(4)={4,1};",
+            "Curve Loop(1)={1,2,3,4};",
+            "Plane Surface(1)={1};",
+            'Physical Surface("s")={1};',
+            "",
+        ]
+    )
     (tmp_path / "bow.geo").write_text(bow)
     with pytest.raises(ValueError, match="cross each other near"):
         read_gmsh(tmp_path / "bow.geo")
@@ -249,9 +325,13 @@ def test_geometry_that_gmsh_would_hang_on(tmp_path):
 
 def test_geometry_files_that_would_lose_a_part(tmp_path):
     """A last line without newline, of which gmsh drops statements, and a surface in no physical group."""
-    (tmp_path / "cut.geo").write_text('SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};')
+    (tmp_path / "cut.geo").write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};'
+    )
     with pytest.raises(ValueError, match="does not end with a newline"):
         read_gmsh(tmp_path / "cut.geo")
-    (tmp_path / "two.geo").write_text('SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\nPhysical Surface("a")={1};\n')
+    (tmp_path / "two.geo").write_text(
+        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\nPhysical Surface("a")={1};\n'
+    )
     with pytest.raises(ValueError, match="belongs to no physical group"):
         read_gmsh(tmp_path / "two.geo")

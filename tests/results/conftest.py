@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
-from results_case import build, on_ranks, write_all  # noqa: E402
+from results_case import build, on_ranks, write_all
+
 
 @pytest.fixture(scope="session")
 def solved():

@@ -1,8 +1,9 @@
-"""A small notched beam with its modes and static cases; as a program, all kinds of result files of it in a folder."""
+"""A small notched beam with its modes and static cases; as a program, all kinds of result files of it in a
+folder.
+"""
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
 
@@ -49,7 +50,9 @@ def write_all(folder: str) -> None:
 
 
 def fail(folder: str) -> None:
-    """Every rank gets the sentence when rank 0's disk is full, and none waits; then an output folder below a file."""
+    """Every rank gets the sentence when rank 0's disk is full, and none waits; then an output folder below a
+    file.
+    """
     import h5py
 
     from sbfem_petsc.results.hdf5 import check_output_folder, write_results

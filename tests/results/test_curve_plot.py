@@ -1,4 +1,6 @@
-"""Pictures of response curves, harmonics, orbits and multipliers; how curves are split into stable and unstable parts."""
+"""Pictures of response curves, harmonics, orbits and multipliers; how curves are split into stable and
+unstable parts.
+"""
 
 from __future__ import annotations
 
@@ -10,25 +12,49 @@ from matplotlib import image
 
 import sbfem_petsc as sb
 from sbfem_petsc.results import curve_plot
-from sbfem_petsc.results.curve_plot import amplitude_at, in_order, plot_curves, plot_harmonics, plot_multipliers, plot_orbit, smooth, split
+from sbfem_petsc.results.curve_plot import (
+    amplitude_at,
+    in_order,
+    plot_curves,
+    plot_harmonics,
+    plot_multipliers,
+    plot_orbit,
+    smooth,
+    split,
+)
 
 
 @pytest.fixture(scope="module")
 def oscillator():
     """Two masses and an elastic stop: folds and period doublings within one resonance."""
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return sb.reduce_matrices(np.eye(2), stiffness, np.array([[-1.0, 0.0]]), np.ones(1), np.array([[0.0], [1.0]]), {"one": 0, "two": 1}, damping=0.03 * stiffness, compliance=np.array([0.01]))
+    return sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[-1.0, 0.0]]),
+        np.ones(1),
+        np.array([[0.0], [1.0]]),
+        {"one": 0, "two": 1},
+        damping=0.03 * stiffness,
+        compliance=np.array([0.01]),
+    )
 
 
 @pytest.fixture(scope="module")
 def curves(oscillator):
     start, stop = 0.55 / (2.0 * math.pi), 0.95 / (2.0 * math.pi)
-    return {"stop": sb.frequency_response(oscillator, (0.1,), start, stop, steps=2048, progress=None), "no stop": sb.frequency_response(oscillator, (0.1,), start, stop, contact=False, progress=None)}
+    return {
+        "stop": sb.frequency_response(oscillator, (0.1,), start, stop, steps=2048, progress=None),
+        "no stop": sb.frequency_response(oscillator, (0.1,), start, stop, contact=False, progress=None),
+    }
 
 
 @pytest.fixture(scope="module")
 def orbits(oscillator):
-    return {name: sb.periodic(oscillator, (force,), 0.63 / (2.0 * math.pi), steps=1024) for name, force in (("open", 0.01), ("touching", 0.1))}
+    return {
+        name: sb.periodic(oscillator, (force,), 0.63 / (2.0 * math.pi), steps=1024)
+        for name, force in (("open", 0.01), ("touching", 0.1))
+    }
 
 
 def drawn(path):
@@ -53,7 +79,9 @@ def test_without_bifurcations_the_verdict_changes_half_way():
 
 
 def test_the_verdict_changes_at_bifurcations():
-    parts = split(VALUE, HEIGHT, np.array([True, True, False, False, True, True]), [(2, 1.8, 3.9), (4, 3.1, 3.3)])
+    parts = split(
+        VALUE, HEIGHT, np.array([True, True, False, False, True, True]), [(2, 1.8, 3.9), (4, 3.1, 3.3)]
+    )
     assert [list(part[1]) for part in parts] == [[0.0, 1.0, 1.8], [1.8, 2.0, 3.0, 3.1], [3.1, 4.0, 5.0]]
     assert parts[0][2][-1] == parts[1][2][0] == 3.9 and parts[1][2][-1] == parts[2][2][0] == 3.3
 
@@ -93,7 +121,9 @@ def test_smooth_lines_through_equal_points():
 
 # ---------------------------------------------------------------------- pictures
 def test_lines_follow_the_verdict(curves):
-    """Solid where stable, broken where not; the parts hang together and hold all points; a grey line without contact."""
+    """Solid where stable, broken where not; the parts hang together and hold all points; a grey line without
+    contact.
+    """
     curve = curves["stop"]
     kinds = [item.kind for item in curve.bifurcations]
     assert kinds.count("fold") == 2 and "period doubling" in kinds and not curve.stable.all()
@@ -109,7 +139,10 @@ def test_lines_follow_the_verdict(curves):
     for line in parts:
         assert (line.get_linestyle() == "-") is expected
         expected = not expected
-    x, y = np.concatenate([line.get_xdata() for line in parts]), np.concatenate([line.get_ydata() for line in parts])
+    x, y = (
+        np.concatenate([line.get_xdata() for line in parts]),
+        np.concatenate([line.get_ydata() for line in parts]),
+    )
     for value, height in zip(curve.value, curve.amplitude("two")):
         assert np.hypot((x - value) / 0.1, y / y.max() - height / curve.amplitude("two").max()).min() < 1e-9
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
@@ -122,19 +155,34 @@ def test_amplitude_at_a_fold(curves):
     for item in curve.bifurcations:
         if item.kind == "fold":
             beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
-            assert beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "two") <= beside.max() * (1.0 + 1e-2)
+            assert (
+                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "two") <= beside.max() * (1.0 + 1e-2)
+            )
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
 def test_pictures(curves, orbits, tmp_path):
-    paths = [plot_curves(curves, str(tmp_path / "curves.png"), "two", forces={"stop": 0.1, "no stop": 0.1}, title="oscillator", every=True),
-             plot_harmonics(orbits, str(tmp_path / "harmonics.png"), "two", forces={"open": 0.01, "touching": 0.1}),
-             plot_orbit(orbits["touching"], str(tmp_path / "orbit.png"), "two", {"stop": 0}),
-             plot_orbit(orbits["touching"], str(tmp_path / "orbit_default.png"), "one"),
-             plot_multipliers(orbits["touching"], str(tmp_path / "multipliers.png")),
-             plot_multipliers(curves["stop"], str(tmp_path / "multipliers_curve.png"), "through folds")]
+    paths = [
+        plot_curves(
+            curves,
+            str(tmp_path / "curves.png"),
+            "two",
+            forces={"stop": 0.1, "no stop": 0.1},
+            title="oscillator",
+            every=True,
+        ),
+        plot_harmonics(
+            orbits, str(tmp_path / "harmonics.png"), "two", forces={"open": 0.01, "touching": 0.1}
+        ),
+        plot_orbit(orbits["touching"], str(tmp_path / "orbit.png"), "two", {"stop": 0}),
+        plot_orbit(orbits["touching"], str(tmp_path / "orbit_default.png"), "one"),
+        plot_multipliers(orbits["touching"], str(tmp_path / "multipliers.png")),
+        plot_multipliers(curves["stop"], str(tmp_path / "multipliers_curve.png"), "through folds"),
+    ]
     pictures = [drawn(path) for path in paths]
-    assert all(np.abs(a - b).max() > 0.5 for k, a in enumerate(pictures) for b in pictures[:k] if a.shape == b.shape)
+    assert all(
+        np.abs(a - b).max() > 0.5 for k, a in enumerate(pictures) for b in pictures[:k] if a.shape == b.shape
+    )
 
 
 def test_harmonics_drawn_are_those_above_rounding(orbits):
@@ -161,7 +209,11 @@ def test_a_curve_over_the_load(oscillator, tmp_path):
     drawn(plot_curves({"0.1 N": curve}, str(tmp_path / "load.png"), "two"))
     assert curve_plot._abscissa({"0.1 N": curve})[1] == "factor on the load"
     with pytest.raises(ValueError, match="over the frequency and some over the load"):
-        plot_curves({"load": curve, "frequency": curve_plot.replace(curve, parameter="frequency")}, str(tmp_path / "a.png"), "two")
+        plot_curves(
+            {"load": curve, "frequency": curve_plot.replace(curve, parameter="frequency")},
+            str(tmp_path / "a.png"),
+            "two",
+        )
 
 
 def test_bad_requests(curves, orbits, tmp_path):

@@ -1,4 +1,6 @@
-"""Curves in files: what is read is what was found, interrupted runs are continued, and foreign files are refused."""
+"""Curves in files: what is read is what was found, interrupted runs are continued, and foreign files are
+refused.
+"""
 
 import os
 import warnings
@@ -19,7 +21,16 @@ START, STOP = 0.5 / TURN, 0.9 / TURN
 
 def two_masses(damping=0.03, compliance=0.01, force=1.0):
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return reduce_matrices(np.eye(2), stiffness, np.array([[1.0, 0.0]]), np.array([1.0]), np.array([[0.0], [force]]), {"1": 0, "2": 1}, damping=damping * stiffness, compliance=np.array([compliance]))
+    return reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        np.array([[0.0], [force]]),
+        {"1": 0, "2": 1},
+        damping=damping * stiffness,
+        compliance=np.array([compliance]),
+    )
 
 
 def follow(**options):
@@ -40,7 +51,12 @@ def same(found, expected):
         assert getattr(found, name) == getattr(expected, name), name
     assert len(found.bifurcations) == len(expected.bifurcations)
     for one, other in zip(found.bifurcations, expected.bifurcations):
-        assert (one.kind, one.value, one.multiplier, one.after) == (other.kind, other.value, other.multiplier, other.after)
+        assert (one.kind, one.value, one.multiplier, one.after) == (
+            other.kind,
+            other.value,
+            other.multiplier,
+            other.after,
+        )
         np.testing.assert_array_equal(one.state, other.state)
         np.testing.assert_array_equal(one.direction, other.direction)
 
@@ -63,7 +79,11 @@ def test_what_is_read_is_what_was_found(whole):
 def test_the_file_explains_itself(whole):
     _, path = whole
     with h5py.File(path) as file:
-        assert file.attrs["format"] == "sbfem-petsc response curve" and file.attrs["parameter"] == "frequency" and bool(file.attrs["complete"])
+        assert (
+            file.attrs["format"] == "sbfem-petsc response curve"
+            and file.attrs["parameter"] == "frequency"
+            and bool(file.attrs["complete"])
+        )
         for name in module._ARRAYS:
             assert file[name].attrs["description"], name
         assert file["point_amplitudes"].attrs["unit"] == "m"
@@ -76,12 +96,18 @@ def test_save_and_read_a_load_curve(tmp_path):
     save_curve(curve, path)
     found = read_curve(path)
     same(found, curve)
-    assert found.parameter == "load" and found.fixed_frequency == 0.1 and found.multipliers.shape == (len(curve.value), 0)
+    assert (
+        found.parameter == "load"
+        and found.fixed_frequency == 0.1
+        and found.multipliers.shape == (len(curve.value), 0)
+    )
 
 
 @pytest.mark.parametrize("after", [17, 60])
 def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
-    """Ctrl-C after some points, on every part of the branch: the file is readable and marked, and the continued curve has the same points to 1e-8."""
+    """Ctrl-C after some points, on every part of the branch: the file is readable and marked, and the
+    continued curve has the same points to 1e-8.
+    """
     monkeypatch.setattr(module, "PAUSE", 0.0)
     curve, _ = whole
     path = str(tmp_path / "curve.h5")
@@ -94,7 +120,9 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
 
     with pytest.raises(KeyboardInterrupt):
         follow(file=path, progress=interrupt)
-    with pytest.warns(IncompleteCurve, match="is incomplete: it ends at .* of 0.143.*; resume=True continues it"):
+    with pytest.warns(
+        IncompleteCurve, match="is incomplete: it ends at .* of 0.143.*; resume=True continues it"
+    ):
         part = read_curve(path)
     assert not part.complete and len(part.value) == after + 1
     # the whole curve has further points where it bends, added at the end
@@ -156,17 +184,32 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     assert follow(file=path, resume=True, stability=False).complete
 
 
-@pytest.mark.parametrize("change, sentence", [
-    ({"steps": 1024}, "was written with steps = 2048, not 1024"), ({"stop": 0.1}, "was written with stop"), ({"start": 0.081}, "was written with start"),
-    ({"load": [0.2]}, "was written for other loads"), ({"model": two_masses(damping=0.02)}, "another model .*damping"), ({"model": two_masses(compliance=0.02)}, "another model .*compliance"),
-    ({"model": two_masses(force=2.0)}, "another model .*load"),
-])
+@pytest.mark.parametrize(
+    "change, sentence",
+    [
+        ({"steps": 1024}, "was written with steps = 2048, not 1024"),
+        ({"stop": 0.1}, "was written with stop"),
+        ({"start": 0.081}, "was written with start"),
+        ({"load": [0.2]}, "was written for other loads"),
+        ({"model": two_masses(damping=0.02)}, "another model .*damping"),
+        ({"model": two_masses(compliance=0.02)}, "another model .*compliance"),
+        ({"model": two_masses(force=2.0)}, "another model .*load"),
+    ],
+)
 def test_another_run_is_not_continued(whole, change, sentence):
     _, path = whole
     given = {"model": two_masses(), "load": [0.1], "start": START, "stop": STOP, "steps": 2048, **change}
     before = open(path, "rb").read()
     with pytest.raises(ValueError, match=sentence):
-        sb.frequency_response(given["model"], given["load"], given["start"], given["stop"], steps=given["steps"], file=path, resume=True)
+        sb.frequency_response(
+            given["model"],
+            given["load"],
+            given["start"],
+            given["stop"],
+            steps=given["steps"],
+            file=path,
+            resume=True,
+        )
     assert open(path, "rb").read() == before
 
 

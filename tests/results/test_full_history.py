@@ -1,4 +1,6 @@
-"""Files of the unreduced model's histories: restarts after kills on one and several ranks, longer runs, other runs' files."""
+"""Files of the unreduced model's histories: restarts after kills on one and several ranks, longer runs, other
+runs' files.
+"""
 
 import errno
 import os
@@ -44,7 +46,9 @@ def make(damping=0.01):
     from meshing import Beam, VNotch
 
     beam = Beam(length=0.05, height=0.005, notches=[VNotch(x=0.02, depth=0.0025, opening=0.0458366)])
-    return sb.Model(beam.mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=damping, rayleigh=(5.0, 0.0))
+    return sb.Model(
+        beam.mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=damping, rayleigh=(5.0, 0.0)
+    )
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +74,16 @@ def whole(model):
 def close(found, whole, rows=None, slopes=1e-10):
     """Within 1e-10 of the uninterrupted history, accelerations within `slopes`."""
     rows = len(whole.time) if rows is None else rows
-    for values, exact in ((found.time, whole.time), (found.contact_force, whole.contact_force), (found.gap, whole.gap), (found.energy.damping, whole.energy.damping),
-                          (found.energy.kinetic, whole.energy.kinetic), (found.stress_intensity(), whole.stress_intensity()),
-                          (found.displacement("A"), whole.displacement("A")), (found.velocity("A"), whole.velocity("A"))):
+    for values, exact in (
+        (found.time, whole.time),
+        (found.contact_force, whole.contact_force),
+        (found.gap, whole.gap),
+        (found.energy.damping, whole.energy.damping),
+        (found.energy.kinetic, whole.energy.kinetic),
+        (found.stress_intensity(), whole.stress_intensity()),
+        (found.displacement("A"), whole.displacement("A")),
+        (found.velocity("A"), whole.velocity("A")),
+    ):
         assert len(values) == rows
         np.testing.assert_allclose(values, exact[:rows], rtol=0, atol=1e-10 * np.abs(exact).max())
     slope, exact = found.acceleration("A"), whole.acceleration("A")[:rows]
@@ -96,14 +107,24 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
     assert found.damping == 0.01 and found.damped_modes == 12 and found.rayleigh == (5.0, 0.0)
     close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
     with h5py.File(path) as file:
-        assert file["velocity"].attrs["unit"] == "m/s" and file["displacement"].shape == (1 + COUNT // 5, len(model.points), 2)
+        assert file["velocity"].attrs["unit"] == "m/s" and file["displacement"].shape == (
+            1 + COUNT // 5,
+            len(model.points),
+            2,
+        )
 
 
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
-    run = subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), "0.1", "new"], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                           env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])})
+    run = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(path), "0.1", "new"],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+    )
     for _ in range(3):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
     run.send_signal(kind)
@@ -127,16 +148,26 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5
     with pytest.raises(ValueError, match="written with ranks = 2, not 1"):
         sb.transient(model, LOAD, file=path, restart=True, **RUN)
-    continued, straight = (answer(on_ranks(2, PROGRAM, str(where), "0", mode)) for where, mode in ((path, "restart"), (tmp_path / "other.h5", "new")))
+    continued, straight = (
+        answer(on_ranks(2, PROGRAM, str(where), "0", mode))
+        for where, mode in ((path, "restart"), (tmp_path / "other.h5", "new"))
+    )
     for name in ("u", "force"):
-        np.testing.assert_allclose(continued[name], straight[name], rtol=0, atol=1e-10 * np.abs(straight[name]).max())
-    # MUMPS on two ranks does not add in the same order every time: two uninterrupted runs differ by 1e-11, their accelerations by 1e-10
+        np.testing.assert_allclose(
+            continued[name], straight[name], rtol=0, atol=1e-10 * np.abs(straight[name]).max()
+        )
+    # MUMPS on two ranks does not add in the same order every time: two uninterrupted runs differ by 1e-11,
+    # their accelerations by 1e-10
     close(read_history(path), read_history(tmp_path / "other.h5"), slopes=1e-8)
-    np.testing.assert_allclose(continued["u"], whole.displacement("A"), rtol=0, atol=1e-6 * np.abs(whole.displacement("A")).max())
+    np.testing.assert_allclose(
+        continued["u"], whole.displacement("A"), rtol=0, atol=1e-6 * np.abs(whole.displacement("A")).max()
+    )
 
 
 def test_a_part_half_written(model, whole, tmp_path):
-    """A kill while a state is written leaves the one before (384 steps; row 385 takes its slope): unknowns without their checksum are not used."""
+    """A kill while a state is written leaves the one before (384 steps; row 385 takes its slope): unknowns
+    without their checksum are not used.
+    """
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.7), **RUN)
@@ -174,9 +205,17 @@ def test_another_runs_file_is_refused(model, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
     content = path.read_bytes()
-    for options, words in (({"model": make(0.02)}, "damping"), ({"step": 1e-6}, "another step"), ({"decimation": 2}, "decimation"), ({"scheme": "paper"}, "another model|scheme"),
-                           ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 3))}, "other load signals"), ({"start": (None, lambda x, y: (0.0, x))}, "start"),
-                           ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"), ({"reduction": "modes"}, "another kind"), ({"start": "equilibrium"}, "start")):
+    for options, words in (
+        ({"model": make(0.02)}, "damping"),
+        ({"step": 1e-6}, "another step"),
+        ({"decimation": 2}, "decimation"),
+        ({"scheme": "paper"}, "another model|scheme"),
+        ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 3))}, "other load signals"),
+        ({"start": (None, lambda x, y: (0.0, x))}, "start"),
+        ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"),
+        ({"reduction": "modes"}, "another kind"),
+        ({"start": "equilibrium"}, "start"),
+    ):
         with pytest.raises(ValueError, match=words):
             sb.transient(**{"model": model, "load": LOAD, "file": path, "restart": True, **RUN, **options})
     assert path.read_bytes() == content

@@ -1,4 +1,6 @@
-"""HDF5 results: what is written is read back, incomplete files are refused, two ranks write what one writes."""
+"""HDF5 results: what is written is read back, incomplete files are refused, two ranks write what one
+writes.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +9,8 @@ import os
 import h5py
 import numpy as np
 import pytest
-
 from results_case import LOADS, on_ranks
+
 from sbfem_petsc.loads import EdgeLoad, PointForce
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.results import gather
@@ -18,14 +20,19 @@ from sbfem_petsc.results.hdf5 import check_output_folder, read_results, write_re
 def test_what_is_written_is_read_back(solved, tmp_path):
     mesh, model, modes, cases = solved
     path = str(tmp_path / "results.h5")
-    loads = {"closing": LOADS["closing"], "opening": [PointForce("A", fy=-20.0), EdgeLoad("top", pressure=0.0)]}
+    loads = {
+        "closing": LOADS["closing"],
+        "opening": [PointForce("A", fy=-20.0), EdgeLoad("top", pressure=0.0)],
+    }
     assert write_results(path, model, modes, cases, loads) == path
     found = read_results(path)
     assert os.listdir(tmp_path) == ["results.h5"]
     np.testing.assert_array_equal(found.mesh["nodes"], mesh.nodes)
     starts = np.concatenate([[0], np.cumsum(found.mesh["element_nodes_count"])])
     for element in range(mesh.elements):
-        np.testing.assert_array_equal(found.mesh["element_nodes"][starts[element]:starts[element + 1]], mesh.element_nodes(element))
+        np.testing.assert_array_equal(
+            found.mesh["element_nodes"][starts[element] : starts[element + 1]], mesh.element_nodes(element)
+        )
     np.testing.assert_array_equal(found.mesh["scaling_centres"], mesh.scaling_centres)
     np.testing.assert_array_equal(found.mesh["closed"], mesh.closed)
     np.testing.assert_array_equal(found.mesh["pairs"]["nodes"], mesh.pairs.nodes)
@@ -36,7 +43,9 @@ def test_what_is_written_is_read_back(solved, tmp_path):
     np.testing.assert_array_equal(closing["displacement"], cases["closing"].field)
     np.testing.assert_array_equal(closing["contact_force"], cases["closing"].contact_force)
     assert closing["contact_resultant"] == cases["closing"].contact_resultant > 0.0
-    np.testing.assert_array_equal(closing["stress_intensity"]["crack1"]["factors"], cases["closing"].stress_intensity["crack1"])
+    np.testing.assert_array_equal(
+        closing["stress_intensity"]["crack1"]["factors"], cases["closing"].stress_intensity["crack1"]
+    )
     np.testing.assert_allclose(closing["stress_intensity"]["crack1"]["exponents"], 0.5, atol=1e-2)
     assert closing["loads"]["1"]["kind"] == "PointForce" and closing["loads"]["1"]["fy"] == 600.0
     assert found.static["opening"]["loads"]["2"]["edge_set"] == "top"
@@ -50,7 +59,11 @@ def test_what_is_written_is_read_back(solved, tmp_path):
 def test_every_dataset_has_a_unit_and_a_description(serial_files):
     with h5py.File(serial_files / "results.h5") as file:
         seen = []
-        file.visititems(lambda name, item: seen.append((name, set(item.attrs))) if isinstance(item, h5py.Dataset) else None)
+        file.visititems(
+            lambda name, item: (
+                seen.append((name, set(item.attrs))) if isinstance(item, h5py.Dataset) else None
+            )
+        )
         assert file.attrs["complete"]
     assert len(seen) > 40
     assert not [name for name, attributes in seen if not {"unit", "description"} <= attributes]
@@ -73,14 +86,23 @@ def test_petsc_options_are_recorded(solved, tmp_path):
 def test_two_ranks_write_what_one_writes(serial_files, parallel_files):
     one, two = (read_results(str(folder / "results.h5")) for folder in (serial_files, parallel_files))
     assert one.units == two.units and two.inputs["ranks"] == 2
-    for name in ("nodes", "scaling_centres", "closed", "element_nodes", "element_nodes_count", "element_materials"):
+    for name in (
+        "nodes",
+        "scaling_centres",
+        "closed",
+        "element_nodes",
+        "element_nodes_count",
+        "element_materials",
+    ):
         np.testing.assert_array_equal(one.mesh[name], two.mesh[name])
     np.testing.assert_allclose(two.modal["frequencies"], one.modal["frequencies"], rtol=1e-7)
     for a, b in zip(one.modal["shapes"], two.modal["shapes"]):
         assert (a * b).sum() ** 2 / ((a * a).sum() * (b * b).sum()) > 1.0 - 1e-10
     for name in LOADS:
         scale = np.abs(one.static[name]["displacement"]).max()
-        np.testing.assert_allclose(two.static[name]["displacement"], one.static[name]["displacement"], atol=1e-7 * scale)
+        np.testing.assert_allclose(
+            two.static[name]["displacement"], one.static[name]["displacement"], atol=1e-7 * scale
+        )
         np.testing.assert_array_equal(two.static[name]["active"], one.static[name]["active"])
 
 
@@ -120,7 +142,9 @@ def test_failures_are_known_to_all_ranks(tmp_path, parallel_files):
     (tmp_path / "file").write_text("")
     done = on_ranks(2, "fail", str(tmp_path))
     for rank in (0, 1):
-        assert f"rank {rank}: results file" in done.stdout and "No space left on device" in done.stdout, done.stderr
+        assert f"rank {rank}: results file" in done.stdout and "No space left on device" in done.stdout, (
+            done.stderr
+        )
     assert os.listdir(tmp_path) == ["file"]
     assert done.returncode != 0 and done.stderr.count(f"{tmp_path / 'file'}' cannot be made") == 1
 
@@ -129,7 +153,9 @@ def test_names_of_cases(solved, tmp_path):
     with pytest.raises(ValueError, match="without '/'"):
         write_results(str(tmp_path / "r.h5"), solved[1], static={"a/b": solved[3]["opening"]})
     with pytest.raises(ValueError, match="loads are given for"):
-        write_results(str(tmp_path / "r.h5"), solved[1], static=solved[3], loads={"pulling": LOADS["opening"]})
+        write_results(
+            str(tmp_path / "r.h5"), solved[1], static=solved[3], loads={"pulling": LOADS["opening"]}
+        )
     assert os.listdir(tmp_path) == []
 
 

@@ -1,4 +1,6 @@
-"""Histories on disk: restart after a kill, Ctrl-C, full disks and lost folders, other models' files, animations."""
+"""Histories on disk: restart after a kill, Ctrl-C, full disks and lost folders, other models' files,
+animations.
+"""
 
 import errno
 import os
@@ -92,8 +94,14 @@ def stopped(fraction):
 
 
 def child(path, pause, mode="new"):
-    return subprocess.Popen([sys.executable, "-c", PROGRAM, str(path), str(pause), mode], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
-                            env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])})
+    return subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, str(path), str(pause), mode],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+    )
 
 
 def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
@@ -112,7 +120,9 @@ def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
 
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
-    """kill -9 and Ctrl-C after some chunks: readable, not complete; restarted it is the uninterrupted history, bit by bit."""
+    """kill -9 and Ctrl-C after some chunks: readable, not complete; restarted it is the uninterrupted
+    history, bit by bit.
+    """
     path = tmp_path / "h.h5"
     run = child(path, 0.05)
     for _ in range(7):
@@ -124,13 +134,19 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
         part = read_history(path)
     n = len(part.time)
     assert not part.complete and 7 * 256 // 5 < n < 39 * 256 // 5
-    np.testing.assert_allclose(part.displacement("A"), whole.displacement("A")[:n], atol=1e-10 * np.abs(whole.displacement("A")).max())
+    np.testing.assert_allclose(
+        part.displacement("A"),
+        whole.displacement("A")[:n],
+        atol=1e-10 * np.abs(whole.displacement("A")).max(),
+    )
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
     assert read_history(path).complete
 
 
 def test_killed_at_any_moment(small_chunks, tmp_path):
-    """A writer that does nothing but write, killed at four moments: always readable, and the rows are those of the state."""
+    """A writer that does nothing but write, killed at four moments: always readable, and the rows are those
+    of the state.
+    """
     program = """
 import sys, numpy as np, sbfem_petsc as sb
 from sbfem_petsc.analysis import transient as module
@@ -144,7 +160,14 @@ with HistoryFile(MPI.COMM_SELF, sys.argv[1], False, r, signals, 10**5, 0.01, Tru
     module.integrate(r, signals, 10**5, 0.01, record=record, progress=lambda d: print(flush=True) if d < 1e-4 else None)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    runs = [subprocess.Popen([sys.executable, "-c", program, str(tmp_path / f"{k}.h5")], env=environment, stdout=subprocess.PIPE) for k in range(4)]
+    runs = [
+        subprocess.Popen(
+            [sys.executable, "-c", program, str(tmp_path / f"{k}.h5")],
+            env=environment,
+            stdout=subprocess.PIPE,
+        )
+        for k in range(4)
+    ]
     for k, run in enumerate(runs):
         run.stdout.readline()
         time.sleep(0.0317 * k)
@@ -158,14 +181,20 @@ with HistoryFile(MPI.COMM_SELF, sys.argv[1], False, r, signals, 10**5, 0.01, Tru
 
 @pytest.mark.parametrize("step", [1e-6, None])
 def test_a_longer_run(model, whole, small_chunks, tmp_path, step):
-    """A complete history of half of the time goes on to the whole, at its own step; a shorter one is not made of it."""
+    """A complete history of half of the time goes on to the whole, at its own step; a shorter one is not made
+    of it.
+    """
     path = tmp_path / "h.h5"
     half = sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00512})
     assert read_history(path).complete
     found = sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "step": step})
     same(found, whole)
     same(read_history(path), whole)
-    assert len(half.time) == 1025 and read_history(path).complete and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
+    assert (
+        len(half.time) == 1025
+        and read_history(path).complete
+        and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
+    )
     with pytest.raises(ValueError, match="run of 0.01024 s, longer than 0.00512 s"):
         sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00512})
 
@@ -176,21 +205,31 @@ def test_a_killed_run_made_longer(model, whole, small_chunks, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.6), **{**RUN, "duration": 0.005})
     found = sb.transient(model, LOAD, file=path, restart=True, **RUN)
-    for values, exact in ((found.displacement("A"), whole.displacement("A")), (found.contact_force, whole.contact_force), (found.time, whole.time)):
+    for values, exact in (
+        (found.displacement("A"), whole.displacement("A")),
+        (found.contact_force, whole.contact_force),
+        (found.time, whole.time),
+    ):
         np.testing.assert_allclose(values, exact, rtol=0, atol=1e-10 * np.abs(exact).max())
 
 
 def test_rows_left_in_the_file(model, whole, small_chunks, tmp_path):
-    """in_memory=False: the same history, its arrays read from the file; stopped, continued and made longer as well."""
+    """in_memory=False: the same history, its arrays read from the file; stopped, continued and made longer as
+    well.
+    """
     path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00512, "in_memory": False}
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
     half = sb.transient(model, LOAD, file=path, restart=True, **short)
-    assert all(isinstance(values, np.memmap) for values in (half.modal_displacement, half.contact_force, half.time))
+    assert all(
+        isinstance(values, np.memmap) for values in (half.modal_displacement, half.contact_force, half.time)
+    )
     np.testing.assert_array_equal(half.displacement("A"), whole.displacement("A")[:1025])
     found = sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN)
     same(found, whole)
-    np.testing.assert_array_equal(half.displacement("A"), whole.displacement("A")[:1025])  # of the file before
+    np.testing.assert_array_equal(
+        half.displacement("A"), whole.displacement("A")[:1025]
+    )  # of the file before
     with pytest.raises(ValueError, match="in_memory = False needs a file"):
         sb.transient(model, LOAD, in_memory=False, **RUN)
 
@@ -200,9 +239,16 @@ def test_another_models_file_is_refused(model, whole, small_chunks, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.1), **RUN)
     content = path.read_bytes()
-    for options, words in (({"model": make(0.002)}, "another model"), ({"step": 2e-6}, "step"), ({"decimation": 2}, "decimation"), ({"scheme": "newmark"}, "scheme"),
-                           ({"modes": 12}, "another model"), ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 5))}, "other load signals"),
-                           ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 5))}, "another model"), ({"start": "equilibrium"}, "start")):
+    for options, words in (
+        ({"model": make(0.002)}, "another model"),
+        ({"step": 2e-6}, "step"),
+        ({"decimation": 2}, "decimation"),
+        ({"scheme": "newmark"}, "scheme"),
+        ({"modes": 12}, "another model"),
+        ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 5))}, "other load signals"),
+        ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 5))}, "another model"),
+        ({"start": "equilibrium"}, "start"),
+    ):
         given = {"model": model, "load": LOAD, **RUN, **options}
         with pytest.raises(ValueError, match=words):
             sb.transient(file=path, restart=True, **given)
@@ -218,7 +264,12 @@ def test_lost_files(tmp_path):
         file["x"] = 1.0
     (tmp_path / "text.h5").write_text("time, u\n")
     (tmp_path / "short.h5").write_bytes(other.read_bytes()[:900])
-    for name, words in (("missing.h5", "does not exist"), ("text.h5", "truncated or no HDF5"), ("short.h5", "truncated"), ("other.h5", "another kind")):
+    for name, words in (
+        ("missing.h5", "does not exist"),
+        ("text.h5", "truncated or no HDF5"),
+        ("short.h5", "truncated"),
+        ("other.h5", "another kind"),
+    ):
         with pytest.raises(ValueError, match=words):
             read_history(tmp_path / name)
 
@@ -262,11 +313,15 @@ def test_full_disk(model, whole, small_chunks, tmp_path, monkeypatch):
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
 
 
-@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0 or shutil.which("mount") is None, reason="needs root")
+@pytest.mark.skipif(
+    not hasattr(os, "geteuid") or os.geteuid() != 0 or shutil.which("mount") is None, reason="needs root"
+)
 def test_full_tmpfs(model, small_chunks, tmp_path):
     folder = tmp_path / "small"
     folder.mkdir()
-    if subprocess.run(["mount", "-t", "tmpfs", "-o", "size=512k", "none", str(folder)], capture_output=True).returncode:
+    if subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=512k", "none", str(folder)], capture_output=True
+    ).returncode:
         pytest.skip("mount is not allowed")
     try:
         with pytest.raises(sb.SolveError, match="No space left"):
@@ -285,8 +340,13 @@ def test_two_ranks_continue_a_serial_run(model, whole, small_chunks, tmp_path):
     done = on_ranks(2, PROGRAM, str(path), "0", "restart", str(tmp_path / "film"))
     np.testing.assert_allclose(answer(done)["u"], whole.displacement("A")[-1], rtol=1e-10)
     same(read_history(path), whole)
-    files = [e.get("file") for e in xml.parse(tmp_path / "film" / "history.pvd").getroot().findall("Collection/DataSet")]
-    assert files == [f"history_{k:04d}.pvtu" for k in range(3)] and all((tmp_path / "film" / f).exists() for f in files)
+    files = [
+        e.get("file")
+        for e in xml.parse(tmp_path / "film" / "history.pvd").getroot().findall("Collection/DataSet")
+    ]
+    assert files == [f"history_{k:04d}.pvtu" for k in range(3)] and all(
+        (tmp_path / "film" / f).exists() for f in files
+    )
 
 
 def test_state_half_written(model, whole, small_chunks, tmp_path):
@@ -308,13 +368,21 @@ def test_error_of_rank_0_on_both_ranks(tmp_path):
 
 
 def test_animation(model, whole, tmp_path):
-    """Displacements at the free end's corner are those of the modes; a mode turned round by another solve does no harm."""
-    import meshio
+    """Displacements at the free end's corner are those of the modes; a mode turned round by another solve
+    does no harm.
+    """
     from dataclasses import replace
 
+    import meshio
+
     modes = sb.modal(model, 16)
-    turned = replace(modes, shapes=modes.shapes * np.where(np.arange(16) % 3, 1.0, -1.0),
-                     point_shapes={p: s * np.where(np.arange(16) % 3, 1.0, -1.0)[:, None] for p, s in modes.point_shapes.items()})
+    turned = replace(
+        modes,
+        shapes=modes.shapes * np.where(np.arange(16) % 3, 1.0, -1.0),
+        point_shapes={
+            p: s * np.where(np.arange(16) % 3, 1.0, -1.0)[:, None] for p, s in modes.point_shapes.items()
+        },
+    )
     pvd = write_animation(tmp_path / "film", turned, whole, times=[0.0, 0.0005, 0.001])
     entries = xml.parse(pvd).getroot().findall("Collection/DataSet")
     assert [float(e.get("timestep")) for e in entries] == pytest.approx([0.0, 0.0005, 0.001], abs=3e-6)
@@ -322,10 +390,25 @@ def test_animation(model, whole, tmp_path):
         grid = meshio.read(pathlib.Path(pvd).parent / entry.get("file"))
         corner = np.argmin(np.linalg.norm(grid.points[:, :2] - model.points["A"][0], axis=1))
         k = int(np.argmin(np.abs(whole.time - float(entry.get("timestep")))))
-        expected = whole.reduction.sensor_modes[whole.reduction.points.index("A")] @ whole.modal_displacement[k]
-        np.testing.assert_allclose(grid.point_data["displacement"][corner, :2], expected, rtol=1e-6, atol=1e-12)
-    assert len(xml.parse(write_animation(tmp_path / "film", modes, whole, every=1000, name="few")).getroot().findall("Collection/DataSet")) == 3
-    for options, words in (({"times": [1.0]}, "between"), ({"every": 0}, "positive"), ({"times": [0.0], "every": 2}, "not both")):
+        expected = (
+            whole.reduction.sensor_modes[whole.reduction.points.index("A")] @ whole.modal_displacement[k]
+        )
+        np.testing.assert_allclose(
+            grid.point_data["displacement"][corner, :2], expected, rtol=1e-6, atol=1e-12
+        )
+    assert (
+        len(
+            xml.parse(write_animation(tmp_path / "film", modes, whole, every=1000, name="few"))
+            .getroot()
+            .findall("Collection/DataSet")
+        )
+        == 3
+    )
+    for options, words in (
+        ({"times": [1.0]}, "between"),
+        ({"every": 0}, "positive"),
+        ({"times": [0.0], "every": 2}, "not both"),
+    ):
         with pytest.raises(ValueError, match=words):
             write_animation(tmp_path / "film", modes, whole, **options)
     with pytest.raises(ValueError, match="not those"):

@@ -27,7 +27,9 @@ def test_the_outline_is_one_loop_around_the_notched_beam(solved):
     assert ring_area(points) == pytest.approx(0.05 * 0.005 - notch, rel=1e-12)
     moved = np.concatenate([pieces[i].displacements[0] for i in order[0]])
     corner = np.abs(points - np.array([0.05, 0.005])).max(axis=1) < 1e-12
-    np.testing.assert_allclose(moved[corner], np.tile(cases["closing"].displacement("A"), (corner.sum(), 1)), rtol=1e-9)
+    np.testing.assert_allclose(
+        moved[corner], np.tile(cases["closing"].displacement("A"), (corner.sum(), 1)), rtol=1e-9
+    )
 
 
 def test_contact_lengths_sum_to_the_face(solved):
@@ -59,7 +61,13 @@ def test_pictures_of_one_and_two_ranks_agree(serial_files, parallel_files, name)
 
 def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
     _, model, _, cases = solved
-    path = plot_crack(model, {"opening": cases["opening"].field}, str(tmp_path / "crack.png"), colour="displacement", magnification=50.0)
+    path = plot_crack(
+        model,
+        {"opening": cases["opening"].field},
+        str(tmp_path / "crack.png"),
+        colour="displacement",
+        magnification=50.0,
+    )
     assert image.imread(path).shape[1] == 1440
 
 

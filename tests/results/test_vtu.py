@@ -29,19 +29,35 @@ def test_patch_test(solved, tmp_path):
     kept = ~np.isin(np.concatenate(found.cell_data["element"]), np.flatnonzero(~mesh.closed))
     inside = np.unique(np.concatenate([b.data.ravel() for b in _split(found, kept)]))
     exact = found.points[:, :2] @ GRADIENT.T + np.array([1e-5, 2e-5])
-    np.testing.assert_allclose(found.point_data["u"][inside, :2], exact[inside], atol=1e-12 * np.abs(exact).max(), rtol=0.0)
+    np.testing.assert_allclose(
+        found.point_data["u"][inside, :2], exact[inside], atol=1e-12 * np.abs(exact).max(), rtol=0.0
+    )
     assert not found.point_data["u"][:, 2].any() and found.points.shape[1] == 3
     material = model.materials[0]
-    stress = material.modulus * material.elasticity @ np.array([GRADIENT[0, 0], GRADIENT[1, 1], GRADIENT[0, 1] + GRADIENT[1, 0]])
+    stress = (
+        material.modulus
+        * material.elasticity
+        @ np.array([GRADIENT[0, 0], GRADIENT[1, 1], GRADIENT[0, 1] + GRADIENT[1, 0]])
+    )
     mises = np.sqrt(stress[0] ** 2 - stress[0] * stress[1] + stress[1] ** 2 + 3.0 * stress[2] ** 2)
     for name, value in zip(("stress_xx", "stress_yy", "stress_xy", "von_mises"), (*stress, mises)):
         # round-off of the displacement divided by the small elements' size
-        np.testing.assert_allclose(found.point_data[f"u {name}"][inside], value, atol=1e-7 * np.abs(stress).max(), rtol=0.0)
+        np.testing.assert_allclose(
+            found.point_data[f"u {name}"][inside], value, atol=1e-7 * np.abs(stress).max(), rtol=0.0
+        )
 
 
 def test_cells_cover_the_structure(solved, tmp_path):
     mesh, model, _, _ = solved
-    found = meshio.read(write_vtu(str(tmp_path / "cells.vtu"), model, {"u": np.zeros_like(model.part.coordinates)}, stress=False, subdivisions=4))
+    found = meshio.read(
+        write_vtu(
+            str(tmp_path / "cells.vtu"),
+            model,
+            {"u": np.zeros_like(model.part.coordinates)},
+            stress=False,
+            subdivisions=4,
+        )
+    )
     assert list(found.point_data) == ["u"]
     area = 0.0
     for block in found.cells:
@@ -54,7 +70,10 @@ def test_cells_cover_the_structure(solved, tmp_path):
     assert area == pytest.approx(0.05 * 0.005 - notch, rel=1e-12)
     elements = np.concatenate(found.cell_data["element"])
     assert set(elements) == set(range(mesh.elements))
-    assert not np.concatenate(found.cell_data["rank"]).any() and not np.concatenate(found.cell_data["material"]).any()
+    assert (
+        not np.concatenate(found.cell_data["rank"]).any()
+        and not np.concatenate(found.cell_data["material"]).any()
+    )
 
 
 def test_pieces_of_two_ranks_hold_what_one_file_holds(serial_files, parallel_files):
@@ -69,7 +88,9 @@ def test_pieces_of_two_ranks_hold_what_one_file_holds(serial_files, parallel_fil
         ordered = []
         for meshes in ([one], pieces):
             elements = np.concatenate([m.cell_data["element"][block] for m in meshes])
-            corners = np.concatenate([m.points[m.cells[block].data].reshape(len(m.cells[block].data), -1) for m in meshes])
+            corners = np.concatenate(
+                [m.points[m.cells[block].data].reshape(len(m.cells[block].data), -1) for m in meshes]
+            )
             values = np.concatenate([m.point_data["closing von_mises"][m.cells[block].data] for m in meshes])
             assert all(m.cells[block].type == kind for m in meshes)
             order = np.argsort(elements, kind="stable")
@@ -86,8 +107,21 @@ def test_von_mises_in_plane_strain():
     same = OrthotropicMaterial(2e11, 2e11, 0.3, 2e11 / 2.6, 7800.0, angle=30.0, plane="strain")
     np.testing.assert_allclose(normal_stress_row(same), [0.3, 0.3, 0.0], atol=1e-15)
     # a strongly orthotropic one against its own compliance: eps_zz = 0 with the axes turned by 90 degrees
-    turned = OrthotropicMaterial(1.4e11, 1.0e10, 0.3, 5.0e9, 1600.0, angle=90.0, plane="strain", young_3=2.0e10, poisson_13=0.1, poisson_23=0.4)
-    np.testing.assert_allclose(normal_stress_row(turned), [2.0e10 * 0.4 / 1.0e10, 2.0e10 * 0.1 / 1.4e11, 0.0], atol=1e-15)
+    turned = OrthotropicMaterial(
+        1.4e11,
+        1.0e10,
+        0.3,
+        5.0e9,
+        1600.0,
+        angle=90.0,
+        plane="strain",
+        young_3=2.0e10,
+        poisson_13=0.1,
+        poisson_23=0.4,
+    )
+    np.testing.assert_allclose(
+        normal_stress_row(turned), [2.0e10 * 0.4 / 1.0e10, 2.0e10 * 0.1 / 1.4e11, 0.0], atol=1e-15
+    )
 
 
 def test_wrong_fields_and_places(solved, tmp_path):

@@ -31,7 +31,9 @@ def copies(order, seed=0):
 def test_copies_have_one_shape(order):
     placed = placements(copies(order), order, True, True)
     for p, outline in zip(placed, copies(order)):
-        assert same_shape(p.shape, placed[0].shape, 1e-12) and shape_key(p.shape) == shape_key(placed[0].shape)
+        assert same_shape(p.shape, placed[0].shape, 1e-12) and shape_key(p.shape) == shape_key(
+            placed[0].shape
+        )
         np.testing.assert_allclose(p.size * p.shape @ p.rotation, outline[p.permutation], atol=1e-12 * p.size)
 
 
@@ -46,7 +48,10 @@ def test_anisotropic_copies_are_not_turned():
 @pytest.mark.parametrize("difference", [1e-4, 1e-7, 1e-9])
 def test_near_copies_stay_apart(difference):
     """Two beams whose notches differ by a hair: a derivative by differences sees the difference."""
-    base = sb.modal(sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 1.0)]).mesh(order=3), sb.Material(70e9, 0.33, 2700)), 3).frequencies
+    base = sb.modal(
+        sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 1.0)]).mesh(order=3), sb.Material(70e9, 0.33, 2700)),
+        3,
+    ).frequencies
     beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 1.0), VNotch(0.2, 0.0025, 1.0 + difference)])
     model = sb.Model(beam.mesh(order=3), sb.Material(70e9, 0.33, 2700))
     alike = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 1.0), VNotch(0.2, 0.0025, 1.0)])
@@ -56,7 +61,9 @@ def test_near_copies_stay_apart(difference):
 
 
 def test_symmetric_outlines_separate():
-    """Square: four subspaces; a mirrored trapezoid: two; an irregular pentagon: one. Bases are orthonormal and complete."""
+    """Square: four subspaces; a mirrored trapezoid: two; an irregular pentagon: one. Bases are orthonormal
+    and complete.
+    """
     trapezoid = polygon([[-1, -0.5], [1, -0.5], [0.5, 0.5], [-0.5, 0.5]], 4)
     for outline, count in ((square(4), 4), (trapezoid, 2), (polygon(CORNERS, 4), 1)):
         bases = invariant_subspaces(outline, 4, True, True)
@@ -67,11 +74,15 @@ def test_symmetric_outlines_separate():
 
 
 def test_separated_solution_is_the_whole_one():
-    """The solution by subspaces equals the one without symmetry, K, M and the dynamic stiffness at a frequency."""
+    """The solution by subspaces equals the one without symmetry, K, M and the dynamic stiffness at a
+    frequency.
+    """
     from sbfem_petsc.selement.solution import solve_selement
 
     elasticity = sb.Material(1.0, 0.3, 1.0).elasticity
-    parts, whole = (solve_selement(square(5), 5, True, elasticity, 2, isotropic) for isotropic in (True, False))
+    parts, whole = (
+        solve_selement(square(5), 5, True, elasticity, 2, isotropic) for isotropic in (True, False)
+    )
     np.testing.assert_allclose(parts.stiffness, whole.stiffness, atol=1e-12)
     np.testing.assert_allclose(parts.mass, whole.mass, atol=1e-12)
     np.testing.assert_allclose(parts.inertia, whole.inertia, rtol=1e-6)

@@ -1,4 +1,6 @@
-"""Stress intensity factors of tip elements without symmetry, whose double exponent 1/2 is split by the edges' error."""
+"""Stress intensity factors of tip elements without symmetry, whose double exponent 1/2 is split by the edges'
+error.
+"""
 
 import numpy as np
 import pytest
@@ -8,9 +10,24 @@ from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.intensity import intensity_rows
 from sbfem_petsc.selement.solution import solve_selement
 
-# Around a tip at the origin, the crack along (1, 3.25) from it: the tip element of a mesh of quadrilaterals by gmsh.
-CORNERS = np.array([[1.0, 3.25], [-2.85526235, 3.41505402], [-5.92451438, 0.4540056], [-9.86937, -3.88106756], [-4.27320727, -6.24621206],
-                    [-0.179351, -7.35611291], [2.00396131, -3.05632154], [2.81903217, 0.78057162], [1.0, 3.25]]) / 10.0
+# Around a tip at the origin, the crack along (1, 3.25) from it: the tip element of a mesh of quadrilaterals
+# by gmsh.
+CORNERS = (
+    np.array(
+        [
+            [1.0, 3.25],
+            [-2.85526235, 3.41505402],
+            [-5.92451438, 0.4540056],
+            [-9.86937, -3.88106756],
+            [-4.27320727, -6.24621206],
+            [-0.179351, -7.35611291],
+            [2.00396131, -3.05632154],
+            [2.81903217, 0.78057162],
+            [1.0, 3.25],
+        ]
+    )
+    / 10.0
+)
 AXIS = CORNERS[0] / np.linalg.norm(CORNERS[0])
 NU = 0.3
 
@@ -22,7 +39,9 @@ def boundary(order):
 
 
 def displacement(shape, opening, sliding):
-    """Williams' singular modes in plane stress, E = 1, of unit stress intensity factors times the given ones; the two faces apart."""
+    """Williams' singular modes in plane stress, E = 1, of unit stress intensity factors times the given ones;
+    the two faces apart.
+    """
     ahead = -AXIS
     across = np.array([-ahead[1], ahead[0]])
     r = np.hypot(*shape.T)
@@ -32,14 +51,31 @@ def displacement(shape, opening, sliding):
     c, s = np.cos(0.5 * theta), np.sin(0.5 * theta)
     along = opening * c * (kappa - 1.0 + 2.0 * s**2) + sliding * s * (kappa + 1.0 + 2.0 * c**2)
     normal = opening * s * (kappa + 1.0 - 2.0 * c**2) - sliding * c * (kappa - 1.0 - 2.0 * s**2)
-    return (np.sqrt(r / (2.0 * np.pi)) / (2.0 * shear))[:, None] * (along[:, None] * ahead + normal[:, None] * across)
+    return (np.sqrt(r / (2.0 * np.pi)) / (2.0 * shear))[:, None] * (
+        along[:, None] * ahead + normal[:, None] * across
+    )
 
 
-@pytest.mark.parametrize("order, isotropic_error, other_error", [(2, 6e-2, 1e-1), (3, 7e-3, 1e-2), (4, 1.3e-3, 3e-3), (5, 1.6e-4, 3e-4), (6, 4e-5, 9e-5), (8, 8e-7, 2e-6)])
+@pytest.mark.parametrize(
+    "order, isotropic_error, other_error",
+    [
+        (2, 6e-2, 1e-1),
+        (3, 7e-3, 1e-2),
+        (4, 1.3e-3, 3e-3),
+        (5, 1.6e-4, 3e-4),
+        (6, 4e-5, 9e-5),
+        (8, 8e-7, 2e-6),
+    ],
+)
 def test_unsymmetric_tip_element(order, isotropic_error, other_error):
-    """K_I and K_II of the exact boundary displacements; errors about three times those measured, falling with the order."""
+    """K_I and K_II of the exact boundary displacements; errors about three times those measured, falling with
+    the order.
+    """
     shape = boundary(order)
-    for material, bound in ((Material(1.0, NU, 1.0), isotropic_error), (OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0), other_error)):
+    for material, bound in (
+        (Material(1.0, NU, 1.0), isotropic_error),
+        (OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0), other_error),
+    ):
         element = solve_selement(shape, order, False, material.elasticity, 0, material.isotropic)
         form = intensity_rows(element.radial, shape, order, material.elasticity, AXIS, material.isotropic)
         np.testing.assert_allclose(form.exponents, 0.5, atol=1e-15 if material.isotropic else 5e-3)

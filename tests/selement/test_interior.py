@@ -1,4 +1,6 @@
-"""Interior fields against closed forms: patch test, pure bending, crack-tip fields, turned copies, curved edges."""
+"""Interior fields against closed forms: patch test, pure bending, crack-tip fields, turned copies, curved
+edges.
+"""
 
 from __future__ import annotations
 
@@ -45,8 +47,11 @@ def evaluate(outline, order, closed, material, displacement, centre=(0.0, 0.0), 
     sizes, rotations = np.array([placement.size]), placement.rotation[None]
     boundary = displacement(*(outline + centre).T)[placement.permutation][None]
     fields = sampler.radial_fields(boundary, rotations, levels)
-    return (sampler.positions(levels, centre[None], sizes, rotations)[0], sampler.displacement(fields, rotations)[0],
-            sampler.stress(fields, levels, rotations, sizes, material.modulus)[0])
+    return (
+        sampler.positions(levels, centre[None], sizes, rotations)[0],
+        sampler.displacement(fields, rotations)[0],
+        sampler.stress(fields, levels, rotations, sizes, material.modulus)[0],
+    )
 
 
 def linear(gradient):
@@ -58,10 +63,19 @@ STRAIN = np.array([GRADIENT[0, 0], GRADIENT[1, 1], GRADIENT[0, 1] + GRADIENT[1, 
 
 
 @pytest.mark.parametrize("order", [1, 3, 8])
-@pytest.mark.parametrize("material", [
-    STEEL, Material(2.0e11, 0.3, 7800.0, plane="strain"), OrthotropicMaterial(1.4e11, 1.0e10, 0.3, 5.0e9, 1600.0, angle=25.0)], ids=["stress", "strain", "orthotropic"])
+@pytest.mark.parametrize(
+    "material",
+    [
+        STEEL,
+        Material(2.0e11, 0.3, 7800.0, plane="strain"),
+        OrthotropicMaterial(1.4e11, 1.0e10, 0.3, 5.0e9, 1600.0, angle=25.0),
+    ],
+    ids=["stress", "strain", "orthotropic"],
+)
 def test_patch_test_in_a_pentagon(order, material):
-    at, displacement, stress = evaluate(pentagon(order), order, True, material, linear(GRADIENT), centre=(0.4, 0.002))
+    at, displacement, stress = evaluate(
+        pentagon(order), order, True, material, linear(GRADIENT), centre=(0.4, 0.002)
+    )
     exact = linear(GRADIENT)(at[..., 0], at[..., 1])
     assert np.abs(displacement - exact).max() < 1e-12 * np.abs(exact).max()
     expected = material.modulus * material.elasticity @ STRAIN
@@ -77,7 +91,9 @@ def test_pure_bending(order):
     def bending(x, y):
         return np.stack([-curvature * x * y, 0.5 * curvature * (x**2 + STEEL.poisson * y**2)], axis=-1)
 
-    at, displacement, stress = evaluate(pentagon(order), order, True, STEEL, bending, centre=(0.01, 0.003), levels=LEVELS[:4])
+    at, displacement, stress = evaluate(
+        pentagon(order), order, True, STEEL, bending, centre=(0.01, 0.003), levels=LEVELS[:4]
+    )
     exact = bending(at[..., 0], at[..., 1])
     assert np.abs(displacement - exact).max() < 1e-12 * np.abs(exact).max()
     expected = -STEEL.young * curvature * at[..., 1]
@@ -87,10 +103,14 @@ def test_pure_bending(order):
 
 
 def williams(x, y):
-    """Displacement of a unit mode I field, plane stress, crack on the negative x axis (without the factor 1 / 2G sqrt(2 pi))."""
+    """Displacement of a unit mode I field, plane stress, crack on the negative x axis (without the factor 1 /
+    2G sqrt(2 pi)).
+    """
     r, angle = np.hypot(x, y), np.arctan2(y, x)
     kappa = (3.0 - STEEL.poisson) / (1.0 + STEEL.poisson)
-    return np.sqrt(r)[..., None] * np.stack([np.cos(angle / 2) * (kappa - np.cos(angle)), np.sin(angle / 2) * (kappa - np.cos(angle))], axis=-1)
+    return np.sqrt(r)[..., None] * np.stack(
+        [np.cos(angle / 2) * (kappa - np.cos(angle)), np.sin(angle / 2) * (kappa - np.cos(angle))], axis=-1
+    )
 
 
 def test_crack_tip_field_and_its_exponent():
@@ -137,7 +157,7 @@ def test_turned_and_mirrored_copies_share_one_sampler():
     turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
     mirror = np.array([[1.0, 0.0], [0.0, -1.0]]) @ turn
     copies = [outline, 3.0 * outline @ turn.T, (0.5 * outline @ mirror.T)[::-1]]
-    copies[2] = np.roll(copies[2], 1, axis=0)                                          # start at a corner
+    copies[2] = np.roll(copies[2], 1, axis=0)  # start at a corner
 
     def bump(x, y):
         return np.stack([np.sin(70.0 * x + 20.0 * y), np.cos(50.0 * x * y / 0.02) + 30.0 * y], axis=-1)
@@ -160,12 +180,17 @@ def test_turned_and_mirrored_copies_share_one_sampler():
         assert np.abs(at[copy] - scale * at[0] @ q.T).max() < 1e-14
         assert np.abs(displacement[copy] - displacement[0] @ q.T).max() < 1e-11
         # at the smallest xi the difference of nearly equal displacements is divided by 1e-3
-        assert np.abs(scale * tensor[copy][:4] - q @ tensor[0][:4] @ q.T).max() < 1e-10 * np.abs(tensor[0][:4]).max()
+        assert (
+            np.abs(scale * tensor[copy][:4] - q @ tensor[0][:4] @ q.T).max()
+            < 1e-10 * np.abs(tensor[0][:4]).max()
+        )
 
 
 def test_curved_edges():
     order = 6
-    angles = np.concatenate([a + 0.5 * np.pi * 0.5 * (1.0 + gll_nodes(order)[:-1]) for a in 0.5 * np.pi * np.arange(4)])
+    angles = np.concatenate(
+        [a + 0.5 * np.pi * 0.5 * (1.0 + gll_nodes(order)[:-1]) for a in 0.5 * np.pi * np.arange(4)]
+    )
     disc = 0.01 * np.stack([np.cos(angles), np.sin(angles)], axis=1) + np.array([0.002, 0.001])
     at, displacement, stress = evaluate(disc, order, True, STEEL, linear(GRADIENT), levels=LEVELS[:4])
     exact = linear(GRADIENT)(at[..., 0], at[..., 1])

@@ -26,8 +26,10 @@ def square(order, half=1.0):
 
 def pencil(element):
     """Stiffness and mass with the auxiliary unknowns."""
-    return (linalg.block_diag(element.stiffness, np.eye(element.inertia.size)),
-            np.block([[element.mass, element.coupling], [element.coupling.T, np.diag(element.inertia)]]))
+    return (
+        linalg.block_diag(element.stiffness, np.eye(element.inertia.size)),
+        np.block([[element.mass, element.coupling], [element.coupling.T, np.diag(element.inertia)]]),
+    )
 
 
 def frequencies(element, keep=None, count=None):
@@ -44,16 +46,37 @@ def plane_stress(poisson):
 
 
 def test_book_square():
-    """Song, The Scaled Boundary Finite Element Method (2018): square (+-1)^2, E = 10, nu = 0, rho = 2, two-node edges."""
+    """Song, The Scaled Boundary Finite Element Method (2018): square (+-1)^2, E = 10, nu = 0, rho = 2,
+    two-node edges.
+    """
     element = solve_selement(square(1), 1, True, plane_stress(0.0), 0)
-    np.testing.assert_allclose(10 * element.stiffness[0], [4.8936, 1.25, -2.3936, -1.25, -2.6064, -1.25, 0.1064, 1.25], atol=6e-5)
-    np.testing.assert_allclose(2 * element.mass[0], [0.8954, 0.0851, 0.4380, 0, 0.2287, 0.0851, 0.4380, 0], atol=6e-5)
+    np.testing.assert_allclose(
+        10 * element.stiffness[0], [4.8936, 1.25, -2.3936, -1.25, -2.6064, -1.25, 0.1064, 1.25], atol=6e-5
+    )
+    np.testing.assert_allclose(
+        2 * element.mass[0], [0.8954, 0.0851, 0.4380, 0, 0.2287, 0.0851, 0.4380, 0], atol=6e-5
+    )
 
 
 def test_free_square_frequencies():
-    """Free unit square, plane stress, nu = 0.3, order 10, four terms: printed digits of an independent prototype."""
+    """Free unit square, plane stress, nu = 0.3, order 10, four terms: printed digits of an independent
+    prototype.
+    """
     found = frequencies(solve_selement(square(10, 0.5), 10, True, plane_stress(0.3), 4), count=15)
-    expected = [2.43265, 2.59096, 2.59096, 2.75536, 3.13163, 3.61893, 3.90289, 3.90289, 4.51085, 5.20854, 5.20854, 5.28911]
+    expected = [
+        2.43265,
+        2.59096,
+        2.59096,
+        2.75536,
+        3.13163,
+        3.61893,
+        3.90289,
+        3.90289,
+        4.51085,
+        5.20854,
+        5.20854,
+        5.28911,
+    ]
     np.testing.assert_allclose(found[3:], expected, atol=6e-6)
 
 
@@ -62,7 +85,9 @@ def test_lame_mode(poisson):
     """The Lame mode of a free square, omega = sqrt(2) pi c_s / L for any Poisson's ratio."""
     found = frequencies(solve_selement(square(10, 0.5), 10, True, plane_stress(poisson), 4), count=12)
     exact = np.sqrt(2.0) * np.pi * np.sqrt(0.5 / (1.0 + poisson))
-    assert np.abs(found / exact - 1.0).min() < 1e-6  # the continued fraction at 0.45 S wavelengths leaves 1e-7
+    assert (
+        np.abs(found / exact - 1.0).min() < 1e-6
+    )  # the continued fraction at 0.45 S wavelengths leaves 1e-7
 
 
 def roller_exact(poisson, count):
@@ -76,9 +101,14 @@ def roller_exact(poisson, count):
 
 @pytest.mark.parametrize("terms, modes", [(0, 0), (1, 3), (2, 15), (3, 26), (4, 50), (6, 100)])
 def test_roller_square(terms, modes):
-    """Unit square on roller edges, one S-element of order 16: the modes below 1 % error grow with the continued fraction."""
+    """Unit square on roller edges, one S-element of order 16: the modes below 1 % error grow with the
+    continued fraction.
+    """
     coordinates = square(16, 0.5)
-    keep = np.stack([np.abs(np.abs(coordinates[:, 0]) - 0.5) > 1e-9, np.abs(np.abs(coordinates[:, 1]) - 0.5) > 1e-9], axis=1).ravel()
+    keep = np.stack(
+        [np.abs(np.abs(coordinates[:, 0]) - 0.5) > 1e-9, np.abs(np.abs(coordinates[:, 1]) - 0.5) > 1e-9],
+        axis=1,
+    ).ravel()
     found = frequencies(solve_selement(coordinates, 16, True, plane_stress(0.3), terms), keep, modes + 1)
     error = np.abs(found / roller_exact(0.3, modes + 1) - 1.0)
     assert (error[:modes] < 0.01).all()
@@ -95,7 +125,9 @@ def test_crack_exponents():
 
 @pytest.mark.parametrize("order", range(1, 17))
 def test_checks_hold_at_every_order(order):
-    """Residual, symmetry and rigid-body motions stay at round-off from order 1 to 16 (200 unknowns: an independent prototype had 5e-15 and 3e-15; times 100)."""
+    """Residual, symmetry and rigid-body motions stay at round-off from order 1 to 16 (200 unknowns: an
+    independent prototype had 5e-15 and 3e-15; times 100).
+    """
     element = solve_selement(square(order), order, True, plane_stress(0.3), 1)
     assert max(element.riccati_residual, element.asymmetry, element.rigid_body_residual) < 5e-13
     assert linalg.eigvalsh(element.mass)[0] > 0
@@ -104,7 +136,9 @@ def test_checks_hold_at_every_order(order):
 
 
 def test_dynamic_stiffness_equation():
-    """The continued fraction satisfies (S - E1) F (S - E1') - E2 + 2 x S,x - x M0 = 0 with an error of order x^(2 Mcf + 2)."""
+    """The continued fraction satisfies (S - E1) F (S - E1') - E2 + 2 x S,x - x M0 = 0 with an error of order
+    x^(2 Mcf + 2).
+    """
     from sbfem_petsc.selement.coefficients import coefficient_matrices
 
     coordinates, elasticity = square(4), plane_stress(0.3)
@@ -117,7 +151,9 @@ def test_dynamic_stiffness_equation():
             c1 = element.coupling @ inverse
             s = element.stiffness + x * element.mass - x * x * c1 @ element.coupling.T
             slope = element.mass - 2 * x * c1 @ element.coupling.T + x * x * (c1 * element.inertia) @ c1.T
-            return np.abs((s - c.e1) @ np.linalg.solve(c.e0, s - c.e1.T) - c.e2 + 2 * x * slope - x * c.m0).max()
+            return np.abs(
+                (s - c.e1) @ np.linalg.solve(c.e0, s - c.e1.T) - c.e2 + 2 * x * slope - x * c.m0
+            ).max()
 
         # the rate is approached from above; three terms need a larger x to rise above round-off
         start = {1: -0.1, 2: -0.1, 3: -0.8}[terms]
@@ -138,16 +174,25 @@ def test_similar_elements():
     np.testing.assert_allclose(turned.mass, big @ base.mass @ big.T, atol=1e-12)
     np.testing.assert_allclose(turned.inertia, base.inertia, rtol=1e-9)
     mirrored = solve_selement(polygon(corners[::-1] * [-1, 1], order), order, True, elasticity, 2)
-    np.testing.assert_allclose(linalg.eigvalsh(mirrored.stiffness), linalg.eigvalsh(base.stiffness), atol=1e-12)
+    np.testing.assert_allclose(
+        linalg.eigvalsh(mirrored.stiffness), linalg.eigvalsh(base.stiffness), atol=1e-12
+    )
 
 
 def test_orthotropic_with_isotropic_constants():
-    """An orthotropic material with isotropic constants is the isotropic one, at any angle, in both plane states."""
+    """An orthotropic material with isotropic constants is the isotropic one, at any angle, in both plane
+    states.
+    """
     for plane in ("stress", "strain"):
         isotropic = Material(3.0, 0.25, 1.0, plane)
         for angle in (0.0, 33.0):
             same = OrthotropicMaterial(3.0, 3.0, 0.25, 3.0 / 2.5, 1.0, angle, plane)
-            np.testing.assert_allclose(same.elasticity * same.modulus, isotropic.elasticity * isotropic.modulus, rtol=1e-12, atol=1e-12)
+            np.testing.assert_allclose(
+                same.elasticity * same.modulus,
+                isotropic.elasticity * isotropic.modulus,
+                rtol=1e-12,
+                atol=1e-12,
+            )
 
 
 def test_scaling_centre_outside():

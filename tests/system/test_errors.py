@@ -1,4 +1,6 @@
-"""Bad input ends on every rank with one clear sentence and an exit code other than 0, before any long work."""
+"""Bad input ends on every rank with one clear sentence and an exit code other than 0, before any long
+work.
+"""
 
 import json
 
@@ -98,7 +100,18 @@ def test_sentence_on_every_rank(said, case):
     messages = said[case]
     assert messages[0] == messages[1]
     kind, text = messages[0]
-    assert any(k in kind for k in ("ValueError", "TypeError", "KeyError", "OSError", "FileNotFoundError", "PermissionError", "NotADirectoryError")), messages[0]
+    assert any(
+        k in kind
+        for k in (
+            "ValueError",
+            "TypeError",
+            "KeyError",
+            "OSError",
+            "FileNotFoundError",
+            "PermissionError",
+            "NotADirectoryError",
+        )
+    ), messages[0]
     assert CASES[case] in text
     assert "\n" not in text and len(text) < 400
 
@@ -132,10 +145,17 @@ MPI.COMM_WORLD.barrier()
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("arguments, sentence", [
-    (["--output", "/proc/nowhere"], "/proc/nowhere"), (["--order", "0"], "order"), (["--tip-size", "-1"], "tip_size"),
-    (["--nonsense"], "--nonsense"), (["-static_ksp_typ", "cg", "plain"], "plain"), (["-foo"], "-foo"),
-])
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        (["--output", "/proc/nowhere"], "/proc/nowhere"),
+        (["--order", "0"], "order"),
+        (["--tip-size", "-1"], "tip_size"),
+        (["--nonsense"], "--nonsense"),
+        (["-static_ksp_typ", "cg", "plain"], "plain"),
+        (["-foo"], "-foo"),
+    ],
+)
 def test_example_ends_with_one_sentence(ranks, arguments, sentence, tmp_path):
     """The example prints the sentence once, no traceback, and ends with an exit code other than 0."""
     folder = [] if "--output" in arguments else ["--output", str(tmp_path)]
@@ -147,7 +167,17 @@ def test_example_ends_with_one_sentence(ranks, arguments, sentence, tmp_path):
 
 
 def test_misspelt_petsc_option_is_reported(tmp_path):
-    done = on_ranks(1, "examples/beam_notch.py", "--no-pictures", "--order", "2", "--output", str(tmp_path), "-modal_epss_tol", "1e-9")
+    done = on_ranks(
+        1,
+        "examples/beam_notch.py",
+        "--no-pictures",
+        "--order",
+        "2",
+        "--output",
+        str(tmp_path),
+        "-modal_epss_tol",
+        "1e-9",
+    )
     assert "modal_epss_tol" in done.stdout.split("Option left")[-1]
 
 

@@ -19,8 +19,15 @@ def bar_mesh(order=3):
     return BAR.mesh(order=order, points={"origin": (0.0, 0.0)}, corners=())
 
 
-@pytest.mark.parametrize("material", [STEEL, sb.Material(200e9, 0.3, 7800, "strain"), sb.OrthotropicMaterial(150e9, 10e9, 0.3, 5e9, 1600),
-                                      sb.OrthotropicMaterial(150e9, 10e9, 0.3, 5e9, 1600, angle=90)])
+@pytest.mark.parametrize(
+    "material",
+    [
+        STEEL,
+        sb.Material(200e9, 0.3, 7800, "strain"),
+        sb.OrthotropicMaterial(150e9, 10e9, 0.3, 5e9, 1600),
+        sb.OrthotropicMaterial(150e9, 10e9, 0.3, 5e9, 1600, angle=90),
+    ],
+)
 @pytest.mark.parametrize("thickness", [1.0, 0.01])
 def test_uniform_tension(material, thickness):
     """Traction on the right edge: the elasticity's own uniaxial strain, whatever the thickness."""
@@ -35,7 +42,9 @@ def test_pressure_and_point_force_agree_with_traction():
     pulled = sb.static(model, sb.EdgeLoad("right", tx=-1e6)).displacement("A")
     pressed = sb.static(model, sb.EdgeLoad("right", pressure=1e6)).displacement("A")
     np.testing.assert_allclose(pressed, pulled, rtol=1e-9)
-    both = sb.static(model, sb.EdgeLoad("right", tx=-1e6) + sb.EdgeLoad("right", pressure=-1e6)).displacement("A")
+    both = sb.static(model, sb.EdgeLoad("right", tx=-1e6) + sb.EdgeLoad("right", pressure=-1e6)).displacement(
+        "A"
+    )
     assert np.abs(both).max() < 1e-9 * np.abs(pulled).max()
 
 
@@ -52,7 +61,9 @@ def test_spring_on_a_point():
     mesh = Beam(0.4, 0.005).mesh(order=4)
     free = 1.0 / sb.static(sb.Model(mesh, STEEL), sb.PointForce("A", fy=1.0)).displacement("A")[1]
     held = sb.Model(mesh, STEEL, supports=[sb.Support("A", x=False, y=3.0 * free)])
-    assert sb.static(held, sb.PointForce("A", fy=1.0)).displacement("A")[1] == pytest.approx(0.25 / free, rel=1e-6)
+    assert sb.static(held, sb.PointForce("A", fy=1.0)).displacement("A")[1] == pytest.approx(
+        0.25 / free, rel=1e-6
+    )
 
 
 def test_spring_on_an_edge():
@@ -66,7 +77,9 @@ def test_spring_on_an_edge():
 def test_one_direction_supports():
     """A beam simply supported at two points bends as Euler and Timoshenko say (slender: shear is 0.1 %)."""
     length, height = 1.0, 0.02
-    mesh = Beam(length, height).mesh(order=4, points={"L": (0, 0), "R": (length, 0), "M": (length / 2, height)}, corners=())
+    mesh = Beam(length, height).mesh(
+        order=4, points={"L": (0, 0), "R": (length, 0), "M": (length / 2, height)}, corners=()
+    )
     model = sb.Model(mesh, STEEL, clamped=None, supports=[sb.Support("L"), sb.Support("R", x=False)])
     found = sb.static(model, sb.EdgeLoad("top", pressure=1e3)).displacement("M")[1]
     inertia = height**3 / 12
@@ -89,14 +102,21 @@ def test_two_materials():
 
 def test_mesh_without_corners_of_another_order():
     """Orders 2 to 12 of an uncracked cantilever under a tip load converge from below, towards one value."""
-    values = [sb.static(sb.Model(Beam(0.2, 0.02).mesh(order=order), STEEL), sb.EdgeLoad("right", ty=1e4)).displacement("A")[1] for order in (2, 3, 5, 8, 12)]
+    values = [
+        sb.static(
+            sb.Model(Beam(0.2, 0.02).mesh(order=order), STEEL), sb.EdgeLoad("right", ty=1e4)
+        ).displacement("A")[1]
+        for order in (2, 3, 5, 8, 12)
+    ]
     assert (np.diff(values) > 0).all()
     # what is left between orders 8 and 12 is the clamped corners' singularity, graded to 0.2 of the height
     assert values[-1] / values[-2] - 1 < 2e-5
 
 
 def test_vertex_layout():
-    """The paper's layout (tip as a corner of four closed S-elements) is too stiff, the more so the coarser it is; the tip-centred one is not."""
+    """The paper's layout (tip as a corner of four closed S-elements) is too stiff, the more so the coarser it
+    is; the tip-centred one is not.
+    """
     beam = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0458366)])
     material = sb.Material(70e9, 0.33, 2700)
     exact = 24.5939399
@@ -110,8 +130,18 @@ def test_vertex_layout():
 
 
 def test_repr_and_properties():
-    model = sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0458366)]).mesh(), sb.Material(70e9, 0.33, 2700), damping=0.002)
-    assert str(model.boundary_unknowns) in repr(model) and str(model.unknowns) in repr(model) and "\n" not in repr(model)
+    model = sb.Model(
+        Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0458366)]).mesh(),
+        sb.Material(70e9, 0.33, 2700),
+        damping=0.002,
+    )
+    assert (
+        str(model.boundary_unknowns) in repr(model)
+        and str(model.unknowns) in repr(model)
+        and "\n" not in repr(model)
+    )
     assert model.area == pytest.approx(0.4 * 0.005 - 0.5 * 0.0025 * 2e-6, rel=1e-12)
-    assert model.perimeter == pytest.approx(2 * (0.4 + 0.005) + 2 * 0.0025, rel=2e-4)  # less the tip element's faces
+    assert model.perimeter == pytest.approx(
+        2 * (0.4 + 0.005) + 2 * 0.0025, rel=2e-4
+    )  # less the tip element's faces
     assert model.shapes < 12

@@ -32,7 +32,9 @@ def serial():
 
 
 def compare(found, expected):
-    """Agreement as promised: 1e-7 on displacements and frequencies 1-2 (permuting the unknowns moves them by 6e-8), 1e-9 from frequency 3 on."""
+    """Agreement as promised: 1e-7 on displacements and frequencies 1-2 (permuting the unknowns moves them by
+    6e-8), 1e-9 from frequency 3 on.
+    """
     for name in ("unknowns", "shapes", "elements", "active"):
         assert found[name] == expected[name], name
     np.testing.assert_allclose(found["frequencies"][:2], expected["frequencies"][:2], rtol=1e-7)
@@ -76,13 +78,17 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def test_iterative_solver_by_option():
-    """Conjugate gradients with algebraic multigrid, chosen on the command line, on two ranks, agree with the direct solver."""
+    """Conjugate gradients with algebraic multigrid, chosen on the command line, on two ranks, agree with the
+    direct solver.
+    """
     import sbfem_petsc as sb
     from tests.reference import paper_beam
 
     found = answer(on_ranks(2, ITERATIVE))
     assert found["solver"] == "cg + gamg"
-    direct = sb.static(sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700)), sb.PointForce("A", fy=100.0))
+    direct = sb.static(
+        sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700)), sb.PointForce("A", fy=100.0)
+    )
     np.testing.assert_allclose(found["A"], direct.displacement("A"), rtol=1e-6)
 
 
@@ -104,7 +110,9 @@ if MPI.COMM_WORLD.rank == 0:
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_histories(ranks):
-    """Histories on several ranks agree within 1e-6 with one rank's, reduced and full, and so do the numbers of pairs in contact."""
+    """Histories on several ranks agree within 1e-6 with one rank's, reduced and full, and so do the numbers
+    of pairs in contact.
+    """
     expected, found = answer(on_ranks(1, HISTORY)), answer(on_ranks(ranks, HISTORY))
     for name in ("u", "full"):
         np.testing.assert_allclose(found[name], expected[name], atol=1e-6 * np.abs(expected[name]).max())
