@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..dynamics.bifurcations import Bifurcation
+from ..dynamics.shooting import Period, shoot_along
 from ..errors import SolveError, on_all_ranks
-from .bifurcations import Bifurcation
 from .periodic import Orbit, make_orbit, orbit_stability
 from .response import Curve
-from .shooting import Period, shoot_along
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)

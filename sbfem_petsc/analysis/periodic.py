@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..dynamics.continuation import Station, Trace
+from ..dynamics.excitation import Drive, one_sided
+from ..dynamics.history import ModalHistory
+from ..dynamics.shooting import JACOBIANS, DrivenPeriod, Motion, Period, Shot, shoot
+from ..dynamics.stability import multipliers
 from ..errors import SolveError, on_all_ranks
 from ..loads import separate
 from ..material import positive
 from ..parallel import collective
-from ..reduction import Reduction, check_reduction, communicator, reduce
+from ..reduction.reduced_model import Reduction, check_reduction, communicator, reduce
 from ..signals import Harmonic, as_signal
 from ..system.model import Model
-from .continuation import Station, Trace
-from .harmonic import Drive, one_sided
-from .modal_history import ModalHistory
-from .shooting import JACOBIANS, DrivenPeriod, Motion, Period, Shot, shoot
-from .stability import multipliers
 from .transient import CONTACT_STEP, default_modes
 
 STEPS, LONGEST = 512, 64
@@ -214,7 +214,7 @@ def periodic(
             longest=longest,
         )
     if reduction is None:
-        from .full_shooting import full_periodic  # needs this module
+        from ..dynamics.unreduced_shooting import full_periodic  # needs this module
 
         with collective(communicator(model)):
             positive("periodic", "frequency", frequency, "Hz")

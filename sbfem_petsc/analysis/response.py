@@ -12,17 +12,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..dynamics.bifurcations import Bifurcation, between, locate
+from ..dynamics.continuation import Station, Trace
+from ..dynamics.excitation import one_sided
+from ..dynamics.shooting import Period, Shot
+from ..dynamics.stability import multipliers
 from ..errors import SolveError, UnknownName, on_all_ranks
 from ..loads import as_loads
 from ..material import positive
 from ..parallel import collective
 from ..progress import progress_bar
-from ..reduction import Reduction, communicator
+from ..reduction.reduced_model import Reduction, communicator
 from ..signals import Constant, Signal
 from ..system.model import Model
-from .bifurcations import Bifurcation, between, locate
-from .continuation import Station, Trace
-from .harmonic import one_sided
 from .periodic import (
     FLOOR,
     LONGEST,
@@ -34,8 +36,6 @@ from .periodic import (
     periodic,
     prepare,
 )
-from .shooting import Period, Shot
-from .stability import multipliers
 
 # Harmonics kept of every point.
 HARMONICS = 20
@@ -439,7 +439,7 @@ def load_response(
     )
 
     def begin() -> np.ndarray:
-        from .shooting import shoot
+        from ..dynamics.shooting import shoot
 
         return shoot(
             period, first.state if first else period.at(frequency, start).linear_state, frequency, start

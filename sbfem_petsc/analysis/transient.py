@@ -12,19 +12,19 @@ import numpy as np
 
 from ..contact.complementarity import solve_complementarity
 from ..contact.marching import march, thin_factors
+from ..dynamics.energy import Energy, Ledger, guard
+from ..dynamics.history import ModalHistory
+from ..dynamics.initial import modal_start
+from ..dynamics.steps import step_coefficients
+from ..dynamics.unreduced_history import FullTransient, full_transient
 from ..errors import SolveError, on_all_ranks
 from ..loads import separate
 from ..parallel import collective
 from ..progress import progress_bar
-from ..reduction import Reduction, check_reduction, communicator, reduce
+from ..reduction.reduced_model import Reduction, check_reduction, communicator, reduce
 from ..signals import as_signal
 from ..system.model import Model
-from .energy import Energy, Ledger, guard
-from .full_transient import FullTransient, full_transient
-from .initial import modal_start
 from .modal import modal
-from .modal_history import ModalHistory
-from .steps import step_coefficients
 
 # Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega
 # h)^2 / 12 = 3e-5.

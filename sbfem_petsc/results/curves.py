@@ -11,11 +11,11 @@ from collections.abc import Callable
 import h5py
 import numpy as np
 
-from ..analysis.bifurcations import Bifurcation
-from ..analysis.continuation import FIRST
-from ..analysis.harmonic import Drive
 from ..analysis.response import Curve
-from ..analysis.shooting import Period
+from ..dynamics.bifurcations import Bifurcation
+from ..dynamics.continuation import FIRST
+from ..dynamics.excitation import Drive
+from ..dynamics.shooting import Period
 from ..errors import SolveError
 from ..parallel import collective
 from .history_file import close

@@ -22,7 +22,7 @@ from ..analysis.transient import Energy, Transient
 from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 from .history_file import (
     FORMAT,
     FORMAT_VERSION,

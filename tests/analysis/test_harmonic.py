@@ -5,8 +5,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.analysis.harmonic import Drive
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics.excitation import Drive
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])
 STIFFNESS = np.array([[30.0, -12.0], [-12.0, 20.0]])

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import shooting
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics import shooting
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
 from tests.reference import paper_beam
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import continuation
+from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.analysis.response import find_peak
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 

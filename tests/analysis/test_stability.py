@@ -7,9 +7,9 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.analysis.periodic import moved_by_half_a_step, prepare, state_at
-from sbfem_petsc.analysis.shooting import shoot
-from sbfem_petsc.analysis.stability import multipliers
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics.shooting import shoot
+from sbfem_petsc.dynamics.stability import multipliers
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from tests.reference import paper_beam
 
 TURN = 2 * np.pi

@@ -10,7 +10,7 @@ from scipy import linalg
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from tests.reference import paper_beam
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis.harmonic import Drive
-from sbfem_petsc.analysis.shooting import Period
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics.excitation import Drive
+from sbfem_petsc.dynamics.shooting import Period
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from tests.parallel import ROOT
 
 

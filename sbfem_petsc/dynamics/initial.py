@@ -6,14 +6,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..analysis.modal import Modal, modal
 from ..contact.delassus import ContactRows
 from ..errors import on_all_ranks
 from ..parallel import collective
 from ..petsc import MPI
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 from ..system.model import Model
 from ..system.pencil import Pencil
-from .modal import Modal, modal
 
 # Relative difference at the points and pairs up to which modes computed again are those of a reduction.
 SAME = 1e-4

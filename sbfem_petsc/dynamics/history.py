@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import UnknownName
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 
 
 @dataclass(frozen=True, eq=False)

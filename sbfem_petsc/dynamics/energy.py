@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 
 # Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
 WORK_LIMIT = 0.01

@@ -9,7 +9,7 @@ import numpy as np
 from ..material import Material
 from ..selement.coefficients import edge_nodes
 from ..selement.interior import InteriorSampler
-from ..system.model import Model
+from .model import Model
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
 # crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a

@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from scipy.interpolate import PchipInterpolator
 
-from ..analysis.bifurcations import Bifurcation
 from ..analysis.periodic import Orbit
 from ..analysis.response import Curve
+from ..dynamics.bifurcations import Bifurcation
 from ..parallel import on_root
 from ..petsc import MPI
 from .drawing import BLACK, BLUE, CYCLE, GREEN, MARKERS, VERMILION, figure, save, style

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from .analysis.modal import modal
-from .contact.delassus import ContactRows
-from .loads import PointForce, SupportMotion
-from .petsc import MPI, check_ksp, make_ksp
-from .system.model import Model
+from ..analysis.modal import modal
+from ..contact.delassus import ContactRows
+from ..loads import PointForce, SupportMotion
+from ..petsc import MPI, check_ksp, make_ksp
+from ..system.model import Model
 
 
 @dataclass(frozen=True, eq=False)

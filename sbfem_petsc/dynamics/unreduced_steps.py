@@ -21,6 +21,7 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
+from ..analysis.modal import Modal
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.delassus import ContactRows
 from ..contact.marching import contact_forces
@@ -30,7 +31,6 @@ from ..petsc import MPI
 from ..system.model import Model
 from ..system.pencil import CondensedSolve, Pencil
 from .initial import full_shapes
-from .modal import Modal
 
 # The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
 RUNAWAY = 1.1

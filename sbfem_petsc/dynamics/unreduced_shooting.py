@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..analysis.modal import modal
 from ..errors import SolveError, at_point, on_all_ranks
 from ..loads import separate
 from ..parallel import collective
@@ -21,10 +22,9 @@ from ..petsc import PETSc
 from ..signals import Harmonic
 from ..system.model import Model
 from ..system.pencil import Pencil
-from .full_march import FullMarch
-from .harmonic import Drive, one_sided
-from .modal import modal
+from .excitation import Drive, one_sided
 from .shooting import PREFIX, snes_reason
+from .unreduced_steps import FullMarch
 
 # The linear solves need no more than Newton's next iterate is good for.
 RELATIVE, LINEAR, ITERATIONS, RESTART = 1e-8, 1e-4, 20, 100

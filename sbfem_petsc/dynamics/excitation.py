@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 from ..signals import Harmonic, Signal, Sum
 
 # Harmonics of a load below this share of its largest one are rounding.

@@ -17,8 +17,8 @@ from ..contact.marching import contact_forces, march, thin_factors
 from ..contact.tangent import carry, contact_operators, located_operators
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc
-from ..reduction import Reduction
-from .harmonic import Drive
+from ..reduction.reduced_model import Reduction
+from .excitation import Drive
 from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.

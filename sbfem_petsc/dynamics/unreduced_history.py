@@ -14,15 +14,15 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from ..analysis.modal import modal
+from ..analysis.static import static
 from ..errors import UnknownName, at_point
 from ..loads import Loads, separate
 from ..system.model import Model
 from ..system.pencil import Pencil
 from .energy import Energy
-from .full_march import FullMarch
 from .initial import nodal_field, owned_values
-from .modal import modal
-from .static import static
+from .unreduced_steps import FullMarch
 
 # Steps between two settlements of the state, records on disk and reports of progress.
 CHUNK = 256

@@ -17,7 +17,7 @@ from ..analysis.static import Static
 from ..parallel import on_root
 from ..system.model import Model
 from .drawing import BLACK, BLUE, CYCLE, MARKERS, MILLI, SKY, WIDTH, crack_title, figure, fill, save, style
-from .mesh_plot import plot_discretisation
+from .meshes import plot_discretisation
 from .outlines import Piece, Region, contact_lengths, gather_outline, gather_region, loops
 
 __all__ = ["plot_contact", "plot_crack", "plot_discretisation", "plot_modes"]
