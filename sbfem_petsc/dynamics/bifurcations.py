@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from ..errors import SolveError
-from .continuation import Station, Trace
+from .continuation import Continuation, ContinuationPoint
 from .shooting import shoot_along
 from .stability import Multipliers, multipliers
 
@@ -55,73 +55,81 @@ def unstable(found: Multipliers, margin: float = 0.0) -> int:
     return int((np.abs(found.values) > 1.0 + margin).sum())
 
 
-def between(trace: Trace, one: Station, other: Station, fraction: float) -> Station:
+def between(
+    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint, fraction: float
+) -> ContinuationPoint:
     """A point of the branch in the plane across the chord of two others."""
-    size = max(np.linalg.norm(one.shot.state), np.linalg.norm(other.shot.state), 1e-300)
-    chord = np.append((other.shot.state - one.shot.state) / size, (other.value - one.value) / trace.range)
+    size = max(np.linalg.norm(one.fixed.state), np.linalg.norm(other.fixed.state), 1e-300)
+    chord = np.append(
+        (other.fixed.state - one.fixed.state) / size,
+        (other.value - one.value) / continuation.parameter.extent,
+    )
     heading = chord / np.linalg.norm(chord)
     guess, value = (
-        one.shot.state + fraction * (other.shot.state - one.shot.state),
+        one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
         one.value + fraction * (other.value - one.value),
     )
 
     def condition(state, change):
         return (
-            float(heading[:-1] @ (state - guess) + size / trace.range * heading[-1] * change),
+            float(
+                heading[:-1] @ (state - guess) + size / continuation.parameter.extent * heading[-1] * change
+            ),
             heading[:-1],
-            size / trace.range * heading[-1],
+            size / continuation.parameter.extent * heading[-1],
         )
 
-    shot = shoot_along(trace.period, guess, value, trace.driven, trace.name, condition)
-    return Station(shot, float(shot.parameters[0]))
+    fixed = shoot_along(
+        continuation.period, guess, value, continuation.driven, continuation.parameter.name, condition
+    )
+    return ContinuationPoint(fixed, float(fixed.parameters[0]))
 
 
-def locate(trace: Trace, found: list[Multipliers]) -> list[Bifurcation]:
+def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
     """All bifurcations of a branch in the order of its points.
 
     Parameters
     ----------
-    trace : Trace
+    continuation : Continuation
         Gone through.
     found : list of Multipliers
         Of all its points.
     """
     result = []
-    stations = trace.stations
-    for k in range(1, len(stations)):
+    points = continuation.points
+    for k in range(1, len(points)):
         if (
-            k + 1 < len(stations)
-            and (stations[k].value - stations[k - 1].value) * (stations[k + 1].value - stations[k].value)
-            < 0.0
+            k + 1 < len(points)
+            and (points[k].value - points[k - 1].value) * (points[k + 1].value - points[k].value) < 0.0
         ):
-            result.append(_fold(trace, k))
+            result.append(_fold(continuation, k))
         one, other = unstable(found[k - 1]), unstable(found[k])
         if one != other:
-            crossing = _crossing(trace, k, max(one, other) - 1, found[k - 1], found[k])
+            crossing = _crossing(continuation, k, max(one, other) - 1, found[k - 1], found[k])
             # a real multiplier through +1 at a turning point is the fold itself, which has been found by its
             # turn
-            if crossing is not None and not (crossing.kind == "branch point" and _turns(stations, k)):
+            if crossing is not None and not (crossing.kind == "branch point" and _turns(points, k)):
                 result.append(crossing)
     return result
 
 
-def _turns(stations: list[Station], k: int) -> bool:
-    steps = np.diff([s.value for s in stations[max(0, k - 2) : k + 2]])
+def _turns(points: list[ContinuationPoint], k: int) -> bool:
+    steps = np.diff([s.value for s in points[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
 
 
-def _fold(trace: Trace, k: int) -> Bifurcation:
+def _fold(continuation: Continuation, k: int) -> Bifurcation:
     """Where the branch turns: the parameter's extremum between the neighbours of point k."""
-    stations = trace.stations
+    points = continuation.points
 
-    def slope(station: Station) -> float:
+    def slope(point: ContinuationPoint) -> float:
         """The parameter's part of the branch's direction."""
-        shot, m2 = station.shot, len(station.shot.state)
-        carried = shot.driven.carried(shot.motion, np.eye(m2), (trace.name,))
+        fixed, m2 = point.fixed, len(point.fixed.state)
+        carried = fixed.driven.carried(fixed.motion, np.eye(m2), (continuation.parameter.name,))
         bordered = np.zeros((m2 + 1, m2 + 1))
         bordered[:m2] = carried
         bordered[:m2, :m2] -= np.eye(m2)
-        chord = np.append(stations[k + 1].shot.state - stations[k - 1].shot.state, 0.0)
+        chord = np.append(points[k + 1].fixed.state - points[k - 1].fixed.state, 0.0)
         bordered[m2] = chord / np.linalg.norm(chord)
         # the unit in which the parameter is solved for must not make the border small
         scale = np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2)
@@ -129,49 +137,51 @@ def _fold(trace: Trace, k: int) -> Bifurcation:
         direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
         return float(direction[m2])
 
-    for first, second in ((stations[k - 1], stations[k]), (stations[k], stations[k + 1])):
+    for first, second in ((points[k - 1], points[k]), (points[k], points[k + 1])):
         ends = slope(first), slope(second)
         if ends[0] * ends[1] > 0.0:
             continue
-        station = _root(trace, first, second, slope, ends)
-        values = multipliers(station.shot.driven, station.shot.motion)
+        point = _root(continuation, first, second, slope, ends)
+        values = multipliers(point.fixed.driven, point.fixed.motion)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
         return Bifurcation(
             "fold",
-            station.value,
+            point.value,
             complex(values.values[nearest]),
-            station.shot.state,
+            point.fixed.state,
             values.vectors[:, nearest],
-            k if second is stations[k] else k + 1,
+            k if second is points[k] else k + 1,
         )
-    values = multipliers(stations[k].shot.driven, stations[k].shot.motion)
+    values = multipliers(points[k].fixed.driven, points[k].fixed.motion)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
     return Bifurcation(
         "fold",
-        stations[k].value,
+        points[k].value,
         complex(values.values[nearest]),
-        stations[k].shot.state,
+        points[k].fixed.state,
         values.vectors[:, nearest],
         k + 1,
     )
 
 
-def _crossing(trace: Trace, k: int, rank: int, before: Multipliers, after: Multipliers) -> Bifurcation | None:
+def _crossing(
+    continuation: Continuation, k: int, rank: int, before: Multipliers, after: Multipliers
+) -> Bifurcation | None:
     """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
     whose multipliers are known.
     """
     known = {}
 
-    def excess(station: Station) -> float:
-        known[id(station)] = multipliers(station.shot.driven, station.shot.motion)
-        return float(np.abs(known[id(station)].values[rank]) - 1.0)
+    def excess(point: ContinuationPoint) -> float:
+        known[id(point)] = multipliers(point.fixed.driven, point.fixed.motion)
+        return float(np.abs(known[id(point)].values[rank]) - 1.0)
 
-    first, second = trace.stations[k - 1], trace.stations[k]
+    first, second = continuation.points[k - 1], continuation.points[k]
     ends = tuple(float(np.abs(item.values[rank]) - 1.0) for item in (before, after))
     if ends[0] * ends[1] > 0.0:
         return None
-    station = _root(trace, first, second, excess, ends)
-    found = known.get(id(station)) or (before if station is first else after)
+    point = _root(continuation, first, second, excess, ends)
+    found = known.get(id(point)) or (before if point is first else after)
     value = complex(found.values[rank])
     jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
     kind = (
@@ -183,17 +193,23 @@ def _crossing(trace: Trace, k: int, rank: int, before: Multipliers, after: Multi
         if value.real < 0.0
         else "branch point"
     )
-    return Bifurcation(kind, station.value, value, station.shot.state, found.vectors[:, rank], k)
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k)
 
 
-def _root(trace: Trace, first: Station, second: Station, test, ends: tuple[float, float]) -> Station:
+def _root(
+    continuation: Continuation,
+    first: ContinuationPoint,
+    second: ContinuationPoint,
+    test,
+    ends: tuple[float, float],
+) -> ContinuationPoint:
     """The point between two others at which a test function of points vanishes."""
     known = {0.0: (first, ends[0]), 1.0: (second, ends[1])}
 
     def value(fraction: float) -> float:
         if fraction not in known:
-            station = between(trace, first, second, fraction)
-            known[fraction] = station, test(station)
+            point = between(continuation, first, second, fraction)
+            known[fraction] = point, test(point)
         return known[fraction][1]
 
     try:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from ..reduction.reduced_model import Reduction
+from ..reduction.reduced_model import ReducedModel
 
 # Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
 WORK_LIMIT = 0.01
@@ -51,14 +51,14 @@ class Energy:
 class Ledger:
     """Energies and work, carried from chunk to chunk."""
 
-    def __init__(self, reduction: Reduction, step: float, smooth: bool):
+    def __init__(self, reduction: ReducedModel, step: float, smooth: bool):
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
         self.r, self.step, self.smooth = reduction, step, smooth
         self.flexibility = np.block(
             [
-                [reduction.load_flexibility, reduction.gap_loads.T],
-                [reduction.gap_loads, reduction.gap_flexibility],
+                [reduction.load_flexibility, reduction.gap.loads.T],
+                [reduction.gap.loads, reduction.gap.contact],
             ]
         )
 
@@ -101,7 +101,7 @@ class Ledger:
         r = self.r
         drive = np.concatenate([amplitudes, forces], axis=1)
         flexible = drive @ self.flexibility
-        moved = q @ np.concatenate([r.load_modes, r.gap_modes.T], axis=1) + flexible
+        moved = q @ np.concatenate([r.load_modes, r.gap.modes.T], axis=1) + flexible
         stored = np.stack(
             [
                 0.5 * (v**2).sum(axis=1),

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..reduction.reduced_model import Reduction
+from ..reduction.reduced_model import ReducedModel
 from ..signals import Harmonic, Signal, Sum
 
 # Harmonics of a load below this share of its largest one are rounding.
@@ -22,7 +22,7 @@ RESONANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
+class Excitation:
     """Load amplitudes with a common period T = `periods` / f: s(t) = Re sum_k amplitude_k exp(i k 2 pi t /
     T).
 
@@ -40,8 +40,8 @@ class Drive:
     periods: int
 
     @classmethod
-    def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Drive:
-        """Drive of load signals, in which a `Constant` stands for itself.
+    def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:
+        """Excitation of load signals, in which a `Constant` stands for itself.
 
         Parameters
         ----------
@@ -96,27 +96,27 @@ class Drive:
         orders = np.flatnonzero(np.abs(found).any(axis=1))
         return cls(orders, found[orders], periods)
 
-    def repeated(self, times: int) -> Drive:
+    def repeated(self, times: int) -> Excitation:
         """The same loads with `times` their common period."""
-        return Drive(self.orders * times, self.amplitudes, self.periods * times)
+        return Excitation(self.orders * times, self.amplitudes, self.periods * times)
 
-    def scaled(self, factor: float) -> Drive:
+    def scaled(self, factor: float) -> Excitation:
         """The oscillating part times a factor; the constant part stays."""
-        return Drive(
+        return Excitation(
             self.orders, np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes, self.periods
         )
 
     @property
-    def oscillating(self) -> Drive:
+    def oscillating(self) -> Excitation:
         """Without the constant part."""
         keep = self.orders > 0
-        return Drive(self.orders[keep], self.amplitudes[keep], self.periods)
+        return Excitation(self.orders[keep], self.amplitudes[keep], self.periods)
 
     def phases(self, count: int) -> np.ndarray:
         """(count + 1, k): exp(i k 2 pi t / T) at equal steps from 0 to T, both ends."""
         return np.exp(2j * np.pi * (np.arange(count + 1)[:, None] * self.orders % count) / count)
 
-    def response(self, reduction: Reduction, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+    def response(self, reduction: ReducedModel, frequency: float) -> tuple[np.ndarray, np.ndarray]:
         """Complex modal amplitudes of the linear steady state and their derivative with `frequency`, (k, m)
         each.
 

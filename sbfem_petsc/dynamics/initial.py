@@ -6,17 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..analysis.modal import Modal, modal
-from ..contact.delassus import ContactRows
 from ..errors import on_all_ranks
 from ..parallel import collective
 from ..petsc import MPI
-from ..reduction.reduced_model import Reduction
+from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from ..system.modes import Modal
 from ..system.pencil import Pencil
-
-# Relative difference at the points and pairs up to which modes computed again are those of a reduction.
-SAME = 1e-4
 
 
 def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarray:
@@ -72,7 +68,7 @@ def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
     return shapes
 
 
-def modal_start(model: Model, reduction: Reduction, start: tuple) -> tuple[np.ndarray, np.ndarray]:
+def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Modal coordinates and velocities Phi^T M u of functions of position.
 
     Auxiliary unknowns start from zero: inside the S-elements that is the static displacement of what their
@@ -81,42 +77,29 @@ def modal_start(model: Model, reduction: Reduction, start: tuple) -> tuple[np.nd
     Raises
     ------
     ValueError
-        If the modes cannot be told from the reduction's: another model's, or multiple frequencies.
+        If the reduced model has no model behind it; on all ranks.
     """
-    found = modal(model, len(reduction.omega))
-    rows = ContactRows(model).local(found.shapes)
-    model.comm.Allreduce(MPI.IN_PLACE, rows)
-    mine = np.concatenate([rows, *(found.point_shapes[name].T for name in model.points)])
-    theirs = np.concatenate([reduction.gap_modes, reduction.sensor_modes.reshape(-1, len(reduction.omega))])
-    signs = (
-        np.where((mine * theirs).sum(axis=0) < 0.0, -1.0, 1.0)
-        if mine.shape == theirs.shape
-        else np.ones(len(reduction.omega))
-    )
-    if (
-        mine.shape != theirs.shape
-        or (
-            np.linalg.norm(signs * mine - theirs, axis=0)
-            > SAME * np.linalg.norm(theirs, axis=0).max(initial=0.0)
-        ).any()
-    ):
+    model, found = reduced.model, reduced.modal
+    if model is None or found is None:
         raise on_all_ranks(
             ValueError(
-                "transient: the model's modes are not those of the reduction, or some have the same "
-                "frequency and are not unique; give start in modal coordinates (q, v)"
+                "transient: a start by functions of x and y needs a model; give modal coordinates (q, v)"
             )
         )
     pencil = Pencil(model, 1.0, 0.0)
-    shapes, (field, product) = full_shapes(pencil, found), pencil.mass.createVecs()
-    result = []
-    for function, what in zip(start, ("displacement", "velocity")):
-        values = nodal_field(model, function, what)
-        field.set(0.0)
-        field.array[: pencil.owned] = owned_values(model, values)
-        pencil.mass.mult(field, product)
-        q = shapes.T @ product.array_r
-        model.comm.Allreduce(MPI.IN_PLACE, q)
-        result.append(signs * q)
-    for item in (field, product, pencil):
-        item.destroy()
-    return tuple(result)
+    try:
+        shapes, (field, product) = full_shapes(pencil, found), pencil.mass.createVecs()
+        result = []
+        for function, what in zip(start, ("displacement", "velocity")):
+            values = nodal_field(model, function, what)
+            field.set(0.0)
+            field.array[: pencil.owned] = owned_values(model, values)
+            pencil.mass.mult(field, product)
+            q = shapes.T @ product.array_r
+            model.comm.Allreduce(MPI.IN_PLACE, q)
+            result.append(q)
+        field.destroy()
+        product.destroy()
+    finally:
+        pencil.destroy()
+    return result[0], result[1]

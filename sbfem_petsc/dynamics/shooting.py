@@ -17,8 +17,8 @@ from ..contact.marching import contact_forces, march, thin_factors
 from ..contact.tangent import carry, contact_operators, located_operators
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc
-from ..reduction.reduced_model import Reduction
-from .excitation import Drive
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
 from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
@@ -30,7 +30,7 @@ WHOLE = 1200
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PeriodMotion:
     """One period from a given state.
 
     Attributes
@@ -53,24 +53,24 @@ class Period:
 
     Parameters
     ----------
-    reduction : Reduction
-    drive : Drive
+    reduced : ReducedModel
+    excitation : Excitation
     steps : int
         Steps in the common period of the loads.
     contact : bool
     """
 
-    def __init__(self, reduction: Reduction, drive: Drive, steps: int, contact: bool = True):
-        self.reduction, self.drive, self.steps = reduction, drive, steps
-        r = reduction
-        rows = r.gap_modes if contact else r.gap_modes[:0]
+    def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
+        self.reduced, self.excitation, self.steps = reduced, excitation, steps
+        r = reduced
+        rows = r.gap.modes if contact else r.gap.modes[:0]
         self.pairs, self.modes = len(rows), len(r.omega)
         self.rows = rows
         self.left, self.right = thin_factors(rows)
-        self.residual_flexibility = np.ascontiguousarray(r.gap_flexibility[: self.pairs, : self.pairs])
+        self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
-        self.phases = drive.phases(steps)
+        self.phases = excitation.phases(steps)
         self._prepared = {}
 
     def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
@@ -88,17 +88,17 @@ class DrivenPeriod:
 
     def __init__(self, period: Period, frequency: float, factor: float):
         self.period, self.frequency, self.factor = period, frequency, factor
-        p, r = period, period.reduction
-        self.duration = p.drive.periods / frequency
+        p, r = period, period.reduced
+        self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
         self.coefficients = step_coefficients(r.omega, r.damping, self.step, "exact")
         self.flexibility = (p.rows * self.coefficients[4]) @ p.rows.T + p.residual_flexibility
-        self.amplitudes, self._slopes = p.drive.scaled(factor).response(r, frequency)
-        self.speeds = 2j * np.pi * p.drive.orders[:, None] / self.duration
-        self.loads = (p.phases @ p.drive.scaled(factor).amplitudes).real
+        self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
+        self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
+        self.loads = (p.phases @ p.excitation.scaled(factor).amplitudes).real
         self.free_gap = (
             (p.phases @ (self.amplitudes @ p.right)).real @ p.left.T
-            + self.loads @ r.gap_loads[: p.pairs].T
+            + self.loads @ r.gap.loads[: p.pairs].T
             + r.initial_gap[: p.pairs]
         )
         self.linear_state = self._state(
@@ -108,7 +108,7 @@ class DrivenPeriod:
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
 
-    def run(self, state: np.ndarray) -> Motion:
+    def run(self, state: np.ndarray) -> PeriodMotion:
         """Integrate one period from a state x."""
         p, m, steps = self.period, self.period.modes, self.period.steps
         difference = state - self.linear_state
@@ -156,10 +156,14 @@ class DrivenPeriod:
                     "was not solved; use more steps, or pairs of like size"
                 )
             )
-        return Motion(self._state(q, v) - difference, states, velocities, forces)
+        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces)
 
     def carried(
-        self, motion: Motion, columns: np.ndarray, parameters: tuple[str, ...] = (), located: bool = False
+        self,
+        motion: PeriodMotion,
+        columns: np.ndarray,
+        parameters: tuple[str, ...] = (),
+        located: bool = False,
     ) -> np.ndarray:
         """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters,
         "frequency" or "load", at fixed x(0).
@@ -197,15 +201,15 @@ class DrivenPeriod:
         result[:, result.shape[1] - len(parameters) :] += ends
         return result
 
-    def monodromy(self, motion: Motion) -> np.ndarray:
+    def monodromy(self, motion: PeriodMotion) -> np.ndarray:
         """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
         return self.carried(motion, np.eye(2 * self.period.modes), located=True)
 
-    def _frequency_rates(self, motion: Motion, sources: np.ndarray, speed_sources: np.ndarray):
+    def _frequency_rates(self, motion: PeriodMotion, sources: np.ndarray, speed_sources: np.ndarray):
         """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose
         length changes, are filled in.
         """
-        p, r = self.period, self.period.reduction
+        p, r = self.period, self.period.reduced
         aqq, aqv, _, _, cq, avq, avv, _, _, cv = self.coefficients
         stiffness, friction = r.omega**2, 2.0 * r.damping * r.omega
         rate = -self.step / self.frequency
@@ -227,13 +231,13 @@ class DrivenPeriod:
 
     def _load_rates(self):
         """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
-        p, r = self.period, self.period.reduction
-        part = p.drive.oscillating
+        p, r = self.period, self.period.reduced
+        part = p.excitation.oscillating
         amplitudes, _ = part.response(r, self.frequency)
         phases = part.phases(p.steps)
         gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (
             phases @ part.amplitudes
-        ).real @ r.gap_loads[: p.pairs].T
+        ).real @ r.gap.loads[: p.pairs].T
         return gaps, self._state(
             amplitudes.sum(axis=0).real,
             (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,
@@ -243,7 +247,7 @@ class DrivenPeriod:
         """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of
         matrix-free shooting.
         """
-        p, r, m = self.period, self.period.reduction, self.period.modes
+        p, r, m = self.period, self.period.reduced, self.period.modes
         a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
         w = p.weights
         a, b, c, d = a - 1.0, w * b, c / w, d - 1.0
@@ -253,7 +257,7 @@ class DrivenPeriod:
 
 
 @dataclass(frozen=True, eq=False)
-class Shot:
+class FixedPoint:
     """A fixed point of a period.
 
     Attributes
@@ -263,7 +267,7 @@ class Shot:
     parameters : (e,) array
         Values of the free parameters.
     driven : DrivenPeriod
-    motion : Motion
+    motion : PeriodMotion
     residuals : tuple of float
         Norm of x(T) - x(0), and of the conditions on the parameters, at each Newton iterate.
     """
@@ -271,13 +275,13 @@ class Shot:
     state: np.ndarray
     parameters: np.ndarray
     driven: DrivenPeriod
-    motion: Motion
+    motion: PeriodMotion
     residuals: tuple[float, ...]
 
 
 def shoot(
     period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto"
-) -> Shot:
+) -> FixedPoint:
     """Fixed point of a period near a state, by SNES.
 
     Parameters
@@ -305,7 +309,7 @@ def shoot(
     )
 
 
-def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: str, condition) -> Shot:
+def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: str, condition) -> FixedPoint:
     """Fixed point with one free parameter and one condition.
 
     Parameters
@@ -333,7 +337,7 @@ class _Newton:
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
         self.residuals, self.key = [], None
 
-    def solve(self, state: np.ndarray, driven, values: np.ndarray) -> Shot:
+    def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
         # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
         # all unknowns of one order
@@ -390,9 +394,9 @@ class _Newton:
         finally:
             for item in (snes, x, f, matrix):
                 item.destroy()
-        return Shot(state, values, driven, motion, tuple(self.residuals))
+        return FixedPoint(state, values, driven, motion, tuple(self.residuals))
 
-    def _motion(self, array: np.ndarray) -> tuple[DrivenPeriod, Motion]:
+    def _motion(self, array: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
         key = array.tobytes()
         if key != self.key:
             m2 = 2 * self.period.modes

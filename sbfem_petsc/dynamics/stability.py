@@ -10,7 +10,7 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc
-from .shooting import WHOLE, DrivenPeriod, Motion
+from .shooting import WHOLE, DrivenPeriod, PeriodMotion
 
 PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
@@ -33,12 +33,12 @@ class Multipliers:
     vectors: np.ndarray
 
 
-def multipliers(driven: DrivenPeriod, motion: Motion, whole: bool | None = None) -> Multipliers:
+def multipliers(driven: DrivenPeriod, motion: PeriodMotion, whole: bool | None = None) -> Multipliers:
     """Floquet multipliers of a periodic motion.
 
     Parameters
     ----------
-    driven, motion : DrivenPeriod, Motion
+    driven, motion : DrivenPeriod, PeriodMotion
         Of a converged fixed point.
     whole : bool, optional
         All of them from the monodromy matrix by LAPACK, or the largest by Krylov-Schur on products with it.
@@ -100,7 +100,7 @@ def multipliers(driven: DrivenPeriod, motion: Motion, whole: bool | None = None)
 class _Monodromy:
     """dx(T) / dx(0) as products."""
 
-    def __init__(self, driven: DrivenPeriod, motion: Motion):
+    def __init__(self, driven: DrivenPeriod, motion: PeriodMotion):
         self.driven, self.motion = driven, motion
 
     def mult(self, matrix, x, y) -> None:

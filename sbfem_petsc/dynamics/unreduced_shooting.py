@@ -10,119 +10,37 @@ The number of steps is therefore odd, so that Phi - 1 is about -2 there and not 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from ..analysis.modal import modal
-from ..errors import SolveError, at_point, on_all_ranks
-from ..loads import separate
+from ..checks import positive
+from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..petsc import PETSc
 from ..signals import Harmonic
 from ..system.model import Model
+from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
-from .excitation import Drive, one_sided
+from .excitation import Excitation
+from .loading import loading
+from .orbit import Orbit
+from .preparation import STEPS, PeriodSettings
 from .shooting import PREFIX, snes_reason
-from .unreduced_steps import FullMarch
+from .states import SampledStates
+from .unreduced_steps import UnreducedSteps
 
 # The linear solves need no more than Newton's next iterate is good for.
 RELATIVE, LINEAR, ITERATIONS, RESTART = 1e-8, 1e-4, 20, 100
 
 
-@dataclass(frozen=True, eq=False)
-class FullOrbit:
-    """A periodic motion of the unreduced model at the equal steps of one period.
-
-    Attributes
-    ----------
-    time : (n,) array
-        s.
-    point_displacements : dict of str to (n, 2) array
-        m, on all ranks.
-    contact_force, gap : (n, pairs) arrays
-        N and m, in the steps that end at the instants.
-    frequency : float
-        Hz.
-    periods : int
-        Forcing periods in one period of the motion.
-    residuals : tuple of float
-        Norm of x(T) - x(0) at each Newton iterate.
-    products : int
-        Linearised periods integrated for all linear solves.
-    """
-
-    time: np.ndarray
-    point_displacements: dict[str, np.ndarray]
-    contact_force: np.ndarray
-    gap: np.ndarray
-    frequency: float
-    periods: int
-    residuals: tuple[float, ...]
-    products: int
-
-    def displacement(self, point: str) -> np.ndarray:
-        """(n, 2): displacement of a named point, m."""
-        return at_point(self.point_displacements, point)
-
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
-        """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
-        m.
-        """
-        return one_sided(self.displacement(point)[:, "xy".index(direction)])[:: self.periods]
-
-    @property
-    def contact_resultant(self) -> np.ndarray:
-        """(n,): sum of the contact forces, N."""
-        return self.contact_force.sum(axis=1)
-
-    @property
-    def converged(self) -> bool:
-        """A motion that has not converged is not returned."""
-        return True
-
-    @property
-    def multipliers(self) -> np.ndarray:
-        """(0,): the unreduced model's multipliers are not computed."""
-        return np.zeros(0, dtype=complex)
-
-    def amplitude(self, point: str) -> float:
-        """Half the peak-to-peak of the y displacement of a point, m."""
-        return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
-
-    @property
-    def iterations(self) -> int:
-        """Newton iterations."""
-        return len(self.residuals) - 1
-
-    def __repr__(self) -> str:
-        return (
-            f"FullOrbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
-            f"{len(self.time)} steps, {self.iterations} Newton iterations, "
-            f"{self.products} linearised periods, peak contact resultant "
-            f"{self.contact_resultant.max(initial=0.0):.6g} N)"
-        )
+# Modes of the preconditioner and of the first guess by default.
+MODES = 40
 
 
-def full_periodic(
-    model: Model,
-    load,
-    frequency: float,
-    periods: int | None = None,
-    steps: int = 512,
-    modes: int = 40,
-    contact: bool = True,
-    longest: int = 64,
-) -> FullOrbit:
-    """Find the periodic response of the unreduced model; see `periodic` for the arguments.
+def unreduced_periodic(model: Model, load, frequency: float, *, settings: PeriodSettings) -> Orbit:
+    """Find the periodic response of the unreduced model; see `analysis.periodic.periodic` for the arguments.
 
-    Parameters
-    ----------
-    steps : int
-        Time steps a forcing period; one more in all if they are even in number.
-    modes : int
-        Modes of the preconditioner and of the first guess, and those that have the model's modal damping
-        ratio.
+    Its steps are one more in all if they are even in number; its modes are those of the preconditioner and of the
+    first guess, and those that have the model's modal damping ratio.
 
     Notes
     -----
@@ -136,32 +54,35 @@ def full_periodic(
     """
     model.require_support("periodic")
     with collective(model.comm):
-        model.checked_loads(load, constant=False)
-        units, signals = separate(load, number=lambda value: Harmonic(value, frequency))
-        drive = Drive.of(signals, frequency, periods, longest)
+        positive("periodic", "frequency", frequency, "Hz")
+        loads = loading("periodic", model, load, lambda value: Harmonic(value, frequency))
+        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
         if model.rayleigh[1] == 0.0:
             raise ValueError(
                 "periodic: the unreduced model needs stiffness-proportional damping, Model(rayleigh=(a, b)) "
                 "with b > 0: without it motions above the computed modes never die out, and no steady state "
                 "is reached"
             )
+    found = lowest_modes(model, settings.modes or MODES, auxiliary_tolerance=0.0)
+    count = (settings.steps or STEPS) * excitation.periods | 1
     pencil = Pencil(model, 1.0, 0.0)
-    found = modal(model, modes, auxiliary_tolerance=0.0)
-    count = steps * drive.periods | 1
-    march = FullMarch(model, pencil, units, drive.periods / frequency / count, found, contact, "implicit")
     try:
-        return _FullPeriod(march, drive, frequency, count).solve()
+        step = excitation.periods / frequency / count
+        march = UnreducedSteps(model, pencil, loads.units, step, found, settings.contact, "implicit")
+        try:
+            return _UnreducedPeriod(march, excitation, frequency, count).solve()
+        finally:
+            march.release()
     finally:
-        march.release()
         pencil.destroy()
 
 
-class _FullPeriod:
+class _UnreducedPeriod:
     """The period map of a march, its derivative and its fixed point."""
 
-    def __init__(self, march: FullMarch, drive: Drive, frequency: float, count: int):
-        self.march, self.drive, self.frequency, self.count = march, drive, frequency, count
-        self.amplitudes = (drive.phases(count) @ drive.amplitudes).real
+    def __init__(self, march: UnreducedSteps, excitation: Excitation, frequency: float, count: int):
+        self.march, self.excitation, self.frequency, self.count = march, excitation, frequency, count
+        self.amplitudes = (excitation.phases(count) @ excitation.amplitudes).real
         # displacements are weighed with the forcing frequency to be velocities
         self.weight, self.size = 2.0 * np.pi * frequency, march.u.size
         self.products, self.residuals, self.key = 0, [], None
@@ -177,7 +98,8 @@ class _FullPeriod:
             force, gap = march.advance(self.amplitudes[k], self.amplitudes[k + 1])
             sets[k] = force > 0.0
             if record:
-                rows.append((march.displacements()[march.pairs + march.loads :].reshape(-1, 2), force, gap))
+                places, speeds = march.at_points()
+                rows.append((places, speeds, *march.padded(force, gap), march.intensities()))
         march.settle()
         return self._get(), sets, rows
 
@@ -231,8 +153,8 @@ class _FullPeriod:
     def first_guess(self) -> np.ndarray:
         """x(0) of the linear steady state in the computed modes."""
         march = self.march
-        forces = self.drive.amplitudes @ march.probe_modes[march.pairs : march.pairs + march.loads]
-        rates = 2.0 * np.pi * self.drive.orders[:, None] * self.frequency / self.drive.periods
+        forces = self.excitation.amplitudes @ march.probe_modes[march.pairs : march.pairs + march.loads]
+        rates = 2.0 * np.pi * self.excitation.orders[:, None] * self.frequency / self.excitation.periods
         a, b = march.rayleigh
         q = forces / (march.omega**2 - rates**2 + 1j * rates * (march.friction + a + b * march.omega**2))
         return np.concatenate(
@@ -240,7 +162,7 @@ class _FullPeriod:
         )
 
     # ------------------------------------------------------------------ Newton's method
-    def solve(self) -> FullOrbit:
+    def solve(self) -> Orbit:
         """The fixed point."""
         comm = self.march.model.comm
         self._map = self._modal_map()
@@ -284,16 +206,27 @@ class _FullPeriod:
                 item.destroy()
         march = self.march
         # the last instant is the first one: the rows begin after it
-        places, forces, gaps = (np.roll(np.array(part), 1, axis=0) for part in zip(*rows))
-        return FullOrbit(
-            np.arange(self.count) * march.step,
-            {name: places[:, k] for k, name in enumerate(march.model.points)},
+        places, speeds, forces, gaps, intensities = (
+            np.roll(np.array(part), 1, axis=0) for part in zip(*rows)
+        )
+        # the mean of the accelerations of the two steps beside an instant
+        slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
+        names, tips = march.model.points, march.model.tips.names
+        states = SampledStates(
+            *({name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)),
             forces,
             gaps,
+            march.model.gap_operator.pairs,
+            {name: intensities[:, k] for k, name in enumerate(tips)},
+        )
+        return Orbit(
+            np.arange(self.count) * march.step,
+            states,
             self.frequency,
-            self.drive.periods,
+            self.excitation.periods,
             tuple(self.residuals),
-            self.products,
+            "Newton",
+            products=self.products,
         )
 
     def _motion(self, array: np.ndarray):
@@ -314,7 +247,7 @@ class _FullPeriod:
 class _Products:
     """Phi - 1 as products: one linearised period each."""
 
-    def __init__(self, period: _FullPeriod):
+    def __init__(self, period: _UnreducedPeriod):
         self.period = period
 
     def mult(self, matrix, x, y) -> None:
@@ -325,7 +258,7 @@ class _Products:
 class _Precondition:
     """The motion without contact in the lowest modes."""
 
-    def __init__(self, period: _FullPeriod):
+    def __init__(self, period: _UnreducedPeriod):
         self.period = period
 
     def setUp(self, pc) -> None:

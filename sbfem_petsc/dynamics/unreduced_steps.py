@@ -21,14 +21,13 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from ..analysis.modal import Modal
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..contact.delassus import ContactRows
 from ..contact.marching import contact_forces
 from ..errors import SolveError, on_all_ranks
 from ..loads import SupportMotion
 from ..petsc import MPI
 from ..system.model import Model
+from ..system.modes import Modal
 from ..system.pencil import CondensedSolve, Pencil
 from .initial import full_shapes
 
@@ -92,7 +91,7 @@ class _Solved:
     gap: np.ndarray
 
 
-class FullMarch:
+class UnreducedSteps:
     """State and constants of one run.
 
     Parameters
@@ -114,14 +113,14 @@ class FullMarch:
         This rank's state; that of the structure only after `settle`.
     work : (3,) array
         Work of the loads, of damping and of contact since the start, J.
-    active : (pairs,) bool array
-    carried : (pairs,) array
+    active : (c,) bool array
+    carried : (c,) array
         Contact force that the paper's scheme takes from a step to the next one, N.
     slope : (points, 2) array
         Mean acceleration of the named points over the last step, m/s^2.
     initial, supplied : float
         Energy at t = 0 and largest work of the loads so far, J.
-    tied : (pairs,) bool array or None
+    tied : (c,) bool array or None
         Pairs that are held together in the next step whatever the sign of their force, and no others: the
         linearised contact of `full_shooting`.
     """
@@ -158,7 +157,7 @@ class FullMarch:
         # the implicit force acts at its full value over the step, the paper's with half of it, the other half
         # in the step after
         self.share = 1.0 if scheme == "paper" else 2.0
-        self.flexibility = 0.5 * self.share * (flexibility + flexibility.T)
+        self.flexibility = 0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility
         self.work, self.active, self.carried, self.slope = (
             np.zeros(3),
             np.zeros(self.pairs, dtype=bool),
@@ -177,27 +176,24 @@ class FullMarch:
     def _probes(self, units, contact: bool) -> None:
         """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
         model, pencil, size = self.model, self.pencil, self.u.size
-        self.gap0 = model.pairs.gap if contact else np.zeros(0)
-        self.pairs, self.loads = len(self.gap0), len(units)
-        gaps = sparse.lil_matrix((self.pairs, size))
-        for k, (numbers, values) in enumerate(ContactRows(model).rows[: self.pairs]):
-            gaps[k, numbers] = values
+        gap = model.gap_operator
+        count = len(gap) if contact else 0
+        self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
+        self.pairs, self.loads = count, len(units)
+        more = sparse.csr_matrix((count, size - pencil.owned))
+        gaps = sparse.hstack([gap.rows.matrix[:count], more], format="csr")
         forces = np.zeros((self.loads, size))
+        forces[:, : pencil.owned] = model.load_columns(units).T
         for k, unit in enumerate(units):
-            vector = model.load_vector(unit)
-            forces[k, : pencil.owned] = vector.array_r
-            vector.destroy()
             if isinstance(unit, SupportMotion):
                 forces[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
-        first, last = model.ranges[model.comm.rank], model.ranges[model.comm.rank + 1]
-        unknowns = np.array([u for _, u in model.points.values()], dtype=int).reshape(-1)
-        mine = np.flatnonzero((unknowns >= first) & (unknowns < last))
-        points = sparse.csr_matrix(
-            (np.ones(len(mine)), (mine, unknowns[mine] - first)), shape=(len(unknowns), size)
+        points = model.point_rows.matrix
+        points = sparse.hstack(
+            [points, sparse.csr_matrix((points.shape[0], size - pencil.owned))], format="csr"
         )
         self.probes = sparse.vstack([gaps, sparse.csr_matrix(forces), points], format="csr")
         self.load_places, self.load_columns = _columns(sparse.csr_matrix(forces))
-        self.gap_places, self.gap_columns = _columns(gaps.tocsr())
+        self.gap_places, self.gap_columns = _columns(gaps)
 
     def _modes(self, found: Modal | None) -> None:
         """Modes over all unknowns, and the scalars of their steps."""
@@ -206,6 +202,7 @@ class FullMarch:
         self.phi = full_shapes(pencil, found) if found is not None else np.zeros((self.u.size, 0))
         self.probe_modes = self.summed(self.probes @ self.phi)
         self.gap_modes = self.probe_modes[: self.pairs]
+        self.tip_modes = self.model.tips.rows(self.phi[: pencil.owned])
         self.friction = 2.0 * self.model.damping * self.omega
         self.left = self.inertia + self.stretch * self.omega**2
         self.left_damped = self.left + self.rate * self.friction
@@ -256,6 +253,27 @@ class FullMarch:
     def velocities(self) -> np.ndarray:
         """Probes of the velocity."""
         return self.at_v + self.probe_modes @ (self.p - self.p0)
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (points, 2) of the named points."""
+        first = self.pairs + self.loads
+        places, speeds = (part[first:].reshape(-1, 2) for part in (self.displacements(), self.velocities()))
+        return places, speeds
+
+    def intensities(self) -> np.ndarray:
+        """(tips, 2): K_I and K_II, Pa m^(1/2)."""
+        tips = self.model.tips.rows
+        if not len(tips):
+            return np.zeros((0, 2))
+        return (tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)).reshape(-1, 2)
+
+    def padded(self, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces and gaps of all contact rows, also where contact is switched off: no forces then."""
+        operator = self.model.gap_operator
+        if self.pairs == len(operator):
+            return force, gap
+        modes = operator.rows(self.phi[: self.pencil.owned]) @ (self.q - self.q0)
+        return np.zeros(len(operator)), operator.rows(self.u[: self.pencil.owned]) + modes + operator.initial
 
     def energies(self) -> np.ndarray:
         """Kinetic and strain energy, J."""

@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from scipy.interpolate import PchipInterpolator
 
 from ..analysis.periodic import Orbit
-from ..analysis.response import Curve
+from ..analysis.response import Branch
 from ..dynamics.bifurcations import Bifurcation
 from ..parallel import on_root
 from ..petsc import MPI
@@ -30,7 +30,7 @@ OUTERMOST, BETWEEN = 6, 12
 
 # ---------------------------------------------------------------------- response curves
 def plot_curves(
-    curves: dict[str, Curve],
+    curves: dict[str, Branch],
     path: str,
     point: str = "A",
     forces: dict[str, float] | None = None,
@@ -47,7 +47,7 @@ def plot_curves(
 
     Parameters
     ----------
-    curves : dict of str to Curve
+    curves : dict of str to Branch
         All over the frequency, or all over the load; on rank 0 at least.
     path : str
         PNG file.
@@ -109,7 +109,7 @@ def split(
     return parts
 
 
-def amplitude_at(curve: Curve, item: Bifurcation, point: str) -> float:
+def amplitude_at(curve: Branch, item: Bifurcation, point: str) -> float:
     """Amplitude of a point at a bifurcation, integrated from its state, m."""
     alone = replace(
         curve,
@@ -121,7 +121,7 @@ def amplitude_at(curve: Curve, item: Bifurcation, point: str) -> float:
     return alone.orbit(0).amplitude(point)
 
 
-def in_order(curve: Curve) -> list[Bifurcation]:
+def in_order(curve: Branch) -> list[Bifurcation]:
     """Bifurcations in order of arc length, also those between the same two points."""
 
     def place(item: Bifurcation) -> float:
@@ -154,7 +154,7 @@ def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool,
     return result
 
 
-def _draw_curves(curves: dict[str, Curve], point: str, forces, window, title: str, every: bool) -> Figure:
+def _draw_curves(curves: dict[str, Branch], point: str, forces, window, title: str, every: bool) -> Figure:
     if not curves:
         raise ValueError("plot_curves: no curve is given")
     if len({curve.parameter for curve in curves.values()}) > 1:
@@ -214,7 +214,7 @@ def _draw_curves(curves: dict[str, Curve], point: str, forces, window, title: st
     return drawing
 
 
-def _decides(curve: Curve, item: Bifurcation) -> bool:
+def _decides(curve: Branch, item: Bifurcation) -> bool:
     """Whether a bifurcation is marked in any case: it changes the verdict, or other branches begin or turn
     there.
     """
@@ -440,7 +440,7 @@ def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> Figure:
 
 # ---------------------------------------------------------------------- multipliers
 def plot_multipliers(
-    subject: Orbit | Curve, path: str, title: str = "", comm: MPI.Comm | None = None
+    subject: Orbit | Branch, path: str, title: str = "", comm: MPI.Comm | None = None
 ) -> str | None:
     """Draw Floquet multipliers with the unit circle; beside it the growth |mu| - 1 a period. Collective.
 
@@ -450,7 +450,7 @@ def plot_multipliers(
 
     Parameters
     ----------
-    subject : Orbit or Curve
+    subject : Orbit or Branch
         With multipliers; on rank 0 at least.
     path, title, comm
         As for `plot_curves`.
@@ -458,7 +458,7 @@ def plot_multipliers(
     return on_root(comm or MPI.COMM_WORLD, lambda: save(_draw_multipliers(subject, title), path))
 
 
-def _draw_multipliers(subject: Orbit | Curve, title: str) -> Figure:
+def _draw_multipliers(subject: Orbit | Branch, title: str) -> Figure:
     if not np.size(subject.multipliers):
         raise ValueError(
             "plot_multipliers: there are no multipliers; ask for them with stability=True, or draw a motion "
@@ -533,7 +533,7 @@ def _draw_multipliers(subject: Orbit | Curve, title: str) -> Figure:
     return drawing
 
 
-def _draw_growth(axes, curve: Curve) -> None:
+def _draw_growth(axes, curve: Branch) -> None:
     """Growth of the largest multiplier along a curve, over the parameter, over the arc's number of points
     where it turns back.
     """
@@ -582,7 +582,7 @@ def _divisors(what: str, names, forces: dict[str, float] | None) -> dict[str, fl
     return {name: 1.0 if forces is None else forces[name] for name in names}
 
 
-def _abscissa(curves: dict[str, Curve]) -> tuple[float, str]:
+def _abscissa(curves: dict[str, Branch]) -> tuple[float, str]:
     """Factor and label of the parameter."""
     first = next(iter(curves.values()))
     if first.parameter == "load":

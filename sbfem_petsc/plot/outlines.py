@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..petsc import MPI
-from ..system.sampling import outline_edges, point_grid_cells, sample
 from ..selement.basis import shape_functions, tabulated
 from ..system.model import Model
+from ..system.sampling import outline_edges, point_grid_cells, sample
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 
 from ..dynamics import unreduced_history as analysis
-from ..dynamics.unreduced_history import FullTransient, assembled
+from ..dynamics.unreduced_history import History, assembled
 from ..errors import SolveError
 from ..parallel import collective
 from .history_file import (
@@ -47,7 +47,7 @@ _ROWS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecordedFullTransient(FullTransient):
+class RecordedFullTransient(History):
     """An unreduced model's history read from a file.
 
     Attributes

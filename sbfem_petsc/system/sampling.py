@@ -9,7 +9,7 @@ import numpy as np
 from ..material import Material
 from ..selement.coefficients import edge_nodes
 from ..selement.interior import InteriorSampler
-from .model import Model
+from .structure import Structure
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
 # crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a
@@ -68,7 +68,7 @@ def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
 
 
 def sample(
-    model: Model,
+    model: Structure,
     fields: dict[str, np.ndarray],
     subdivisions: int | None = None,
     stress: bool = True,
@@ -79,7 +79,7 @@ def sample(
 
     Parameters
     ----------
-    model : Model
+    model : Structure
     fields : dict of str to (m, 2) array
         Displacements of this rank's nodes, m (rows as in ``model.part.nodes``).
     subdivisions : int, optional
@@ -185,7 +185,7 @@ def point_grid_cells(patches: Patches) -> tuple[np.ndarray, np.ndarray]:
     return quadrilaterals.reshape(count, -1, 4), triangles.reshape(count, -1, 3)
 
 
-def outline_edges(model: Model, chain: int) -> np.ndarray:
+def outline_edges(model: Structure, chain: int) -> np.ndarray:
     """(edges, order + 1): nodes of each edge of S-element `chain` of this rank, as rows of the part's
     nodes.
     """
