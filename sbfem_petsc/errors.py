@@ -20,7 +20,7 @@ class SolveError(RuntimeError):
 
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
-    error.on_all_ranks = True
+    error.on_all_ranks = True  # type: ignore[attr-defined]
     return error
 
 

@@ -81,7 +81,9 @@ PROGRAM = """
 import json
 import sbfem_petsc as sb
 from tests.reference import paper_beam
-model = sb.Model(paper_beam().mesh(order=3), sb.Material(young=70e9, poisson=0.33, density=2700), rayleigh=sb.rayleigh_factors(0.005, 1500.0, 9000.0))
+aluminium = sb.Material(young=70e9, poisson=0.33, density=2700)
+rayleigh = sb.rayleigh_factors(0.005, 1500.0, 9000.0)
+model = sb.Model(paper_beam().mesh(order=3), aluminium, rayleigh=rayleigh)
 orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, steps=97, reduction=None)
 if model.comm.rank == 0:
     c = orbit.harmonics("A")[:4]

@@ -294,8 +294,14 @@ model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.002, rayleigh=(5
 load, found = sb.PointForce("A", fy=sb.ToneBurst(6000.0, 3000, 5)), {}
 for name, options in (("reduced", {}), ("unreduced", {"reduction": None})):
     h = sb.transient(model, load, 0.002, step=2e-6, modes=40, **options)
-    found[name] = {"u": h.displacement("A").tolist(), "a": h.acceleration("B").tolist(), "force": h.contact_force.tolist(), "energy": h.energy.total.tolist(), "K": h.stress_intensity().tolist(),
-                   "touching": (h.contact_force > 0).tolist()}
+    found[name] = {
+        "u": h.displacement("A").tolist(),
+        "a": h.acceleration("B").tolist(),
+        "force": h.contact_force.tolist(),
+        "energy": h.energy.total.tolist(),
+        "K": h.stress_intensity().tolist(),
+        "touching": (h.contact_force > 0).tolist(),
+    }
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps(found))
 """

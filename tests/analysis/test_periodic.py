@@ -578,8 +578,13 @@ orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, modes=30)
 h = orbit.harmonics("A")[:7]
 all_h = MPI.COMM_WORLD.gather(h)
 if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps({"h": [[v.real, v.imag] for v in h], "same": max(float(np.abs(o - h).max()) for o in all_h), "mu": abs(orbit.multipliers[:4]).tolist(), "iterations": orbit.iterations,
-                      "force": float(orbit.contact_resultant.max())}))
+    print(json.dumps({
+        "h": [[v.real, v.imag] for v in h],
+        "same": max(float(np.abs(o - h).max()) for o in all_h),
+        "mu": abs(orbit.multipliers[:4]).tolist(),
+        "iterations": orbit.iterations,
+        "force": float(orbit.contact_resultant.max()),
+    }))
 """
 
 

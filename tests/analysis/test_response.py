@@ -343,7 +343,8 @@ def test_a_curve_that_stops(monkeypatch):
     monkeypatch.setattr(continuation, "shoot_along", fails)
     with pytest.raises(
         sb.SolveError,
-        match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a step",
+        match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a "
+        "step",
     ) as caught:
         sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024)
     curve = caught.value.curve
@@ -373,7 +374,8 @@ model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.
 curve = sb.frequency_response(model, sb.PointForce("A", fy=300.0), 2950.0, 3050.0, modes=20, stability=False)
 same = all(np.array_equal(v, curve.value) for v in MPI.COMM_WORLD.allgather(curve.value))
 if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps({"value": curve.value.tolist(), "amplitude": curve.amplitude("A").tolist(), "same": same}))
+    found = {"value": curve.value.tolist(), "amplitude": curve.amplitude("A").tolist(), "same": same}
+    print(json.dumps(found))
 """
 
 

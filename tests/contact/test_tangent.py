@@ -174,7 +174,8 @@ petsc4py.init([sys.argv[0], "-shooting_snes_test_jacobian", "-options_left"])
 import sbfem_petsc as sb
 from tests.reference import paper_beam
 model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.002)
-print(sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, modes=12, steps=256, stability=False).iterations)
+force = sb.PointForce("A", fy=300.0)
+print(sb.periodic(model, force, 3000.0, modes=12, steps=256, stability=False).iterations)
 """
     done = subprocess.run(
         [sys.executable, "-c", program],

@@ -14,14 +14,17 @@ PLATE = """
 h = 0.2;
 Point(1)={0,0,0,h}; Point(2)={1.5,0,0,h}; Point(3)={2,0,0,h}; Point(4)={2,1,0,h}; Point(5)={1.5,1,0,h};
 Point(6)={1,1,0,h}; Point(7)={0,1,0,h}; Point(8)={1,0.5,0,h};
-Point(9)={0.4,0.5,0,h}; Point(10)={0.55,0.5,0,h}; Point(11)={0.4,0.65,0,h}; Point(12)={0.25,0.5,0,h}; Point(13)={0.4,0.35,0,h};
-Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6}; Line(6)={6,7}; Line(7)={7,1}; Line(8)={2,5}; Line(9)={6,8};
+Point(9)={0.4,0.5,0,h}; Point(10)={0.55,0.5,0,h}; Point(11)={0.4,0.65,0,h};
+Point(12)={0.25,0.5,0,h}; Point(13)={0.4,0.35,0,h};
+Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6};
+Line(6)={6,7}; Line(7)={7,1}; Line(8)={2,5}; Line(9)={6,8};
 Circle(10)={10,9,11}; Circle(11)={11,9,12}; Circle(12)={12,9,13}; Circle(13)={13,9,10};
 Curve Loop(1)={1,8,5,6,7}; Curve Loop(2)={10,11,12,13}; Curve Loop(3)={2,3,4,-8};
 Plane Surface(1)={1,2}; Plane Surface(2)={3};
 Curve{9} In Surface{1};
 Physical Surface("steel")={1}; Physical Surface("brass")={2};
-Physical Curve("clamp")={7}; Physical Curve("load")={3}; Physical Curve("hole")={10:13}; Physical Curve("rest")={1,2,4,5,6};
+Physical Curve("clamp")={7}; Physical Curve("load")={3}; Physical Curve("hole")={10:13};
+Physical Curve("rest")={1,2,4,5,6};
 Physical Curve("crack:main")={9};
 Physical Point("P")={4};
 """
@@ -30,7 +33,8 @@ AREA = 2.0 - np.pi * 0.15**2
 # A plate whose notch is part of the outline.
 NOTCHED = """
 h = 0.25;
-Point(1)={0,0,0,h}; Point(2)={1,0,0,h}; Point(3)={1,1,0,h}; Point(4)={0.55,1,0,h}; Point(5)={0.5,0.5,0,h}; Point(6)={0.45,1,0,h}; Point(7)={0,1,0,h};
+Point(1)={0,0,0,h}; Point(2)={1,0,0,h}; Point(3)={1,1,0,h}; Point(4)={0.55,1,0,h}; Point(5)={0.5,0.5,0,h};
+Point(6)={0.45,1,0,h}; Point(7)={0,1,0,h};
 Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6}; Line(6)={6,7}; Line(7)={7,1};
 Transfinite Curve{4}=%d; Transfinite Curve{5}=%d;
 Curve Loop(1)={1:7}; Plane Surface(1)={1};
@@ -331,7 +335,8 @@ def test_geometry_files_that_would_lose_a_part(tmp_path):
     with pytest.raises(ValueError, match="does not end with a newline"):
         read_gmsh(tmp_path / "cut.geo")
     (tmp_path / "two.geo").write_text(
-        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\nPhysical Surface("a")={1};\n'
+        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\n'
+        'Physical Surface("a")={1};\n'
     )
     with pytest.raises(ValueError, match="belongs to no physical group"):
         read_gmsh(tmp_path / "two.geo")

@@ -18,7 +18,7 @@ from sbfem_petsc.system.model import Model
 LOADS = {"opening": PointForce("A", fy=-20.0), "closing": PointForce("A", fx=3.0, fy=600.0)}
 
 
-def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess:
+def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run this file with `arguments` on several ranks."""
     from tests.parallel import on_ranks as run
 

@@ -35,7 +35,8 @@ def tell(done):
     time.sleep(pause)
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps({"u": found.displacement("A").tolist(), "force": found.contact_resultant.tolist(), "complete": True}))
+    force = found.contact_resultant.tolist()
+    print(json.dumps({"u": found.displacement("A").tolist(), "force": force, "complete": True}))
 """
 LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 3))
 RUN = {"duration": 0.00128, "step": 2e-6, "modes": 12, "decimation": 5, "reduction": None}
