@@ -11,6 +11,7 @@ from scipy import linalg, optimize
 
 from .basis import shape_functions
 from .coefficients import SElementError, edge_nodes, strain_operators
+from .face_tractions import FaceTractions
 
 # Imaginary parts up to this are a double exponent that an unsymmetric, coarse element has split; a
 # homogeneous tip has real ones.
@@ -30,10 +31,34 @@ class IntensityRows:
     exponents : (2,) array
         Exponents lambda of the displacement modes r^lambda that give K_I and K_II: 1/2 at a crack; nan where
         a wide notch has no such singularity.
+    amplitudes : (s, n) array
+        Amplitudes of the singular modes, c, for boundary displacements; ``xi c,xi = generator c``.
+    generator : (s, s) array
+    strength : (2, s) array
+        K_I and K_II of the amplitudes at xi = 1: ``rows = strength @ amplitudes``.
+
+    Notes
+    -----
+    In units: K_i (Pa m^(1 - lambda_i)) is ``E h^-lambda_i rows[i] @ u + h^-lambda_i / thickness columns[i] @
+    force`` for displacements in m and, from `of_tractions`, forces on the faces in N.
     """
 
     rows: np.ndarray
     exponents: np.ndarray
+    amplitudes: np.ndarray
+    generator: np.ndarray
+    strength: np.ndarray
+
+    def of_tractions(self, tractions: FaceTractions) -> np.ndarray:
+        """(2, m): what forces on the faces, in units of E h thickness, add to K_I and K_II at given boundary
+        displacements.
+        """
+        inflow = self.amplitudes @ tractions.forcing
+        identity = np.eye(len(self.generator))
+        parts = [
+            linalg.solve(p * identity - self.generator, inflow[:, i]) for i, p in enumerate(tractions.powers)
+        ]
+        return self.strength @ np.reshape(parts, inflow.T.shape).T @ tractions.monomials
 
 
 def intensity_rows(
@@ -76,14 +101,16 @@ def intensity_rows(
     n = len(radial)
     triangle, basis, count = linalg.schur(radial, output="real", sort=lambda re, im=0.0: 0.05 < re < 0.95)
     if count == 0:
-        return IntensityRows(np.zeros((2, n)), np.full(2, np.nan))
+        return IntensityRows(
+            np.zeros((2, n)), np.full(2, np.nan), np.zeros((0, n)), np.zeros((0, 0)), np.zeros((2, 0))
+        )
     singular, rest = triangle[:count, :count], triangle[count:, count:]
     mixing = linalg.solve_sylvester(singular, -rest, -triangle[:count, count:])
     amplitudes = basis[:, :count].T - mixing @ basis[:, count:].T  # (count, n): c from u(1)
     fields = basis[:, :count]
     if isotropic:
         strength, exponents = _williams_strength(shape, elasticity, axis, fields)
-        return IntensityRows(strength @ amplitudes, exponents)
+        return IntensityRows(strength @ amplitudes, exponents, amplitudes, singular, strength)
     values, modes = linalg.eig(singular)
     if np.abs(values.imag).max() > _SPLIT:
         raise SElementError(
@@ -100,7 +127,8 @@ def intensity_rows(
         k = int(np.argmax(np.abs(strength[i])))
         if np.abs(strength[i, k]) > 1e-3 * np.abs(strength).max():
             exponents[i] = values[k]
-    return IntensityRows(strength @ linalg.solve(modes, amplitudes), exponents)
+    strength = linalg.solve(modes.T, strength.T).T
+    return IntensityRows(strength @ amplitudes, exponents, amplitudes, singular, strength)
 
 
 def _williams_strength(
