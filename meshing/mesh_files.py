@@ -5,10 +5,13 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack
+from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays
+
+Mesh = TypeVar("Mesh", bound=MeshArrays)
 
 _FORMAT = "sbfem boundary mesh"
 _VERSION = 1
@@ -41,7 +44,7 @@ _CRACK = {
 }
 
 
-def save(mesh: BoundaryMesh, path: str | Path) -> None:
+def save(mesh: MeshArrays, path: str | Path) -> None:
     """Write a mesh to an HDF5 file.
 
     The file describes itself (every data set has a "description"). It is written under a temporary name in
@@ -92,8 +95,8 @@ def save(mesh: BoundaryMesh, path: str | Path) -> None:
         raise ValueError(f"{path}: the mesh cannot be written there ({error.strerror or error}).") from error
 
 
-def load(path: str | Path) -> BoundaryMesh:
-    """Read a mesh that `save` has written.
+def load(path: str | Path, kind: type[Mesh]) -> Mesh:
+    """Read a mesh that `save` has written, as an object of `kind`.
 
     Raises
     ------
@@ -121,7 +124,7 @@ def load(path: str | Path) -> BoundaryMesh:
                 for group in (file["edge_sets"], file["points"])
             )
             cracks = [file["cracks"][str(i)].attrs for i in range(len(file["cracks"]))]
-            return BoundaryMesh(
+            return kind(
                 order=int(file.attrs["order"]),
                 **{name: file[name][()] for name in _ARRAYS},
                 material_names=tuple(file["material_names"].asstr()[()]),
@@ -137,7 +140,7 @@ def load(path: str | Path) -> BoundaryMesh:
         raise ValueError(f"{path}: it is truncated, corrupt or not an HDF5 file ({error}).") from error
 
 
-def export(mesh: BoundaryMesh, path: str | Path) -> None:
+def export(mesh: MeshArrays, path: str | Path) -> None:
     """Write the edges in a format of meshio, chosen by the file's ending.
 
     Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Crack
-from meshing.cells import CellComplex, edge_key
-from meshing.contact_faces import find_pairs, join_pairs
+from meshing.cells.complex import CellComplex, edge_key
+from meshing.cells.contact_faces import find_pairs, join_pairs
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 
 # Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the

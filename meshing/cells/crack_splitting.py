@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshing.cells import CellComplex, CrackFaces, Curve, edge_key
+from meshing.cells.complex import CellComplex, CrackFaces, Curve, edge_key
 
 Edge = tuple[int, int]
 
