@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from meshing import mesh_files
-from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays
+from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays, Tip
 
-__all__ = ["BoundaryMesh", "ContactPairs", "Crack"]
+__all__ = ["BoundaryMesh", "ContactPairs", "Crack", "Tip"]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

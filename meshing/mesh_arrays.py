@@ -19,15 +19,15 @@ class Crack:
     name : str
         "crack1", "crack2", ... in the order given, or the name of the physical group.
     tip : tuple of float
-        Coordinates of the tip, m.
+        Coordinates of the tip, m; of the first of several; of the line's start where there is none.
     axis : tuple of float
-        Unit vector along the crack's axis, from the tip to the mouth.
+        Unit vector from there back along the crack.
     opening : float
-        Total opening angle between the faces at the tip, radian (0: closed crack).
+        Total opening angle between the faces there, radian (0: closed crack).
     length : float
-        Distance from the tip to the mouth along the axis, m.
+        Length of the crack's line, of all its branches, m.
     tip_element : int
-        S-element whose scaling centre is the tip, -1 if the layout has none.
+        S-element whose scaling centre is that tip, -1 if there is none.
     """
 
     name: str
@@ -46,24 +46,71 @@ class Crack:
         )
 
 
+@dataclass(frozen=True)
+class Tip:
+    """One tip of a crack.
+
+    Attributes
+    ----------
+    name : str
+        The crack's name if it has one tip, else "NAME:1", "NAME:2", ... sorted by x, then y.
+    crack : int
+        Index into the mesh's cracks.
+    position : tuple of float
+        m.
+    axis : tuple of float
+        Unit vector from the tip back along the crack's last segment.
+    opening : float
+        Total opening angle between the faces at the tip, radian (0: closed crack).
+    element : int
+        Open S-element whose scaling centre is the tip, -1 if the layout has none. Its chain of edges runs
+        from the face at the left hand of somebody who looks along `axis` round to the face at the right.
+    faces : tuple of str
+        Edge sets to which these two faces belong, "NAME_left" and "NAME_right", or the other way round at
+        the far tip of a crack with two: inside the element the faces carry no edges, what acts on a set acts
+        there, too.
+    """
+
+    name: str
+    crack: int
+    position: tuple[float, float]
+    axis: tuple[float, float]
+    opening: float
+    element: int
+    faces: tuple[str, str]
+
+    def __repr__(self) -> str:
+        x, y = self.position
+        element = f", element {self.element}" if self.element >= 0 else ""
+        return f"Tip({self.name}, ({x:g}, {y:g}) m{element})"
+
+
 @dataclass(frozen=True, eq=False)
 class ContactPairs:
     """Node-to-node contact pairs of all cracks, in the order of the cracks, from the tip outwards.
 
-    The gap of pair i is ``gap[i] + normal[i] . (u[nodes[i, 0]] - u[nodes[i, 1]])`` >= 0.
+    The gap of pair i is ``gap[i] + normal[i] . (u[nodes[i, 0]] - u[nodes[i, 1]])`` >= 0. Where a face has a
+    sharp kink, or cracks meet, each side has a pair of its own: two pairs may have the same nodes and
+    different normals.
 
     Attributes
     ----------
     nodes : (n, 2) int array
-        Node on the face the normal points to (free-end side) and node on the opposite face.
+        Node on the right face, to which the normal points (right hand of somebody who looks from the tip to
+        the mouth), and node on the left face.
     normal : (n, 2) array
-        Unit normal of the crack's axis, from the second node's side to the first's.
+        Unit normal of the two faces' mean at that place, weighted as the nodal forces of a uniform pressure
+        are.
     gap : (n,) array
         Initial gap g0 >= 0, m.
     crack : (n,) int array
         Index into the mesh's cracks.
     position : (n,) array
-        Fraction of the face's length from the tip (0) to the mouth (1).
+        Fraction of the crack's length: from the tip (0) to the mouth (1), or from tip to tip.
+    arc : (n,) array
+        The same in m.
+    weight : (n,) array
+        Length of face that the pair stands for, m: a uniform pressure p has the force p * weight here.
     """
 
     nodes: np.ndarray
@@ -71,6 +118,8 @@ class ContactPairs:
     gap: np.ndarray
     crack: np.ndarray
     position: np.ndarray
+    arc: np.ndarray
+    weight: np.ndarray
 
     def __len__(self) -> int:
         return len(self.gap)
@@ -116,6 +165,8 @@ class MeshArrays:
         Named points, each one node.
     pairs : ContactPairs
     cracks : tuple of Crack
+    tips : tuple of Tip
+        Of all cracks; a crack has 0, 1 or more.
     """
 
     order: int
@@ -132,6 +183,7 @@ class MeshArrays:
     points: dict[str, int]
     pairs: ContactPairs
     cracks: tuple[Crack, ...] = field(default=())
+    tips: tuple[Tip, ...] = field(default=())
 
     @property
     def elements(self) -> int:
@@ -159,7 +211,7 @@ class MeshArrays:
             f"{self.elements} S-elements of order {self.order}, {len(self.edges)} edges, {len(self.nodes)} "
             "nodes",
             f"[{left:g}, {right:g}] x [{bottom:g}, {top:g}] m",
-            f"{len(self.cracks)} cracks with {len(self.pairs)} contact pairs",
+            f"{len(self.cracks)} cracks with {len(self.tips)} tips and {len(self.pairs)} contact pairs",
             f"sets {', '.join(self.edge_sets) or 'none'}",
             f"points {', '.join(self.points) or 'none'}",
         ]
@@ -228,6 +280,8 @@ def check(mesh: MeshArrays) -> None:
         ("materials", mesh.materials, len(mesh.material_names)),
         ("pairs.nodes", mesh.pairs.nodes, nodes),
         ("pairs.crack", mesh.pairs.crack, len(mesh.cracks)),
+        ("tips.crack", np.array([tip.crack for tip in mesh.tips], int), len(mesh.cracks)),
+        ("tips.element", np.array([max(tip.element, 0) for tip in mesh.tips], int), elements),
         ("points", np.array(list(mesh.points.values()), int), nodes),
         *((f"edge set {key!r}", value, len(mesh.edges)) for key, value in mesh.edge_sets.items()),
     ):
@@ -261,3 +315,15 @@ def check(mesh: MeshArrays) -> None:
         fail(f"edge {wrong[0]} is used {uses[wrong[0]]} times or twice in the same direction")
     if (mesh.pairs.gap < 0).any():
         fail("a contact pair has a negative gap")
+    count = len(mesh.pairs)
+    for name, shape in (
+        ("nodes", (count, 2)),
+        ("normal", (count, 2)),
+        ("crack", (count,)),
+        ("position", (count,)),
+        ("arc", (count,)),
+        ("weight", (count,)),
+    ):
+        values = getattr(mesh.pairs, name)
+        if values.shape != shape or not np.isfinite(values).all():
+            fail(f"pairs.{name} is not an array of {shape} finite numbers")

@@ -9,7 +9,7 @@ import numpy as np
 
 from meshing.cells.beam_filling import fill_block
 from meshing.cells.beam_layout import Block, Feature, MeshInputs, plan_blocks
-from meshing.cells.complex import CellComplex, CrackFaces, edge_key
+from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
 from meshing.cells.skeleton import Skeleton, Star
 from meshing.cells.stars import Box, add_levels, add_rings, outline, ring_scales
 from meshing.shapes.beam_shape import BeamShape
@@ -291,18 +291,8 @@ def _record_crack(skeleton: Skeleton, star: Star) -> None:
     cells, notch, index = skeleton.cells, star.feature.shape, star.feature.index
     right, left = (list(zip(face, face[1:])) for face in (star.right, star.left))
     name, suffix = f"crack{index + 1}", str(index + 1) if index else ""
-    cells.cracks.append(
-        CrackFaces(
-            name,
-            star.feature.centre,
-            notch.axis,
-            math.radians(notch.opening),
-            notch.length,
-            right,
-            left,
-            star.tip_cell,
-        )
-    )
+    tip = TipCell(star.feature.centre, notch.axis, math.radians(notch.opening), star.tip_cell)
+    cells.cracks.append(CrackFaces(name, [FacePath(right, left, tip)], notch.length))
     cells.edge_sets[f"{name}_right"], cells.edge_sets[f"{name}_left"] = right, left
     cells.points[f"B{suffix}"], cells.points[f"C{suffix}"] = star.right[-1], star.left[-1]
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.complex import CellComplex, Curve, edge_key
-from meshing.cells.crack_splitting import add_cracks
+from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.planar import find_crossing, find_meeting, polygon_area
 from meshing.cells.s_elements import build_mesh
 from meshing.gll import gll_nodes, lagrange_values
@@ -78,7 +78,7 @@ def read_gmsh(
     with gmsh_session("user") as gmsh:
         model = _extract(gmsh, path, order, size)
     origin = str(path)
-    add_cracks(model.cells, model.crack_lines, tip_element, origin)
+    add_cracks(model.cells, model.crack_lines, CrackMeshing(tip_element), origin)
     return build_mesh(model.cells, order, model.materials, origin)
 
 

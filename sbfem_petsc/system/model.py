@@ -90,10 +90,11 @@ class Model:
             self.thickness = _real("thickness", thickness, above=0.0)
             self.supports = as_supports(clamped, supports)
         mesh, numbering, self.part = self._distribute(mesh)
-        self.order, self.points, self.cracks, self.pairs = (
+        self.order, self.points, self.cracks, self.tips, self.pairs = (
             mesh["order"],
             mesh["points"],
             mesh["cracks"],
+            mesh["tips"],
             mesh["pairs"],
         )
         self.edge_set_names, self.material_names = mesh["edge_sets"], mesh["material_names"]
@@ -133,6 +134,7 @@ class Model:
                     "order": mesh.order,
                     "elements": mesh.elements,
                     "cracks": mesh.cracks,
+                    "tips": mesh.tips,
                     "material_names": tuple(mesh.material_names),
                     "edge_sets": tuple(mesh.edge_sets),
                     "pairs": mesh.pairs,

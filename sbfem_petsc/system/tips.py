@@ -14,32 +14,32 @@ from ..selement.intensity import intensity_rows
 
 @dataclass(frozen=True, eq=False)
 class _TipRow:
-    crack: int
+    tip: int
     nodes: np.ndarray
     rows: np.ndarray
 
 
 class TipIntensities:
-    """K_I and K_II of every crack with a tip element, linear in the nodal displacements.
+    """K_I and K_II of every tip with an element around it, linear in the nodal displacements.
 
     Attributes
     ----------
     names : tuple of str
-        Cracks that have a tip element.
-    exponents : (cracks, 2) array
+        Tips that have an element.
+    exponents : (tips, 2) array
         Exponents lambda of the displacement modes; the unit of K is Pa m^(1 - lambda), Pa m^(1/2) at a crack.
     """
 
     def __init__(self, model):
         self.comm = model.comm
-        cracks = [c for c in model.cracks if c.tip_element >= 0]
-        self.names = tuple(c.name for c in cracks)
+        tips = [tip for tip in model.tips if tip.element >= 0]
+        self.names = tuple(tip.name for tip in tips)
         self._local: list[_TipRow] = []
         exponents = np.zeros((len(self.names), 2))
         place = {int(element): row for row, element in enumerate(model.part.elements)}
         with collective(self.comm):  # the rank that owns a tip must not fail alone
-            for index, crack in enumerate(cracks):
-                row = place.get(int(crack.tip_element), -1)
+            for index, tip in enumerate(tips):
+                row = place.get(int(tip.element), -1)
                 if row < 0:
                     continue
                 group, member = next(
@@ -58,11 +58,11 @@ class TipIntensities:
                         group.shape,
                         group.order,
                         material.elasticity,
-                        rotation @ np.array(crack.axis),
+                        rotation @ np.array(tip.axis),
                         material.isotropic,
                     )
                 except SElementError as error:
-                    raise SElementError(f"tip of {crack.name}: {error}") from None
+                    raise SElementError(f"tip {tip.name}: {error}") from None
                 # lengths of the form are in units of the size, stresses of the modulus; a reflection turns
                 # the sense of sliding
                 scale = (
@@ -80,7 +80,7 @@ class TipIntensities:
         Collective.
         """
         values = np.zeros((len(self.names), 2))
-        for tip in self._local:
-            values[tip.crack] = np.einsum("kni,ni->k", tip.rows, field[tip.nodes])
+        for row in self._local:
+            values[row.tip] = np.einsum("kni,ni->k", row.rows, field[row.nodes])
         self.comm.Allreduce(MPI.IN_PLACE, values)
         return {name: (float(a), float(b)) for name, (a, b) in zip(self.names, values)}
