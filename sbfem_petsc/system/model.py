@@ -90,7 +90,7 @@ class Model:
             self.thickness = _real("thickness", thickness, above=0.0)
             self.supports = as_supports(clamped, supports)
         mesh, numbering, self.part = self._distribute(mesh)
-        self.order, self.points, self.cracks, self.tips, self.pairs = (
+        self.order, self.points, self.cracks, self.crack_tips, self.pairs = (
             mesh["order"],
             mesh["points"],
             mesh["cracks"],

@@ -32,7 +32,7 @@ class TipIntensities:
 
     def __init__(self, model):
         self.comm = model.comm
-        tips = [tip for tip in model.tips if tip.element >= 0]
+        tips = [tip for tip in model.crack_tips if tip.element >= 0]
         self.names = tuple(tip.name for tip in tips)
         self._local: list[_TipRow] = []
         exponents = np.zeros((len(self.names), 2))
