@@ -2,8 +2,9 @@
 and gmsh models.
 """
 
+from meshing.beam import Beam
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack
-from meshing.gmsh_reader import read_gmsh
-from meshing.shapes import Beam, Hole, VNotch
+from meshing.gmsh.reader import read_gmsh
+from meshing.shapes.features import Hole, VNotch
 
 __all__ = ["Beam", "BoundaryMesh", "ContactPairs", "Crack", "Hole", "VNotch", "read_gmsh"]

@@ -5,13 +5,16 @@ from __future__ import annotations
 import contextlib
 import os
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack
+from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays, Tip
+
+Mesh = TypeVar("Mesh", bound=MeshArrays)
 
 _FORMAT = "sbfem boundary mesh"
-_VERSION = 1
+_VERSION = 2
 _ARRAYS = {
     "nodes": "coordinates of the nodes, m",
     "edges": "nodes of each edge at the Gauss-Lobatto-Legendre points",
@@ -25,10 +28,12 @@ _ARRAYS = {
 }
 _PAIRS = {
     "nodes": "node on the face the normal points to, node on the opposite face",
-    "normal": "unit normal of the crack's axis",
+    "normal": "unit normal of the faces",
     "gap": "initial gap, m",
     "crack": "index of the crack",
-    "position": "fraction of the face's length from the tip (0) to the mouth (1)",
+    "position": "fraction of the crack's length from the tip (0) to the mouth (1)",
+    "arc": "the same, m",
+    "weight": "length of face that the pair stands for, m",
 }
 # Attributes of a crack's group and the fields they hold.
 _CRACK = {
@@ -39,9 +44,18 @@ _CRACK = {
     "length_m": "length",
     "tip_element": "tip_element",
 }
+_TIP = {
+    "name": "name",
+    "crack": "crack",
+    "position_m": "position",
+    "axis": "axis",
+    "opening_rad": "opening",
+    "element": "element",
+    "faces": "faces",
+}
 
 
-def save(mesh: BoundaryMesh, path: str | Path) -> None:
+def save(mesh: MeshArrays, path: str | Path) -> None:
     """Write a mesh to an HDF5 file.
 
     The file describes itself (every data set has a "description"). It is written under a temporary name in
@@ -58,7 +72,9 @@ def save(mesh: BoundaryMesh, path: str | Path) -> None:
     temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         with h5py.File(temporary, "w") as file:
-            file.attrs.update({"format": _FORMAT, "version": _VERSION, "order": mesh.order})
+            file.attrs.update(
+                {"format": _FORMAT, "version": _VERSION, "order": mesh.order, "clamped": mesh.clamped or ""}
+            )
             for name, description in _ARRAYS.items():
                 _write(file, name, getattr(mesh, name), description)
             _write(
@@ -76,11 +92,12 @@ def save(mesh: BoundaryMesh, path: str | Path) -> None:
                     _write(
                         group, str(i), np.asarray(numbers), f"{title.replace('_', ' ')[:-1]} {name!r}"
                     ).attrs["name"] = name
-            cracks = file.create_group("cracks")
-            for i, crack in enumerate(mesh.cracks):
-                cracks.create_group(str(i)).attrs.update(
-                    {key: getattr(crack, name) for key, name in _CRACK.items()}
-                )
+            for title, items, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
+                group = file.create_group(title)
+                for i, item in enumerate(items):
+                    group.create_group(str(i)).attrs.update(
+                        {key: getattr(item, name) for key, name in fields.items()}
+                    )
             # The last thing written; a file without it is not complete.
             file.attrs["complete"] = True
         with open(temporary, "rb") as file:
@@ -92,8 +109,8 @@ def save(mesh: BoundaryMesh, path: str | Path) -> None:
         raise ValueError(f"{path}: the mesh cannot be written there ({error.strerror or error}).") from error
 
 
-def load(path: str | Path) -> BoundaryMesh:
-    """Read a mesh that `save` has written.
+def load(path: str | Path, kind: type[Mesh]) -> Mesh:
+    """Read a mesh that `save` has written, as an object of `kind`.
 
     Raises
     ------
@@ -114,30 +131,40 @@ def load(path: str | Path) -> BoundaryMesh:
                     f"{path}: it has version {file.attrs['version']}, this program reads up to {_VERSION}; "
                     "update the program."
                 )
+            if file.attrs["version"] < _VERSION:
+                raise ValueError(
+                    f"{path}: it has version {file.attrs['version']}, which knows no tips; save the "
+                    "mesh again."
+                )
             if not file.attrs.get("complete", False):
                 raise ValueError(f"{path}: it is not complete; save the mesh again.")
             sets, points = (
                 {group[str(i)].attrs["name"]: group[str(i)][()] for i in range(len(group))}
                 for group in (file["edge_sets"], file["points"])
             )
-            cracks = [file["cracks"][str(i)].attrs for i in range(len(file["cracks"]))]
-            return BoundaryMesh(
+            cracks, tips = (
+                [
+                    {name: _plain(file[title][str(i)].attrs[key]) for key, name in fields.items()}
+                    for i in range(len(file[title]))
+                ]
+                for title, fields in (("cracks", _CRACK), ("tips", _TIP))
+            )
+            return kind(
                 order=int(file.attrs["order"]),
+                clamped=str(file.attrs.get("clamped", "")) or None,
                 **{name: file[name][()] for name in _ARRAYS},
                 material_names=tuple(file["material_names"].asstr()[()]),
                 edge_sets=sets,
                 points={name: int(node) for name, node in points.items()},
                 pairs=ContactPairs(**{name: file[f"pairs/{name}"][()] for name in _PAIRS}),
-                cracks=tuple(
-                    Crack(**{name: _plain(attributes[key]) for key, name in _CRACK.items()})
-                    for attributes in cracks
-                ),
+                cracks=tuple(Crack(**fields) for fields in cracks),
+                tips=tuple(Tip(**fields) for fields in tips),
             )
     except (OSError, KeyError, RuntimeError) as error:  # h5py's ways to say that bytes are missing
         raise ValueError(f"{path}: it is truncated, corrupt or not an HDF5 file ({error}).") from error
 
 
-def export(mesh: BoundaryMesh, path: str | Path) -> None:
+def export(mesh: MeshArrays, path: str | Path) -> None:
     """Write the edges in a format of meshio, chosen by the file's ending.
 
     Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep

@@ -100,7 +100,7 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
         "order": mesh.order,
         "elements": mesh.elements,
         "cracks": mesh.cracks,
-        "tips": tuple(getattr(mesh, "tips", ())),
+        "tips": tuple(mesh.tips),
         "material_names": tuple(mesh.material_names),
         "edge_sets": tuple(mesh.edge_sets),
         "pairs": mesh.pairs,

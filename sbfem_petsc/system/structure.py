@@ -66,7 +66,7 @@ class Structure:
         )
         self.edge_set_names, self.material_names = found.edge_sets, found.material_names
         self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
-        self.tip_elements = found.tips or tuple(c for c in found.cracks if c.tip_element >= 0)
+        self.tip_elements = tuple(tip for tip in found.tips if tip.element >= 0)
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             self.materials = materials(self.material_names)

@@ -50,7 +50,7 @@ def tip_places(model) -> list[TipPlace]:
     row_of = {int(element): row for row, element in enumerate(model.part.elements)}
     places = []
     for number, tip in enumerate(model.tip_elements):
-        row = row_of.get(int(tip.tip_element), -1)
+        row = row_of.get(int(tip.element), -1)
         if row >= 0:
             group = next(g for g in model.groups if (g.elements == row).any())
             places.append(TipPlace(number, group, int(np.flatnonzero(group.elements == row)[0])))
@@ -76,7 +76,7 @@ def tip_intensities(model) -> TipIntensities:
                     material.isotropic,
                 )
             except SElementError as error:
-                raise SElementError(f"tip of {tip.name}: {error}") from None
+                raise SElementError(f"tip {tip.name}: {error}") from None
             # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the
             # sense of sliding
             scale = (

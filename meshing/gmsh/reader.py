@@ -9,12 +9,13 @@ from pathlib import Path
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells import CellComplex, Curve, edge_key
-from meshing.crack_splitting import add_cracks
+from meshing.cells.complex import CellComplex, Curve, edge_key
+from meshing.cells.crack_splitting import CrackMeshing, add_cracks
+from meshing.cells.planar import find_crossing, find_meeting, polygon_area
+from meshing.cells.s_elements import build_mesh
 from meshing.gll import gll_nodes, lagrange_values
-from meshing.gmsh_model import drain_parser, find_crossing, find_meeting, gmsh_session, polygon_area
+from meshing.gmsh_session import drain_parser, gmsh_session
 from meshing.input_checks import checked_order, positive
-from meshing.polygons import build_mesh
 
 _GEOMETRY = (".geo", ".geo_unrolled", ".step", ".stp", ".brep", ".iges", ".igs")
 _UNNAMED_GEOMETRY = _GEOMETRY[2:]  # these formats carry no physical groups
@@ -77,7 +78,7 @@ def read_gmsh(
     with gmsh_session("user") as gmsh:
         model = _extract(gmsh, path, order, size)
     origin = str(path)
-    add_cracks(model.cells, model.crack_lines, tip_element, origin)
+    add_cracks(model.cells, model.crack_lines, CrackMeshing(tip_element), origin)
     return build_mesh(model.cells, order, model.materials, origin)
 
 

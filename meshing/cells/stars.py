@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshing.cells import CellComplex
+from meshing.cells.complex import CellComplex
 
 _NEAR_FACE = math.radians(12.0)
 _NEAR_CORNER = math.radians(15.0)

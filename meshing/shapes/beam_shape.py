@@ -1,119 +1,23 @@
-"""What a person describes: a beam, its V-notches and holes, validated; SI units, angles in degrees."""
+"""The geometry of a beam with notches and holes, validated."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh
 from meshing.input_checks import number, positive
+from meshing.shapes.features import Hole, VNotch
 
-_STEEPEST = 85.0  # degrees between a face and the vertical
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 
 
 @dataclass(frozen=True)
-class VNotch:
-    """A V-notch or crack that runs from a tip in the beam to its top edge.
-
-    Attributes
-    ----------
-    x : float
-        Position of the tip along the beam, m.
-    depth : float
-        Vertical distance of the tip from the top edge, m.
-    opening : float
-        Total angle between the faces, degrees; 0 is a closed crack.
-    tilt : float
-        Angle of the axis from the vertical, degrees, positive with the mouth towards the free end (+x).
-    """
-
-    x: float
-    depth: float
-    opening: float
-    tilt: float = 0.0
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "x", number("VNotch", "x", self.x))
-        object.__setattr__(self, "depth", positive("VNotch", "depth", self.depth))
-        object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
-        object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
-        if self.opening < 0:
-            raise ValueError(
-                f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
-            )
-        if abs(self.tilt) + self.opening / 2 > _STEEPEST:
-            raise ValueError(
-                f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans "
-                f"{abs(self.tilt) + self.opening / 2:g} degrees "
-                f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to "
-                "reach the top edge."
-            )
-
-    def __repr__(self) -> str:
-        return (
-            f"VNotch(x={self.x:g} m, depth={self.depth:g} m, opening={self.opening:g} deg, "
-            f"tilt={self.tilt:g} deg)"
-        )
-
-    @property
-    def right_offset(self) -> float:
-        """x of the mouth corner at the free-end side minus x of the tip, m."""
-        return self.depth * math.tan(math.radians(self.tilt + self.opening / 2))
-
-    @property
-    def left_offset(self) -> float:
-        """x of the mouth corner at the clamp side minus x of the tip, m."""
-        return self.depth * math.tan(math.radians(self.tilt - self.opening / 2))
-
-    @property
-    def axis(self) -> tuple[float, float]:
-        """Unit vector from the tip along the axis to the mouth."""
-        return math.sin(math.radians(self.tilt)), math.cos(math.radians(self.tilt))
-
-    @property
-    def length(self) -> float:
-        """Distance from the tip to the mouth along the axis, m."""
-        return self.depth / math.cos(math.radians(self.tilt))
-
-
-@dataclass(frozen=True)
-class Hole:
-    """A circular hole.
-
-    Attributes
-    ----------
-    x, y : float
-        Centre, m; y from the lower edge.
-    diameter : float
-        m.
-    """
-
-    x: float
-    y: float
-    diameter: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "x", number("Hole", "x", self.x))
-        object.__setattr__(self, "y", number("Hole", "y", self.y))
-        object.__setattr__(self, "diameter", positive("Hole", "diameter", self.diameter))
-
-    def __repr__(self) -> str:
-        return f"Hole(x={self.x:g} m, y={self.y:g} m, diameter={self.diameter:g} m)"
-
-    @property
-    def radius(self) -> float:
-        """m."""
-        return self.diameter / 2
-
-
-@dataclass(frozen=True)
-class Beam:
-    """A beam [0, length] x [0, height], clamped end at x = 0, with notches from its top edge and holes.
+class BeamShape:
+    """What describes a beam; `meshing.Beam` adds the mesh.
 
     Attributes
     ----------
@@ -260,69 +164,6 @@ class Beam:
                     "and C are its mouth corners)."
                 )
         return x, y
-
-    def mesh(
-        self,
-        order: int = 5,
-        size: float | None = None,
-        tip_size: float | None = None,
-        grading: float = 2.5,
-        layout: str = "tip",
-        points: Mapping[str, tuple[float, float]] | None = None,
-        corner_size: float | None = None,
-        corners: Iterable[str] = ("left",),
-    ) -> BoundaryMesh:
-        """Divide the beam into S-elements.
-
-        Plain parts become equal rectangles. Around each notch tip stand a small open S-element with its
-        scaling centre on the tip and rings that are scaled copies of each other; around each hole a ring of
-        curved cells. Parts where notches or holes are too close to each other for that are filled by gmsh.
-
-        Parameters
-        ----------
-        order : int
-            Polynomial order of the edges, 1 to 20.
-        size : float, optional
-            Length of the cells along the beam, m; below the height there are several rows. Default: 2.5 times
-            the height.
-        tip_size : float, optional
-            Half-size of the S-element on a notch's tip (its largest extent from the tip), m. Default: 0.02 of
-            the notch's depth.
-        grading : float
-            Largest size ratio of neighbouring rings, 1.1 to 10.
-        layout : {"tip", "vertex"}
-            "tip": scaling centre on the tip. "vertex": the paper's Fig. 2, the tip is a vertex of four closed
-            S-elements whose edges are graded down to `tip_size`.
-        points : dict of str to (x, y), optional
-            Further named points, m; each becomes a node.
-        corner_size : float, optional
-            Size of the innermost cell where the edges are graded towards the corners of the end edges in
-            `corners`, m: a clamped corner is singular. Default: 0.2 of the height where there is room, no
-            grading in the "vertex" layout.
-        corners : sequence of {"left", "right"}
-            End edges whose two corners are graded; () for none.
-
-        Returns
-        -------
-        BoundaryMesh
-            Edge sets "left", "right", "top", "bottom", "hole1" ..., "crack1_left", "crack1_right" ...; points
-            "A" (top corner of the free end), "B" and "C" (mouth corners of the first notch, free-end and
-            clamp side), "B2", "C2" of the second ..., and the user's.
-
-        Raises
-        ------
-        ValueError, TypeError
-            One sentence that names the input, its value and what was expected.
-        """
-        # Here, because the modules that mesh a beam know its shapes.
-        from meshing.beam_cells import beam_cells
-        from meshing.beam_layout import MeshInputs
-        from meshing.polygons import build_mesh
-
-        inputs = MeshInputs.checked(
-            self, order, size, tip_size, grading, layout, points, corner_size, corners
-        )
-        return build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")
 
 
 def _sequence(name: str, items: object, kind: type) -> tuple:

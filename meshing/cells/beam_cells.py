@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from meshing.beam_filling import fill_block
-from meshing.beam_layout import Block, Feature, MeshInputs, plan_blocks
-from meshing.cells import CellComplex, CrackFaces, edge_key
-from meshing.shapes import Beam
-from meshing.skeleton import Skeleton, Star
-from meshing.stars import Box, add_levels, add_rings, outline, ring_scales
+from meshing.cells.beam_filling import fill_block
+from meshing.cells.beam_layout import Block, Feature, MeshInputs, plan_blocks
+from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
+from meshing.cells.skeleton import Skeleton, Star
+from meshing.cells.stars import Box, add_levels, add_rings, outline, ring_scales
+from meshing.shapes.beam_shape import BeamShape
 
 _WIDEST_SIDE = math.radians(55.0)
 _FEWEST_ARCS, _MOST_ARCS = 8, 128  # of a hole without a ring
@@ -20,7 +20,7 @@ _DEFAULT_TIP = 0.02  # of a notch's depth
 _HOLE_RING = 1.6  # smallest extent, in radii, of the outline next to a hole
 
 
-def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
+def beam_cells(beam: BeamShape, inputs: MeshInputs) -> CellComplex:
     """Divide a beam into cells.
 
     Everything that neighbours share on vertical lines and on the beam's edges is registered first, the cells
@@ -74,7 +74,7 @@ def beam_cells(beam: Beam, inputs: MeshInputs) -> CellComplex:
     return cells
 
 
-def _corner_widths(beam: Beam, inputs: MeshInputs) -> dict[str, float]:
+def _corner_widths(beam: BeamShape, inputs: MeshInputs) -> dict[str, float]:
     """Width of the graded corner squares at each end, 0 where there are none."""
     lows = [n.x + min(0.0, n.left_offset) for n in beam.notches] + [h.x - h.radius for h in beam.holes]
     highs = [n.x + max(0.0, n.right_offset) for n in beam.notches] + [h.x + h.radius for h in beam.holes]
@@ -190,7 +190,9 @@ def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | No
     )
     if fraction > 1.0 - 1e-9:
         fraction, ends = 1.0, mouths
-    else:  # equal fractions of both faces, although the box may hold more of one of them; nothing of the box stands far above its faces
+    else:
+        # Equal fractions of both faces, although the box may hold more of one of them; nothing of the box
+        # stands far above its faces.
         ends = [tip + fraction * (mouth - tip) for mouth in mouths]
         box = replace(box, top=min(box.top, tip[1] + max(fraction * shape.depth, 0.4 * box.largest)))
     points = outline(
@@ -289,18 +291,8 @@ def _record_crack(skeleton: Skeleton, star: Star) -> None:
     cells, notch, index = skeleton.cells, star.feature.shape, star.feature.index
     right, left = (list(zip(face, face[1:])) for face in (star.right, star.left))
     name, suffix = f"crack{index + 1}", str(index + 1) if index else ""
-    cells.cracks.append(
-        CrackFaces(
-            name,
-            star.feature.centre,
-            notch.axis,
-            math.radians(notch.opening),
-            notch.length,
-            right,
-            left,
-            star.tip_cell,
-        )
-    )
+    tip = TipCell(star.feature.centre, notch.axis, math.radians(notch.opening), star.tip_cell)
+    cells.cracks.append(CrackFaces(name, [FacePath(right, left, tip)], notch.length))
     cells.edge_sets[f"{name}_right"], cells.edge_sets[f"{name}_left"] = right, left
     cells.points[f"B{suffix}"], cells.points[f"C{suffix}"] = star.right[-1], star.left[-1]
 

@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from meshing.cells.stars import Box
 from meshing.input_checks import checked_order, number, positive
-from meshing.shapes import Beam, Hole, VNotch
-from meshing.stars import Box
+from meshing.shapes.beam_shape import BeamShape
+from meshing.shapes.features import Hole, VNotch
 
 # All relative to the beam's height.
 _REACH = 0.5  # half-width of a block around a notch tip or hole
@@ -41,7 +42,7 @@ class MeshInputs:
     @classmethod
     def checked(
         cls,
-        beam: Beam,
+        beam: BeamShape,
         order: int,
         size: float | None,
         tip_size: float | None,
@@ -143,7 +144,7 @@ class Feature:
     outline: np.ndarray
 
     @classmethod
-    def of_notch(cls, beam: Beam, index: int) -> Feature:
+    def of_notch(cls, beam: BeamShape, index: int) -> Feature:
         """A notch: outline is its two faces."""
         notch = beam.notches[index]
         triangle = beam.triangle(notch)
@@ -163,7 +164,7 @@ class Feature:
         )
 
     @classmethod
-    def of_hole(cls, beam: Beam, index: int) -> Feature:
+    def of_hole(cls, beam: BeamShape, index: int) -> Feature:
         """A hole: outline is its circle."""
         hole = beam.holes[index]
         angle = np.linspace(0, 2 * math.pi, 181)
@@ -213,7 +214,7 @@ class Block:
     inner_points: list[str] = field(default_factory=list)
 
 
-def plan_blocks(beam: Beam, inputs: MeshInputs, low: float, high: float) -> list[Block]:
+def plan_blocks(beam: BeamShape, inputs: MeshInputs, low: float, high: float) -> list[Block]:
     """Blocks around the features, from left to right; their sides pass through users' points where they can.
 
     Parameters
@@ -236,7 +237,7 @@ def plan_blocks(beam: Beam, inputs: MeshInputs, low: float, high: float) -> list
     return blocks
 
 
-def _gather(beam: Beam, features: list[Feature]) -> list[Block]:
+def _gather(beam: BeamShape, features: list[Feature]) -> list[Block]:
     blocks: list[Block] = []
     reached = -math.inf
     for feature in sorted(features, key=lambda f: f.low):
@@ -248,7 +249,7 @@ def _gather(beam: Beam, features: list[Feature]) -> list[Block]:
     return blocks
 
 
-def _set_sides(beam: Beam, inputs: MeshInputs, blocks: list[Block], start: float, stop: float) -> None:
+def _set_sides(beam: BeamShape, inputs: MeshInputs, blocks: list[Block], start: float, stop: float) -> None:
     slide, clear = _SLIDE * beam.height, _CLEAR * beam.height
     lines = sorted({x for x, _ in inputs.points.values()})
     for block in blocks:
@@ -274,7 +275,7 @@ def _set_sides(beam: Beam, inputs: MeshInputs, blocks: list[Block], start: float
             after.low = max(left, start)
 
 
-def _set_boxes(beam: Beam, inputs: MeshInputs, block: Block) -> None:
+def _set_boxes(beam: BeamShape, inputs: MeshInputs, block: Block) -> None:
     """Boxes of a block: edge to edge for a lone feature with room around it, else the largest that keep clear
     of each other.
     """
@@ -298,7 +299,7 @@ def _set_boxes(beam: Beam, inputs: MeshInputs, block: Block) -> None:
         block.boxes.append(box if fits else None)
 
 
-def _largest_box(beam: Beam, block: Block, centre: Point, half_way: float) -> Box:
+def _largest_box(beam: BeamShape, block: Block, centre: Point, half_way: float) -> Box:
     """A box that reaches an edge exactly or stays well away from it."""
     x, y = centre
     distances = {"left": x - block.low, "right": block.high - x, "bottom": y, "top": beam.height - y}

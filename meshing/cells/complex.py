@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 Curve = Callable[[np.ndarray], np.ndarray]
+_FINE = np.linspace(0.0, 1.0, 65)
 
 
 @dataclass
@@ -39,35 +40,62 @@ class Cell:
 
 
 @dataclass
+class TipCell:
+    """A tip as the cells see it.
+
+    Attributes
+    ----------
+    position : (x, y)
+        m.
+    axis : (x, y)
+        Unit vector from the tip back along the crack.
+    opening : float
+        Radian.
+    cell : int
+        Open cell whose scaling centre is the tip, -1 if there is none.
+    """
+
+    position: tuple[float, float]
+    axis: tuple[float, float]
+    opening: float = 0.0
+    cell: int = -1
+
+
+@dataclass
+class FacePath:
+    """The two faces along one unbranched line, edge beside edge.
+
+    Attributes
+    ----------
+    right, left : list of (int, int)
+        Directed edges from the line's start to its end. The right face is at the right hand of somebody who
+        walks that way.
+    start, end : TipCell or None
+        The tip before the first edge and the one after the last.
+    """
+
+    right: list[tuple[int, int]]
+    left: list[tuple[int, int]]
+    start: TipCell | None = None
+    end: TipCell | None = None
+
+
+@dataclass
 class CrackFaces:
     """A crack as the cells see it.
 
     Attributes
     ----------
     name : str
-    tip : (x, y)
-        m.
-    axis : (x, y)
-        Unit vector from the tip to the mouth.
-    opening : float
-        Radian.
-    length : float
-        From the tip to the mouth along the axis, m.
-    right, left : list of (int, int)
-        Edges of the two faces as pairs of vertices, in any order and direction. The right face is at the
-        right hand of somebody who looks from the tip to the mouth (the free-end side of a notch in a beam).
-    tip_cell : int
-        Cell whose scaling centre is the tip, -1 if there is none.
+    paths : list of FacePath
+        Its unbranched lines, from a tip where there is one.
+    length : float or None
+        m; None: that of the faces.
     """
 
     name: str
-    tip: tuple[float, float]
-    axis: tuple[float, float]
-    opening: float
-    length: float
-    right: list[tuple[int, int]]
-    left: list[tuple[int, int]]
-    tip_cell: int = -1
+    paths: list[FacePath]
+    length: float | None = None
 
 
 @dataclass
@@ -115,6 +143,21 @@ class CellComplex:
         self.cells.append(Cell(list(vertices), centre, closed, material))
         return len(self.cells) - 1
 
+    def curve(self, first: int, second: int) -> Curve | None:
+        """Shape of an edge from its first vertex to its second; None: straight."""
+        curve = self.curves.get(edge_key((first, second)))
+        return curve if curve is None or first < second else reversed_curve(curve)
+
+    def set_curve(self, first: int, second: int, curve: Curve) -> None:
+        """Give an edge the shape of `curve`, which runs from the first vertex to the second."""
+        self.curves[edge_key((first, second))] = curve if first < second else reversed_curve(curve)
+
+    def edge_length(self, first: int, second: int) -> float:
+        """m."""
+        curve = self.curve(first, second)
+        points = np.array([self.vertices[first], self.vertices[second]]) if curve is None else curve(_FINE)
+        return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
     def add_arc(self, first: int, second: int, centre: tuple[float, float], radius: float) -> None:
         """Make the edge between two vertices the shorter arc of a circle through them."""
         low, high = sorted((first, second))
@@ -142,3 +185,13 @@ class CellComplex:
 def edge_key(edge: tuple[int, int]) -> tuple[int, int]:
     """An edge's vertices, lower number first."""
     return edge if edge[0] < edge[1] else (edge[1], edge[0])
+
+
+def reversed_curve(curve: Curve) -> Curve:
+    """The same curve from its end to its start."""
+    return lambda at: curve(1.0 - np.asarray(at))
+
+
+def part_of_curve(curve: Curve, start: float, stop: float) -> Curve:
+    """The piece of a curve between two of its parameters."""
+    return lambda at: curve(start + (stop - start) * np.asarray(at))

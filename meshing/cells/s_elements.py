@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from meshing.boundary_mesh import BoundaryMesh, Crack
-from meshing.cells import CellComplex, edge_key
-from meshing.contact_faces import find_pairs, join_pairs
+from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
+from meshing.cells.complex import CellComplex, CrackFaces, edge_key
+from meshing.cells.contact_faces import crack_pairs, join_pairs
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 
 # Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the
@@ -76,31 +76,17 @@ def build_mesh(
     def numbers(pairs: list[tuple[int, int]]) -> np.ndarray:
         return np.array([edge_number[edge_key(pair)] for pair in pairs], dtype=int)
 
-    cracks = tuple(
-        Crack(
-            c.name,
-            tuple(c.tip),
-            tuple(c.axis),
-            c.opening,
-            c.length,
-            int(element_of_cell[c.tip_cell]) if c.tip_cell >= 0 else -1,
-        )
-        for c in cells.cracks
-    )
-    pairs = join_pairs(
-        [
-            find_pairs(
-                edge_nodes[numbers(c.right)],
-                edge_nodes[numbers(c.left)],
-                nodes,
-                c.tip,
-                c.axis,
-                i,
-                f"{origin}: crack {c.name!r}",
-            )
-            for i, c in enumerate(cells.cracks)
-        ]
-    )
+    def nodes_of(edge: tuple[int, int]) -> np.ndarray:
+        key = edge_key(edge)
+        return edge_nodes[edge_number[key]] if key == edge else edge_nodes[edge_number[key]][::-1]
+
+    cracks, tips, pairs = [], [], []
+    for index, faces in enumerate(cells.cracks):
+        found, length = crack_pairs(faces, nodes_of, nodes, index, f"{origin}: crack {faces.name!r}")
+        pairs.append(found)
+        tips_here = _tips(faces, index, element_of_cell)
+        cracks.append(_crack(faces, tips_here, length, nodes_of, nodes))
+        tips += tips_here
     return BoundaryMesh(
         order=order,
         nodes=nodes,
@@ -114,9 +100,39 @@ def build_mesh(
         material_names=tuple(material_names),
         edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
         points={name: node_of_vertex[vertex] for name, vertex in cells.points.items()},
-        pairs=pairs,
-        cracks=cracks,
+        pairs=join_pairs(pairs),
+        cracks=tuple(cracks),
+        tips=tuple(tips),
     )
+
+
+def _tips(faces: CrackFaces, index: int, element_of_cell: np.ndarray) -> list[Tip]:
+    """Tips of a crack, sorted and named."""
+    sets = (f"{faces.name}_left", f"{faces.name}_right")
+    found = [(path.start, sets) for path in faces.paths if path.start]
+    found += [(path.end, sets[::-1]) for path in faces.paths if path.end]
+    found.sort(key=lambda item: item[0].position)
+    return [
+        Tip(
+            faces.name if len(found) == 1 else f"{faces.name}:{number}",
+            index,
+            tuple(tip.position),
+            tuple(tip.axis),
+            tip.opening,
+            int(element_of_cell[tip.cell]) if tip.cell >= 0 else -1,
+            face_sets,
+        )
+        for number, (tip, face_sets) in enumerate(found, 1)
+    ]
+
+
+def _crack(faces: CrackFaces, tips: list[Tip], length: float, nodes_of, nodes: np.ndarray) -> Crack:
+    if tips:
+        tip = tips[0]
+        return Crack(faces.name, tip.position, tip.axis, tip.opening, length, tip.element)
+    start = nodes[nodes_of(faces.paths[0].right[0])]
+    step = start[-1] - start[0]
+    return Crack(faces.name, tuple(start[0]), tuple(step / np.hypot(*step)), 0.0, length, -1)
 
 
 def _middle(cells: CellComplex, vertices: list[int]) -> np.ndarray:

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.beam_layout import Block, Feature, MeshInputs
-from meshing.cells import CellComplex
-from meshing.shapes import Beam
-from meshing.stars import Box
+from meshing.cells.beam_layout import Block, Feature, MeshInputs
+from meshing.cells.complex import CellComplex
+from meshing.cells.stars import Box
+from meshing.shapes.beam_shape import BeamShape
 
 _GROWTH = 0.7  # of the edge length with the distance from a box
 
@@ -60,7 +60,7 @@ class Skeleton:
     vertices may coincide, are never registered.
     """
 
-    def __init__(self, beam: Beam, inputs: MeshInputs) -> None:
+    def __init__(self, beam: BeamShape, inputs: MeshInputs) -> None:
         self.beam = beam
         self.inputs = inputs
         self.cells = CellComplex()

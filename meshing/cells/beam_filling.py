@@ -6,9 +6,10 @@ import math
 
 import numpy as np
 
-from meshing.beam_layout import Block
-from meshing.gmsh_model import fill_polygon, polygon_area
-from meshing.skeleton import Skeleton, Star
+from meshing.cells.beam_layout import Block
+from meshing.cells.filling import fill_polygon
+from meshing.cells.planar import polygon_area
+from meshing.cells.skeleton import Skeleton, Star
 
 _MESHER_OPENING = math.radians(3.0)
 _FACE_GROWTH = 1.6
