@@ -106,11 +106,7 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
         flag("static", "contact", contact)
         solve = _METHODS[choice("static", "method", method, _METHODS)]
     model.require_support("static")
-    forces = model.load_vector(load)
-    try:
-        found = equilibrium(model, forces, contact, solve)
-    finally:
-        forces.destroy()
+    found = equilibrium(model, model.load_columns([load]), contact, solve)
     _judge(found.residual)
     return Static(
         model.at_points(found.owned),
@@ -122,7 +118,7 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
         found.iterations,
         model.solver.name,
         found.residual,
-        model.tips.evaluate(found.owned),
+        found.intensities,
         as_loads(load),
         model,
     )

@@ -100,7 +100,9 @@ class UnreducedIntegrator:
         """The row of t = 0."""
         march = self.march
         march.slope = march.first_slope(self._amplitudes(np.array([0.0, march.step])).sum(axis=0))
-        gap = march.displacements()[: march.pairs] + march.gap0 + march.own_flexibility @ self.force
+        march.amplitudes = self._amplitudes(np.zeros(1))[0]
+        gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
+        gap = gap + march.own_flexibility @ self.force
         return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
@@ -171,18 +173,16 @@ class UnreducedIntegrator:
         if isinstance(start, str):
             if start == "rest" or not units:
                 return force
-            forces = model.stiffness.createVecRight()
-            try:
-                forces.array = model.load_columns(units) @ self._amplitudes(np.zeros(1))[0]
-                found = equilibrium(model, forces, self.steps.contact)
-            finally:
-                forces.destroy()
+            columns = model.load_columns(units)
+            amplitudes = self._amplitudes(np.zeros(1))[0]
+            found = equilibrium(model, columns.combined(amplitudes), self.steps.contact)
             march.u[: self.pencil.owned] = found.owned
             force = found.force[: march.pairs].copy()
         else:
             # zero auxiliary unknowns: inside the S-elements the static displacement of their boundaries' one
             for state, function, what in zip((march.u, march.v), start, ("displacement", "velocity")):
                 state[: self.pencil.owned] = owned_values(model, nodal_field(model, function, what))
+        march.force = force
         march.settle(fold=False)
         return force
 

@@ -183,7 +183,10 @@ class UnreducedSteps:
         more = sparse.csr_matrix((count, size - pencil.owned))
         gaps = sparse.hstack([gap.rows.matrix[:count], more], format="csr")
         forces = np.zeros((self.loads, size))
-        forces[:, : pencil.owned] = model.load_columns(units).T
+        columns = model.load_columns(units)
+        forces[:, : pencil.owned] = columns.forces.T
+        self.load_gaps, self.load_tips = columns.gaps[:count], columns.tips
+        self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
         for k, unit in enumerate(units):
             if isinstance(unit, SupportMotion):
                 forces[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
@@ -265,7 +268,9 @@ class UnreducedSteps:
         tips = self.model.tips.rows
         if not len(tips):
             return np.zeros((0, 2))
-        return (tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)).reshape(-1, 2)
+        moved = tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)
+        inside = self.model.tips.contact[:, : self.pairs] @ self.force + self.load_tips @ self.amplitudes
+        return (moved + inside).reshape(-1, 2)
 
     def padded(self, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps of all contact rows, also where contact is switched off: no forces then."""
@@ -290,7 +295,9 @@ class UnreducedSteps:
     def advance(self, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One step under load amplitudes at its ends; contact forces and gaps at its end."""
         drive, speed = before + after, self.velocities()
+        self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
         solved = self.solve_step(drive)
+        self.force = solved.force
         self.pencil.stiffness.mult(self.d, self.product)
         lost = _advance(
             self.u,
@@ -347,11 +354,11 @@ class UnreducedSteps:
             self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
         )
         damped, undamped = self._modal(modal_force)
-        force, gap = np.zeros(self.pairs), self.gap0
+        force, gap = np.zeros(self.pairs), self.free_gap
         if self.pairs:
             gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[
                 : self.pairs
-            ] + self.gap0
+            ] + self.free_gap
             if self.tied.any() if self.tied is not None else (gap < 0.0).any():
                 force, gap = self._contact(gap)
                 _add_columns(d, self.responses, self.share * force)

@@ -92,7 +92,8 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
     tip_modes = model.tips.rows(found.shapes).reshape(-1, 2, len(found.frequencies))
     translation = _translation(model, found)
 
-    forces = model.load_columns(units)
+    columns = model.load_columns(units)
+    forces = columns.forces
     load_modes = _summed(model, found.shapes.T @ forces)
     for k, unit in enumerate(units):
         if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
@@ -111,13 +112,17 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
             gap_modes.T / omega2[:, None]
         )
 
-    def output(names: tuple[str, ...], rows, modes: np.ndarray, contact: np.ndarray) -> LinearOutput:
-        loads = rows(solved).reshape(*modes.shape[:-1], len(units))
+    def output(names, rows, modes: np.ndarray, contact: np.ndarray, direct=0.0) -> LinearOutput:
+        loads = (rows(solved) + direct).reshape(*modes.shape[:-1], len(units))
         return LinearOutput(names, modes, *residual(modes, loads, contact))
 
-    gaps = output((), gap.rows, gap_modes, compliance.gaps)
+    gaps = output((), gap.rows, gap_modes, compliance.gaps, columns.gaps)
     gaps = LinearOutput((), gaps.modes, gaps.loads, 0.5 * (gaps.contact + gaps.contact.T))
-    work = _summed(model, forces.T @ solved) - load_modes.T @ (load_modes / omega2[:, None])
+    work = (
+        _summed(model, forces.T @ solved)
+        + columns.flexibility
+        - load_modes.T @ (load_modes / omega2[:, None])
+    )
     return ReducedModel(
         found.frequencies,
         model.damping_ratios(2.0 * np.pi * found.frequencies),
@@ -127,7 +132,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         load_modes,
         0.5 * (work + work.T),
         output(tuple(model.points), model.point_rows, point_modes, compliance.points),
-        output(model.tips.names, model.tips.rows, tip_modes, compliance.tips),
+        output(model.tips.names, model.tips.rows, tip_modes, compliance.tips, columns.tips),
         translation,
         units,
         model,
@@ -137,7 +142,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
 
 def _translation(model: Model, found: Modal) -> np.ndarray:
     """(m, 2): inertia forces of unit accelerations on the modes, the auxiliary unknowns' share included."""
-    forces = model.load_columns([SupportMotion(ax=1.0), SupportMotion(ay=1.0)])
+    forces = model.load_columns([SupportMotion(ax=1.0), SupportMotion(ay=1.0)]).forces
     return found.auxiliary_inertia - _summed(model, found.shapes.T @ forces)
 
 

@@ -102,7 +102,7 @@ class ReducedModel:
         right = model.stiffness.createVecRight()
         solution = right.duplicate()
         try:
-            right.array = model.load_columns(self.loads) @ amplitudes
+            right.array = model.load_columns(self.loads).forces @ amplitudes
             model.gap_operator.rows.add_to(right, force)
             model.solver.solve(right, solution, "field")
             static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2

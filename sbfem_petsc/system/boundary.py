@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..loads import as_loads
 from ..petsc import PETSc
 from ..selement.basis import tabulated
 from .assembly import Triples, block_triples
@@ -26,19 +28,49 @@ def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.nda
     return length, np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / length[..., None]
 
 
+@dataclass(frozen=True, eq=False)
+class LoadColumns:
+    """What loads do, one column each.
+
+    Attributes
+    ----------
+    forces : (owned, k) array
+        Nodal forces on this rank's displacement unknowns, N.
+    gaps : (c, k) array
+        Gaps of the contact rows that loads on the faces inside tip elements open at given displacements, m.
+    tips : (2 tips, k) array
+        Their share of K_I and K_II, Pa m^(1/2).
+    flexibility : (k, k) array
+        Their work on each other's displacements at given nodal displacements, J.
+    """
+
+    forces: np.ndarray
+    gaps: np.ndarray
+    tips: np.ndarray
+    flexibility: np.ndarray
+
+    def combined(self, amplitudes: np.ndarray) -> LoadColumns:
+        """One column: the loads with their amplitudes (k,) together."""
+        weights = np.asarray(amplitudes, dtype=float)[:, None]
+        flexibility = weights.T @ self.flexibility @ weights
+        return LoadColumns(self.forces @ weights, self.gaps @ weights, self.tips @ weights, flexibility)
+
+
 class NodalForces:
-    """Collects the nodal forces of loads that assemble themselves (`loads.LoadAssembler`).
+    """Collects what loads do that assemble themselves (`loads.LoadAssembler`).
 
     Parameters
     ----------
-    model : Model
-    vector : PETSc.Vec
-        Over the displacement unknowns; the forces are added to it.
+    model : Structure
+    vector : PETSc.Vec or None
+        Over the displacement unknowns; the forces are added to it. None: for checks of places only.
     """
 
-    def __init__(self, model, vector: PETSc.Vec):
+    def __init__(self, model, vector: PETSc.Vec | None):
         self._model, self._vector = model, vector
         self.points, self.edge_sets = model.points, model.edge_set_names
+        # forces of the traction modes of the tips that this rank holds
+        self.tip_forces: dict[int, np.ndarray] = {}
 
     def point_force(self, point: str, force: tuple[float, float]) -> None:
         """Add a force (N) on a named point."""
@@ -46,15 +78,23 @@ class NodalForces:
             self._add(np.array(self.points[point][1]), np.array(force, dtype=float))
 
     def edge_traction(self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Add a traction (Pa), a function of the outward normals, on the edges of a set."""
+        """Add a traction (Pa), a function of the outward normals, on the edges of a set.
+
+        Of a crack's face the part inside a tip element belongs to the set.
+        """
         part, order = self._model.part, self._model.order
         edges = part.edge_sets[edge_set]
-        if len(edges) == 0:
-            return
-        values, _, weights = tabulated(order, order + 2)
-        length, normal = edge_metric(part.coordinates[edges], order)
-        forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
-        self._add(part.unknowns[edges], self._model.thickness * forces)
+        if len(edges):
+            values, _, weights = tabulated(order, order + 2)
+            length, normal = edge_metric(part.coordinates[edges], order)
+            forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
+            self._add(part.unknowns[edges], self._model.thickness * forces)
+        for faces in self._model.tip_faces:
+            chosen = [edge_set in names for names in self._model.tip_face_sets[faces.number]]
+            if any(chosen):
+                forces = faces.uniform(chosen, traction, self._model.thickness)
+                self._add(self._model.part.unknowns[faces.group.nodes[faces.member]], faces.rows.T @ forces)
+                self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
 
     def inertia(self, acceleration: tuple[float, float]) -> None:
         """Add the force -density * acceleration (m/s^2) on the whole body."""
@@ -68,6 +108,43 @@ class NodalForces:
         unknowns, forces = unknowns.ravel(), forces.ravel()
         keep = unknowns >= 0
         self._vector.setValues(unknowns[keep].astype(PETSc.IntType), forces[keep], addv=True)
+
+
+def load_columns(model, loads) -> LoadColumns:
+    """What several constant, checked loads do. Collective."""
+    columns, collected = [], []
+    vector = model.stiffness.createVecRight()
+    try:
+        for load in loads:
+            vector.set(0.0)
+            forces = NodalForces(model, vector)
+            for item in as_loads(load).parts:
+                item.assemble(forces)
+            vector.assemble()
+            columns.append(vector.array_r.copy())
+            collected.append(forces.tip_forces)
+    finally:
+        vector.destroy()
+    count, gap, tips = len(columns), model.gap_operator, model.tips
+    gaps, intensities, flexibility = (
+        np.zeros((len(gap), count)),
+        np.zeros((len(tips.rows), count)),
+        np.zeros((count, count)),
+    )
+    for faces in model.tip_faces:
+        acting = [forces.get(faces.number) for forces in collected]
+        if all(forces is None for forces in acting):
+            continue
+        modes, first = faces.modes, gap.pairs + faces.modes * faces.number
+        table = np.stack([np.zeros(len(faces.flexibility)) if f is None else f for f in acting], axis=1)
+        means = faces.flexibility @ table
+        gaps[first : first + modes] = means[:modes]
+        intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
+        flexibility += table.T @ means
+    gaps, intensities, flexibility = (model.comm.allreduce(part) for part in (gaps, intensities, flexibility))
+    size = model.owned.stop - model.owned.start
+    forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
+    return LoadColumns(forces, gaps, intensities, flexibility)
 
 
 def spring_triples(model) -> list[Triples]:

@@ -23,8 +23,11 @@ class Distribution:
     Attributes
     ----------
     order, elements : int
-    cracks, tips : tuple
-        Of the mesh.
+    cracks : tuple of Crack
+    tip_elements : tuple of Tip
+        Those that have an S-element around them.
+    tip_face_sets : tuple of (tuple of str, tuple of str)
+        Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong to.
     material_names, edge_sets : tuple of str
     pairs : ContactPairs
     points : dict of str to ((x, y), (2,) int tuple)
@@ -43,7 +46,8 @@ class Distribution:
     order: int
     elements: int
     cracks: tuple
-    tips: tuple
+    tip_elements: tuple
+    tip_face_sets: tuple
     material_names: tuple[str, ...]
     edge_sets: tuple[str, ...]
     pairs: ContactPairs
@@ -96,11 +100,13 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
 
 def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]:
     area, perimeter = _measures(mesh)
+    tips = tuple(tip for tip in mesh.tips if tip.element >= 0)
     return {
         "order": mesh.order,
         "elements": mesh.elements,
         "cracks": mesh.cracks,
-        "tips": tuple(mesh.tips),
+        "tip_elements": tips,
+        "tip_face_sets": tuple(_face_sets(mesh, tip) for tip in tips),
         "material_names": tuple(mesh.material_names),
         "edge_sets": tuple(mesh.edge_sets),
         "pairs": mesh.pairs,
@@ -113,6 +119,18 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
         "perimeter": perimeter,
         "ranges": numbering.ranges,
     }
+
+
+def _face_sets(mesh: BoundaryMesh, tip) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Sets of the tip's crack that meet the first and the last face of its S-element."""
+    chain, crack = mesh.element_nodes(tip.element), mesh.cracks[tip.crack].name
+    nodes = {
+        name: set(mesh.edges[np.asarray(edges, dtype=int)][:, [0, -1]].ravel().tolist())
+        for name, edges in mesh.edge_sets.items()
+        if name.startswith(f"{crack}_")
+    }
+    first, last = (tuple(n for n, ends in nodes.items() if int(chain[k]) in ends) for k in (0, -1))
+    return first, last
 
 
 def _fixed(mesh: BoundaryMesh, supports: tuple[Support, ...]) -> np.ndarray:

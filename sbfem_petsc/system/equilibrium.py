@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.complementarity import Complementarity, solve_complementarity
-from ..petsc import PETSc
+from .boundary import LoadColumns
 from .model import Model
 
 
@@ -23,6 +23,8 @@ class Equilibrium:
     force, gap : (c,) arrays
         Of the contact rows, N and m.
     active : (c,) bool array
+    intensities : dict of str to (float, float)
+        K_I and K_II of each tip, Pa m^(1/2).
     iterations : int
         Of the active set.
     residual : float
@@ -33,33 +35,37 @@ class Equilibrium:
     force: np.ndarray
     gap: np.ndarray
     active: np.ndarray
+    intensities: dict[str, tuple[float, float]]
     iterations: int
     residual: float
 
 
 def equilibrium(
     model: Model,
-    forces: PETSc.Vec,
+    load: LoadColumns,
     contact: bool = True,
     solve: Callable[[np.ndarray, np.ndarray], Complementarity] = solve_complementarity,
 ) -> Equilibrium:
-    """Displacements under nodal forces (N). Collective.
+    """Displacements under one column of loads. Collective.
 
     Parameters
     ----------
     model : Model
         Held against every rigid-body motion.
-    forces : PETSc.Vec
+    load : LoadColumns
+        Of one column.
     contact : bool
         False: faces may overlap.
     solve : callable
         Solver of the complementarity problem of flexibility and free gaps.
     """
     gap_operator, solver = model.gap_operator, model.solver
+    forces = model.stiffness.createVecRight()
+    forces.array = load.forces[:, 0]
     solution, right, residual = forces.duplicate(), forces.copy(), forces.duplicate()
     try:
         solver.solve(forces, solution, "static")
-        gap = gap_operator.rows(solution.array_r) + gap_operator.initial
+        gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
         force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
         if contact and (gap < 0.0).any():
             result = solve(model.compliance.gaps, gap)
@@ -70,7 +76,9 @@ def equilibrium(
         residual.axpy(-1.0, right)
         scale = forces.norm()
         relative = residual.norm() / scale if scale > 0 else 0.0
-        return Equilibrium(solution.array_r.copy(), force, gap, active, iterations, relative)
+        owned = solution.array_r.copy()
+        intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ force)
+        return Equilibrium(owned, force, gap, active, intensities, iterations, relative)
     finally:
-        for item in (solution, right, residual):
+        for item in (forces, solution, right, residual):
             item.destroy()

@@ -39,13 +39,20 @@ class GapOperator:
 
 
 def gap_operator(model) -> GapOperator:
-    """The contact rows of a model."""
-    rows = []
-    for unknowns, normal in zip(model.pair_unknowns, model.pairs.normal):
-        numbers, values = unknowns.ravel(), np.concatenate([normal, -normal])
-        keep = (numbers >= 0) & (values != 0.0)
-        rows.append((numbers[keep], values[keep]))
-    count = len(rows)
-    return GapOperator(
-        Rows.of(model.comm, model.ranges, rows), model.pairs.gap.copy(), np.zeros((count, count)), count
-    )
+    """The contact rows of a model. Collective."""
+    pairs, modes = len(model.pairs), model.tip_modes
+    count = pairs + modes * len(model.tip_elements)
+    rows = {}
+    if model.comm.rank == 0:  # known to all: one rank gives them
+        for k, (unknowns, normal) in enumerate(zip(model.pair_unknowns, model.pairs.normal)):
+            rows[k] = (unknowns.ravel(), np.concatenate([normal, -normal]))
+    initial, flexibility = np.zeros(count), np.zeros((count, count))
+    for faces in model.tip_faces:
+        first = pairs + modes * faces.number
+        unknowns = model.part.unknowns[faces.group.nodes[faces.member]].ravel()
+        rows |= {first + k: (unknowns, row) for k, row in enumerate(faces.rows[:modes])}
+        initial[first : first + modes] = faces.initial_gap()
+        flexibility[first : first + modes, first : first + modes] = faces.flexibility[:modes, :modes]
+    initial, flexibility = (model.comm.allreduce(array) for array in (initial, flexibility))
+    initial[:pairs] = model.pairs.gap
+    return GapOperator(Rows.gathered(model.comm, model.ranges, rows, count), initial, flexibility, pairs)

@@ -51,6 +51,9 @@ class Model(Structure):
         m.
     supports : sequence of Support
         Further supports: single directions, elastic supports.
+    tip_modes : int
+        Polynomials of the contact pressure on the faces inside each tip element, which carry no nodes; 0: no
+        contact there.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -83,6 +86,7 @@ class Model(Structure):
         supports=(),
         comm: MPI.Comm | None = None,
         rayleigh: tuple[float, float] = (0.0, 0.0),
+        tip_modes: int = 4,
     ):
         comm = MPI.COMM_WORLD if comm is None else comm
         if clamped is _DECLARED:
@@ -93,6 +97,7 @@ class Model(Structure):
             self.rayleigh = _rayleigh(rayleigh)
             thickness = positive("Model", "thickness", thickness, "m")
             held = as_supports(clamped, supports)
+            integer("Model", "tip_modes", tip_modes, least=0, most=12)
         super().__init__(
             comm,
             mesh,
@@ -100,6 +105,7 @@ class Model(Structure):
             functools.partial(_materials, material),
             terms=terms,
             thickness=thickness,
+            tip_modes=tip_modes,
         )
         self._modes: Modal | None = None
         self._kept: dict[Hashable, Any] = {}

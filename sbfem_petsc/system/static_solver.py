@@ -98,4 +98,5 @@ def compliance(model) -> Compliance:
             target[:, block] = rows(solved)
     gaps, points, tips = found
     gaps = 0.5 * (gaps + gaps.T) + gap.flexibility
+    tips += model.tips.contact
     return Compliance(gaps, points.reshape(-1, 2, len(gap)), tips.reshape(-1, 2, len(gap)))

@@ -15,12 +15,13 @@ from ..parallel import collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
 from .assembly import Triples, assemble, block_triples
-from .boundary import NodalForces, is_supported, spring_triples
+from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_triples
 from .distribution import distribute
 from .gap_operator import GapOperator, gap_operator
 from .rows import Rows
 from .shapes import Group, solve_groups
-from .tips import TipIntensities, tip_intensities
+from .tip_faces import TipFaces, tip_faces
+from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
 
 
 class Structure:
@@ -37,6 +38,8 @@ class Structure:
         Of the continued fraction.
     thickness : float
         m.
+    tip_modes : int
+        Pressure modes on the faces inside each tip element.
     """
 
     def __init__(
@@ -48,8 +51,10 @@ class Structure:
         *,
         terms: int,
         thickness: float,
+        tip_modes: int,
     ):
         self.comm, self.supports, self.thickness, self.continued_fraction = comm, supports, thickness, terms
+        self.tip_modes = tip_modes
         self._freed = False
         found = distribute(comm, mesh, supports)
         self.order, self.elements, self.part, self.ranges = (
@@ -66,7 +71,7 @@ class Structure:
         )
         self.edge_set_names, self.material_names = found.edge_sets, found.material_names
         self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
-        self.tip_elements = tuple(tip for tip in found.tips if tip.element >= 0)
+        self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             self.materials = materials(self.material_names)
@@ -127,33 +132,19 @@ class Structure:
         places.destroy()
 
     # ------------------------------------------------------------------ loads and supports
-    def load_vector(self, load) -> PETSc.Vec:
-        """Nodal forces (N) over the displacement unknowns of constant loads.
+    def load_columns(self, loads: Iterable) -> LoadColumns:
+        """What several constant loads do, one column each. Collective.
 
         Raises
         ------
         KeyError, ValueError, TypeError
             If a point or edge set does not exist or a component is not finite.
         """
+        loads = list(loads)
         with collective(self.comm):
-            loads = self.checked_loads(load)
-        vector = self.stiffness.createVecRight()
-        vector.set(0.0)
-        forces = NodalForces(self, vector)
-        for item in loads.parts:
-            item.assemble(forces)
-        vector.assemble()
-        return vector
-
-    def load_columns(self, loads: Iterable) -> np.ndarray:
-        """(owned, k) nodal forces of several loads."""
-        columns = []
-        for load in loads:
-            vector = self.load_vector(load)
-            columns.append(vector.array_r.copy())
-            vector.destroy()
-        size = self.owned.stop - self.owned.start
-        return np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
+            for load in loads:
+                self.checked_loads(load)
+        return load_columns(self, loads)
 
     def checked_loads(self, load, constant: bool = True) -> Loads:
         """The loads, each with an existing place and finite components, or signals unless `constant`."""
@@ -180,6 +171,16 @@ class Structure:
             )
 
     # ------------------------------------------------------------------ contact and outputs
+    @functools.cached_property
+    def tip_places(self) -> list[TipPlace]:
+        """The tip elements that this rank holds."""
+        return tip_places(self)
+
+    @functools.cached_property
+    def tip_faces(self) -> list[TipFaces]:
+        """Traction modes on the faces inside the tip elements that this rank holds. Collective."""
+        return tip_faces(self)
+
     @functools.cached_property
     def gap_operator(self) -> GapOperator:
         """Contact rows."""

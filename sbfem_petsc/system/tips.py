@@ -33,15 +33,23 @@ class TipIntensities:
         Exponents lambda of the displacement modes; the unit of K is Pa m^(1 - lambda), Pa m^(1/2) at a crack.
     rows : Rows
         Two for each tip.
+    contact : (2 tips, c) array
+        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip elements.
+    faces : dict of int to (2, m) array
+        The same for all traction modes of the tips that this rank holds, by the tip's number.
     """
 
     names: tuple[str, ...]
     exponents: np.ndarray
     rows: Rows
+    contact: np.ndarray
+    faces: dict[int, np.ndarray]
 
-    def evaluate(self, owned: np.ndarray) -> dict[str, tuple[float, float]]:
-        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns. Collective."""
-        values = self.rows(owned).reshape(-1, 2)
+    def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
+        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions on the
+        faces inside the tip elements add, (2 tips,). Collective.
+        """
+        values = (self.rows(owned) + more).reshape(-1, 2)
         return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}
 
 
@@ -61,9 +69,11 @@ def tip_intensities(model) -> TipIntensities:
     """The forms of a model. Collective."""
     tips = model.tip_elements
     exponents = np.zeros((len(tips), 2))
-    rows = {}
+    contact = np.zeros((2 * len(tips), len(model.gap_operator)))
+    tractions = {faces.number: faces for faces in model.tip_faces}
+    rows, columns = {}, {}
     with collective(model.comm):  # the rank that owns a tip must not fail alone
-        for number, group, member in tip_places(model):
+        for number, group, member in model.tip_places:
             tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
             material = model.materials[group.material]
             try:
@@ -79,15 +89,20 @@ def tip_intensities(model) -> TipIntensities:
                 raise SElementError(f"tip {tip.name}: {error}") from None
             # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the
             # sense of sliding
-            scale = (
-                material.modulus
-                * size ** -np.nan_to_num(form.exponents, nan=1.0)
-                * np.array([1.0, np.linalg.det(rotation)])
-            )
-            turned = (form.rows.reshape(2, -1, 2) @ rotation).reshape(2, -1) * scale[:, None]
+            scale = size ** -np.nan_to_num(form.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
+            turned = (form.rows.reshape(2, -1, 2) @ rotation).reshape(2, -1) * (material.modulus * scale)[
+                :, None
+            ]
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
             rows |= {2 * number + k: (unknowns, turned[k]) for k in (0, 1)}
             exponents[number] = form.exponents
-    exponents = model.comm.allreduce(exponents)
+            if number in tractions:
+                modes = tractions[number].modes
+                columns[number] = (
+                    scale[:, None] / model.thickness * form.of_tractions(tractions[number].tractions)
+                )
+                first = model.gap_operator.pairs + modes * number
+                contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
+    exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))
     gathered = Rows.gathered(model.comm, model.ranges, rows, 2 * len(tips))
-    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered)
+    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns)
