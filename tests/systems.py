@@ -22,8 +22,8 @@ def two_masses(damping: float = 0.03) -> sb.Reduction:
         stiffness,
         np.array([[1.0, 0.0]]),
         np.array([1.0]),
-        np.array([[0.0], [1.0]]),
-        {"1": 0, "2": 1},
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"1": 0, "2": 1},
         damping=damping * stiffness,
         compliance=np.array([0.01]),
     )

@@ -88,8 +88,8 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
     model.require_support("the reduction")
     gap, compliance = model.gap_operator, model.compliance
     gap_modes = gap.rows(found.shapes)
-    point_modes = model.point_rows(found.shapes).reshape(-1, 2, len(found.frequencies))
-    tip_modes = model.tips.rows(found.shapes).reshape(-1, 2, len(found.frequencies))
+    point_modes = model.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
+    tip_modes = model.tips.rows(found.shapes).reshape(len(model.tips.names), 2, len(found.frequencies))
     translation = _translation(model, found)
 
     columns = model.load_columns(units)

@@ -99,4 +99,5 @@ def compliance(model) -> Compliance:
     gaps, points, tips = found
     gaps = 0.5 * (gaps + gaps.T) + gap.flexibility
     tips += model.tips.contact
-    return Compliance(gaps, points.reshape(-1, 2, len(gap)), tips.reshape(-1, 2, len(gap)))
+    count = len(gap)
+    return Compliance(gaps, points.reshape(len(points) // 2, 2, count), tips.reshape(len(tips) // 2, 2, count))

@@ -7,8 +7,8 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import continuation
-from sbfem_petsc.analysis.response import find_peak
-from sbfem_petsc.reduction.reduced_model import reduce_matrices
+from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 
@@ -23,8 +23,8 @@ def two_masses(damping=0.03):
         stiffness,
         np.array([[1.0, 0.0]]),
         np.array([1.0]),
-        np.array([[0.0], [1.0]]),
-        {"1": 0, "2": 1},
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"1": 0, "2": 1},
         damping=damping * stiffness,
         compliance=np.array([0.01]),
     )
@@ -37,9 +37,9 @@ def with_a_stop(gap=1.0, zeta=0.05, compliance=2.0):
         np.diag([1.0, 1e6]),
         np.array([[1.0, 0.0]]),
         np.array([gap]),
-        np.array([[1.0], [0.0]]),
-        {"x": 0},
-        1,
+        loads=np.array([[1.0], [0.0]]),
+        sensors={"x": 0},
+        modes=1,
         damping=zeta,
         compliance=np.array([compliance]),
     )
@@ -85,7 +85,7 @@ def test_points_are_periodic_motions(curves):
     up = curves[0]
     for k in (3, 20, 45, len(up.value) - 4):
         orbit = up.orbit(k)
-        again = sb.periodic(up.reduction, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
+        again = sb.periodic(up.reduced, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
         assert (
             np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k])
             and again.iterations <= 1
@@ -221,12 +221,12 @@ def test_response_of_the_beam(case_p):
     assert changes == 2 and curve.stable[[0, -1]].all()
     # light load: the linear curve
     light = sb.frequency_response(
-        case_p, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, reduction=linear.reduction, stability=False
+        linear.reduced, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, stability=False
     )
     exact = [
-        sb.periodic(
-            case_p, sb.PointForce("A", fy=0.01), f, reduction=linear.reduction, contact=False, stability=False
-        ).harmonics("A")[1]
+        sb.periodic(linear.reduced, sb.PointForce("A", fy=0.01), f, contact=False, stability=False).harmonics(
+            "A"
+        )[1]
         for f in light.value[::4]
     ]
     np.testing.assert_allclose(light.harmonics("A")[::4, 1], exact, rtol=1e-10)

@@ -11,6 +11,7 @@ import pytest
 from matplotlib import image
 
 import sbfem_petsc as sb
+from sbfem_petsc.plot import curves as curve_plot
 from sbfem_petsc.plot.curves import (
     amplitude_at,
     in_order,
@@ -21,7 +22,6 @@ from sbfem_petsc.plot.curves import (
     smooth,
     split,
 )
-from sbfem_petsc.plot import curves as curve_plot
 
 
 @pytest.fixture(scope="module")

@@ -5,8 +5,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.dynamics.excitation import Drive
-from sbfem_petsc.reduction.reduced_model import reduce_matrices
+from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.reduction.matrices import reduce_matrices
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])
 STIFFNESS = np.array([[30.0, -12.0], [-12.0, 20.0]])
@@ -20,8 +20,8 @@ def pair_of_masses(damping=RAYLEIGH, gap=50.0):
         STIFFNESS,
         np.array([[1.0, 0.0]]),
         np.array([gap]),
-        np.eye(2),
-        {"a": 0, "b": 1},
+        loads=np.eye(2),
+        sensors={"a": 0, "b": 1},
         damping=damping,
         compliance=np.array([0.01]),
     )
@@ -71,7 +71,13 @@ def test_one_oscillator_through_resonance():
     """
     zeta, omega = 0.01, 3.0
     r = reduce_matrices(
-        np.eye(1), omega**2 * np.eye(1), np.zeros((0, 1)), np.zeros(0), np.eye(1), {"x": 0}, damping=zeta
+        np.eye(1),
+        omega**2 * np.eye(1),
+        np.zeros((0, 1)),
+        np.zeros(0),
+        loads=np.eye(1),
+        sensors={"x": 0},
+        damping=zeta,
     )
     for ratio in (0.3, 0.999, 1.0, 1.01, 4.0):
         orbit = sb.periodic(r, 2.0, ratio * omega / (2 * np.pi))
@@ -129,8 +135,8 @@ def test_half_power_bandwidth_of_a_linear_peak():
         (2 * np.pi * f) ** 2 * np.eye(1),
         np.zeros((0, 1)),
         np.zeros(0),
-        np.eye(1),
-        {"x": 0},
+        loads=np.eye(1),
+        sensors={"x": 0},
         damping=zeta,
     )
     peak = sb.frequency_response(r, 1.0, 9.0, 11.0, contact=False).peak("x")
@@ -168,7 +174,7 @@ def test_beam_without_contact_is_a_sum_of_modes():
     ],
 )
 def test_common_period(signals, frequency, periods, orders):
-    drive = Drive.of(signals, frequency, None, 64)
+    drive = Excitation.of(signals, frequency, None, 64)
     assert drive.periods == periods and drive.orders.tolist() == orders
     # the loads that come back are those that went in
     count = 64 * periods * 4
@@ -178,7 +184,7 @@ def test_common_period(signals, frequency, periods, orders):
 
 
 def test_repeated_and_scaled_drives():
-    drive = Drive.of([sb.Harmonic(1.0, 10.0) + 0.5], 10.0, None, 8)
+    drive = Excitation.of([sb.Harmonic(1.0, 10.0) + 0.5], 10.0, None, 8)
     once, thrice = ((d.phases(60 * d.periods) @ d.amplitudes).real for d in (drive, drive.repeated(3)))
     np.testing.assert_allclose(thrice[:61], once, atol=1e-12)
     np.testing.assert_allclose(thrice[60:121], once, atol=1e-12)
@@ -245,7 +251,7 @@ def test_periodic_functions(wave, amplitudes):
     """A triangular wave and a rectified sine against their Fourier series; corners fold lines above 512 back,
     (k / 1024)^2 of each.
     """
-    drive = Drive.of([sb.Custom(wave)], 0.7, None, 8)
+    drive = Excitation.of([sb.Custom(wave)], 0.7, None, 8)
     found = dict(zip(drive.orders.tolist(), np.abs(drive.amplitudes[:, 0])))
     for order in range(6):
         assert found.get(order, 0.0) == pytest.approx(amplitudes.get(order, 0.0), rel=1e-4, abs=1e-9)
@@ -268,7 +274,12 @@ def test_undamped_at_resonance():
         exact[0], rel=1e-9
     )
     free = reduce_matrices(
-        np.eye(2), np.array([[1.0, -1.0], [-1.0, 1.0]]), np.zeros((0, 2)), np.zeros(0), np.eye(2), {"a": 0}
+        np.eye(2),
+        np.array([[1.0, -1.0], [-1.0, 1.0]]),
+        np.zeros((0, 2)),
+        np.zeros(0),
+        loads=np.eye(2),
+        sensors={"a": 0},
     )
     with pytest.raises(ValueError, match="rigid-body motion of mode 1"):
         sb.periodic(free, [sb.Constant(1.0), 1.0], 0.5)
