@@ -1,4 +1,5 @@
-"""What runs in the child process: gmsh or meshio opens a file, and the answer goes to the parent as arrays."""
+"""What runs in the child process: gmsh or meshio opens a file, and the answer goes to the parent as "
+"arrays."""
 
 from __future__ import annotations
 

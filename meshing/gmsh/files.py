@@ -77,8 +77,8 @@ def collect(path: Path) -> dict[str, bytes]:
         )
     if suffix not in KNOWN:
         raise ValueError(
-            f"{path}: the ending {path.suffix or '(none)'} is not known; {', '.join(KNOWN)} are read, and the "
-            "content must be what the ending says."
+            f"{path}: the ending {path.suffix or '(none)'} is not known; {', '.join(KNOWN)} are read, and "
+            "the content must be what the ending says."
         )
     files: dict[str, bytes] = {f"model{suffix}": b""}
     if suffix in SCRIPTS:
@@ -93,13 +93,16 @@ def _real(path: Path) -> Path:
     return Path(os.path.realpath(path))
 
 
-def _script(path: Path, content: bytes, folder: Path, files: dict[str, bytes], within: tuple[Path, ...]) -> bytes:
+def _script(
+    path: Path, content: bytes, folder: Path, files: dict[str, bytes], within: tuple[Path, ...]
+) -> bytes:
     """The checked text of a script; what it reads is added to `files`."""
     if not content.strip():
         raise ValueError(f"{path}: it is empty.")
     if content.startswith((b"$", b"ISO-10303-21")):
         raise ValueError(
-            f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its format."
+            f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
+            "format."
         )
     script = scan_script(content, str(path))
     for statement, line, name in script.reads:
@@ -138,7 +141,9 @@ def check_content(path: Path, suffix: str, content: bytes) -> None:
     if suffix in MESHES:
         _check_msh(path, content)
     elif suffix in (".step", ".stp"):
-        _expect(path, content.lstrip().startswith(b"ISO-10303-21"), "a STEP file (it begins with ISO-10303-21)")
+        _expect(
+            path, content.lstrip().startswith(b"ISO-10303-21"), "a STEP file (it begins with ISO-10303-21)"
+        )
         _complete(path, content.rstrip().endswith(b"END-ISO-10303-21;"), "END-ISO-10303-21;")
     elif suffix == ".brep":
         _expect(
@@ -171,7 +176,9 @@ def check_content(path: Path, suffix: str, content: bytes) -> None:
             raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
         _complete(path, content.rstrip().endswith(b"</VTKFile>"), "</VTKFile>")
     elif suffix == ".vtk":
-        _expect(path, content.startswith(b"# vtk DataFile"), "a legacy VTK file (it begins with # vtk DataFile)")
+        _expect(
+            path, content.startswith(b"# vtk DataFile"), "a legacy VTK file (it begins with # vtk DataFile)"
+        )
 
 
 def _expect(path: Path, holds: bool, what: str) -> None:
@@ -204,5 +211,6 @@ def _check_msh(path: Path, content: bytes) -> None:
     for section in (b"$Nodes", b"$Elements"):
         if section not in content:
             raise ValueError(
-                f"{path}: it has no section {section.decode()} and so no mesh; mesh the model before saving it."
+                f"{path}: it has no section {section.decode()} and so no mesh; mesh the model before saving "
+                "it."
             )

@@ -27,7 +27,21 @@ _BOOTSTRAP = (
     "answer(request)\n"
 )
 # A child of an MPI rank must not take itself for that rank.
-_OF_MPI = ("OMPI_", "PMIX_", "PMI_", "PRTE_", "ORTE_", "HYDRA_", "MPIR_", "MPI_", "MV2_", "I_MPI_", "SLURM_", "PALS_", "FLUX_")
+_OF_MPI = (
+    "OMPI_",
+    "PMIX_",
+    "PMI_",
+    "PRTE_",
+    "ORTE_",
+    "HYDRA_",
+    "MPIR_",
+    "MPI_",
+    "MV2_",
+    "I_MPI_",
+    "SLURM_",
+    "PALS_",
+    "FLUX_",
+)
 _SHARE_OF_MEMORY = 0.75
 
 
@@ -141,14 +155,12 @@ def _explain(origin: str, status: int, said: bytes, memory: int) -> None:
     last = said.decode(errors="replace").strip().splitlines()
     if b"MemoryError" in said or b"bad_alloc" in said:
         raise ValueError(
-            f"{origin}: gmsh needs more than {memory / 2**30:.3g} GiB of memory for it; give a larger size, or "
-            "check the geometry."
+            f"{origin}: gmsh needs more than {memory / 2**30:.3g} GiB of memory for it; give a larger size, "
+            "or check the geometry."
         )
     if status < 0:
         name = signal.Signals(-status).name if -status in set(signal.Signals) else str(-status)
-        raise ValueError(
-            f"{origin}: gmsh crashed on it ({name}); the file is damaged, export it again."
-        )
+        raise ValueError(f"{origin}: gmsh crashed on it ({name}); the file is damaged, export it again.")
     raise ValueError(
         f"{origin}: gmsh ended with code {status} before it had read the file"
         f"{f' ({last[-1]})' if last else ''}."

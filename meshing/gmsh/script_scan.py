@@ -138,8 +138,8 @@ def _decoded(content: bytes, origin: str) -> str:
     if strange:
         line = text.count("\n", 0, strange.start()) + 1
         raise ValueError(
-            f"{origin}: line {line} holds the control character {strange.group()!r}; the file is damaged or no "
-            "gmsh script."
+            f"{origin}: line {line} holds the control character {strange.group()!r}; the file is damaged or "
+            "no gmsh script."
         )
     return text
 
@@ -205,9 +205,7 @@ def _check_word(tokens: list[_Token], i: int, origin: str, script: Script) -> No
         at = i + 2 if after == "(" else i + 1
         closing = ")" if after == "(" else ";"
         if at >= len(tokens) or tokens[at].kind != "text" or _text(tokens, at + 1) != closing:
-            _refuse(
-                origin, token, "reads a file whose name is not written out", f'write {word} "name";'
-            )
+            _refuse(origin, token, "reads a file whose name is not written out", f'write {word} "name";')
         script.reads.append((word, token.line, tokens[at].text[1:-1]))
 
 
@@ -215,7 +213,9 @@ def _check_text(tokens: list[_Token], i: int, origin: str) -> None:
     token = tokens[i]
     hidden = _NEVER_IN_TEXT.search(token.text)
     if hidden:
-        _refuse(origin, token, f"holds the word {hidden.group()}, which starts a program", "call it otherwise")
+        _refuse(
+            origin, token, f"holds the word {hidden.group()}, which starts a program", "call it otherwise"
+        )
     before = tokens[i - 1] if i else _Token("sign", ";", 0)
     plain = before.kind == "sign" and before.text not in ("}", "]", ")")
     # In a list ("Name" of a parameter, say) a word stands before a string after a comma.
