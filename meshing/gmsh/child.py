@@ -1,5 +1,4 @@
-"""What runs in the child process: gmsh or meshio opens a file, and the answer goes to the parent as "
-"arrays."""
+"""What runs in the child process: a file is opened, and the answer goes to the parent as arrays."""
 
 from __future__ import annotations
 

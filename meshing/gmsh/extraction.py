@@ -13,7 +13,7 @@ import numpy as np
 from meshing.cells.planar import find_crossing, find_meeting
 from meshing.gll import gll_nodes
 from meshing.gmsh.child import Refusal
-from meshing.gmsh.files import CAD, SCRIPTS
+from meshing.gmsh.files import CAD, IGES, SCRIPTS
 from meshing.gmsh.size_guard import Guard
 
 _KIND = ("point", "curve", "surface", "volume")
@@ -55,7 +55,8 @@ def extract(
     suffix = file[file.rindex(".") :]
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("General.NumThreads", 1)
-    gmsh.option.setString("Geometry.OCCTargetUnit", "M")  # of a step file that a .geo file merges, too
+    if suffix not in IGES:  # gmsh cannot set OpenCASCADE's unit before a first step file: these stay in mm
+        gmsh.option.setString("Geometry.OCCTargetUnit", "M")  # of a step file that a .geo file merges, too
     gmsh.logger.start()
     geometry = suffix in SCRIPTS + CAD
     guard = Guard(order, most_unknowns)
@@ -70,7 +71,7 @@ def extract(
             raise Refusal(_of_volumes(gmsh, solids))
         if geometry:
             _mesh(gmsh, size, guard)
-    except Refusal:
+    except (Refusal, MemoryError):
         raise
     except Exception as error:  # gmsh raises nothing more precise
         said = " ".join(str(error).split()).replace(folder + "/", "").rstrip(".")

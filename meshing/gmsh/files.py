@@ -1,4 +1,4 @@
-"""A user's file before gmsh sees it: its content must be what its ending says, and what it reads must be beside it.
+"""A user's file before gmsh sees it: its content is what its ending says, what it reads is beside it.
 
 `collect` returns the bytes that were checked. gmsh is given copies of these in a folder of their own, so that
 nothing that lies beside the user's file, and nothing that changes it afterwards, has a say.
@@ -15,6 +15,8 @@ from meshing.gmsh.script_scan import scan_script
 
 SCRIPTS = (".geo", ".geo_unrolled")
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")  # these formats carry no physical groups
+IGES = (".iges", ".igs")
+_MERGED = (*SCRIPTS, ".step", ".stp", ".brep", ".msh")
 MESHES = (".msh",)
 FOREIGN = (".inp", ".vtu", ".vtk")  # read by meshio
 KNOWN = MESHES + SCRIPTS + CAD + FOREIGN
@@ -122,14 +124,13 @@ def _script(
         if statement == "Include" or suffix in SCRIPTS:
             files[relative] = b""
             files[relative] = _script(other, read_bytes(other), folder, files, (*within, _real(other)))
-        elif suffix in CAD + MESHES:
+        elif suffix in _MERGED:
             bytes_read = read_bytes(other)
             check_content(other, suffix, bytes_read)
             files[relative] = bytes_read
         else:
             raise ValueError(
-                f"{where}, whose ending is not known; {', '.join(SCRIPTS + CAD + MESHES)} can be merged (in "
-                "small letters)."
+                f"{where}, whose ending is not known; {', '.join(_MERGED)} can be merged (in small letters)."
             )
     return script.text.encode()
 
@@ -154,7 +155,7 @@ def check_content(path: Path, suffix: str, content: bytes) -> None:
         sections = (b"\nLocations ", b"\nCurve2ds ", b"\nCurves ", b"\nSurfaces ", b"\nTShapes ")
         ends = re.search(rb"\n[+-]?[0-9]+ [0-9]+ *\s*$", content)
         _complete(path, all(word in content for word in sections) and ends is not None, "the shape's number")
-    elif suffix in (".iges", ".igs"):
+    elif suffix in IGES:
         lines = content.splitlines()
         _expect(path, lines[0][72:73] in (b"S", b"F"), "an IGES file (column 73 of its first line is S)")
         last = [line for line in lines if line.strip()][-1]

@@ -45,10 +45,6 @@ _OF_MPI = (
 _SHARE_OF_MEMORY = 0.75
 
 
-class _Refused(ValueError):
-    """A sentence from the child."""
-
-
 def run_child(
     origin: str, files: dict[str, bytes], request: dict[str, Any], time_limit: float, memory_limit: int | None
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
@@ -101,30 +97,29 @@ def run_child(
     except (ValueError, KeyError, OSError, EOFError) as error:
         raise ValueError(f"{origin}: gmsh ended before it had read the file.") from error
     if "refused" in told:
-        raise _Refused(f"{origin}: {told['refused']}")
+        raise ValueError(f"{origin}: {told['refused']}")
     if "missing" in told:
         raise RuntimeError(told["missing"])
     return told, arrays
 
 
 def _communicate(origin: str, request: dict, folder: str, time_limit: float) -> tuple[bytes, int, bytes]:
-    line = json.dumps(request).encode() + b"\n"
-    with tempfile.TemporaryFile() as said:
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-I", "-c", _BOOTSTRAP],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            cwd=folder,
+            env=clean_environment(),
+        )
+    except OSError as error:
+        raise RuntimeError(
+            f"{origin}: the process in which gmsh reads files could not be started ({error})."
+        ) from error
+    with child:
         try:
-            child = subprocess.Popen(
-                [sys.executable, "-I", "-c", _BOOTSTRAP],
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                stderr=said,
-                cwd=folder,
-                env=clean_environment(),
-            )
-        except OSError as error:
-            raise RuntimeError(
-                f"{origin}: the process in which gmsh reads files could not be started ({error})."
-            ) from error
-        try:
-            answer, _ = child.communicate(line, timeout=time_limit)
+            answer, said = child.communicate(json.dumps(request).encode() + b"\n", timeout=time_limit)
         except subprocess.TimeoutExpired:
             raise ValueError(
                 f"{origin}: gmsh did not finish within {time_limit:g} s; check the geometry for curves that "
@@ -133,11 +128,7 @@ def _communicate(origin: str, request: dict, folder: str, time_limit: float) -> 
         finally:  # on KeyboardInterrupt as well
             if child.poll() is None:
                 child.kill()
-            with contextlib.suppress(Exception):
-                child.stdout.close()  # type: ignore[union-attr]
-            child.wait()
-        said.seek(0)
-        return answer, child.returncode, said.read()[-2000:]
+    return answer, child.returncode, said
 
 
 def clean_environment() -> dict[str, str]:

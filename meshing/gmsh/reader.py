@@ -8,7 +8,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import Builder
-from meshing.gmsh.files import FOREIGN, as_path, collect
+from meshing.gmsh.files import FOREIGN, IGES, as_path, collect
 from meshing.gmsh.isolation import run_child
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
@@ -96,6 +96,8 @@ def read_gmsh(
     path = as_path("read_gmsh", path)
     order = checked_order(order)
     factor = 1.0 if scale is None else positive("read_gmsh", "scale", scale)
+    if path.suffix.lower() in IGES:
+        factor *= 1e-3  # OpenCASCADE hands lengths over in mm, whatever the file's unit
     if size is not None:
         size = positive("read_gmsh", "size", size) / factor
     tip_element = flag("read_gmsh", "tip_element", tip_element)

@@ -1,5 +1,4 @@
-"""What a reader of a user's model tells: the class of its warnings, names that look like cracks, the "
-"extent."""
+"""What reading a user's model tells: warnings, names that look like cracks, the extent."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """What a gmsh script (.geo) may do: read before gmsh sees it, and handed to gmsh without its comments.
 
-gmsh's scripts can start programs, write files and end the process. What reaches beyond the model is refused by
-name and line. gmsh itself is then given the text that was checked, not the file: without comments, with
-strings set apart and with short lines, so that nothing in it can be read in two ways (gmsh skips the branches of
-an ``If`` without regard to quotes, and goes on after a loop at the start of a line).
+gmsh's scripts can start programs, write files and end the process. What reaches beyond the model is refused
+by name and line. gmsh itself is then given the text that was checked, not the file: without comments, with
+strings set apart and with short lines, so that nothing in it can be read in two ways (gmsh skips the branches
+of an ``If`` without regard to quotes, and goes on after a loop at the start of a line).
 """
 
 from __future__ import annotations
