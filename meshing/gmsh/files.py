@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import os
 import re
-import stat
 from pathlib import Path
 
 from meshing.gmsh.script_scan import scan_script
+from meshing.whole_file import read_whole
 
 SCRIPTS = (".geo", ".geo_unrolled")
 CAD = (".step", ".stp", ".brep", ".iges", ".igs")  # these formats carry no physical groups
@@ -22,33 +22,6 @@ FOREIGN = (".inp", ".vtu", ".vtk")  # read by meshio
 KNOWN = MESHES + SCRIPTS + CAD + FOREIGN
 _MOST_FILES = 100
 _HDF5 = b"\x89HDF\r\n\x1a\n"
-
-
-def as_path(item: str, path: object) -> Path:
-    """`path` as a Path, or the error that names it."""
-    if not isinstance(path, (str, os.PathLike)) or isinstance(path, bytes):
-        raise TypeError(f"{item}: path is {path!r}, a file's name (str or Path) was expected.")
-    text = os.fspath(path)
-    if not isinstance(text, str):
-        raise TypeError(f"{item}: path is {path!r}, a file's name (str or Path) was expected.")
-    if not text or "\0" in text:
-        raise ValueError(f"{item}: path is {text!r}, a file's name was expected.")
-    return Path(text)
-
-
-def read_bytes(path: Path) -> bytes:
-    """Content of a regular file, or the sentence that says why not."""
-    try:
-        kind = path.stat().st_mode
-        if stat.S_ISDIR(kind):
-            raise ValueError(f"{path}: it is a folder, a file was expected.")
-        if not stat.S_ISREG(kind):
-            raise ValueError(f"{path}: it is no regular file.")
-        return path.read_bytes()
-    except FileNotFoundError:
-        raise ValueError(f"{path}: there is no such file.") from None
-    except OSError as error:
-        raise ValueError(f"{path}: it cannot be read ({error.strerror or error}).") from None
 
 
 def collect(path: Path) -> dict[str, bytes]:
@@ -71,7 +44,7 @@ def collect(path: Path) -> dict[str, bytes]:
         itself, or a script holds a statement that is refused.
     """
     suffix = path.suffix.lower()
-    content = read_bytes(path)
+    content = read_whole(path)
     if content.startswith(_HDF5):
         raise ValueError(
             f"{path}: it is an HDF5 file, not a gmsh model; meshes that were saved here are read by "
@@ -123,11 +96,11 @@ def _script(
         suffix = other.suffix
         if statement == "Include" or suffix in SCRIPTS:
             files[relative] = b""
-            files[relative] = _script(other, read_bytes(other), folder, files, (*within, _real(other)))
+            files[relative] = _script(other, read_whole(other), folder, files, (*within, _real(other)))
         elif suffix in _MERGED:
-            bytes_read = read_bytes(other)
-            check_content(other, suffix, bytes_read)
-            files[relative] = bytes_read
+            stored = read_whole(other)
+            check_content(other, suffix, stored)
+            files[relative] = stored
         else:
             raise ValueError(
                 f"{where}, whose ending is not known; {', '.join(_MERGED)} can be merged (in small letters)."

@@ -8,11 +8,12 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_splitting import CrackMeshing, add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import Builder
-from meshing.gmsh.files import FOREIGN, IGES, as_path, collect
+from meshing.gmsh.files import FOREIGN, IGES, collect
 from meshing.gmsh.isolation import run_child
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
 from meshing.input_checks import checked_order, flag, positive
+from meshing.whole_file import checked_path
 
 
 def read_gmsh(
@@ -93,7 +94,7 @@ def read_gmsh(
     RuntimeError
         gmsh cannot be loaded, or no process can be started.
     """
-    path = as_path("read_gmsh", path)
+    path = checked_path("read_gmsh", path)
     order = checked_order(order)
     factor = 1.0 if scale is None else positive("read_gmsh", "scale", scale)
     if path.suffix.lower() in IGES:
