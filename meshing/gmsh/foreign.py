@@ -1,8 +1,8 @@
 """Meshes of other programs through meshio; runs in the child process only.
 
 Abaqus (.inp): sets of elements that hold triangles and quadrilaterals are materials, sets of 2-node elements
-are curves; a set of nodes is a point if it has one node, else the curve of all edges of the outline whose ends it
-holds. VTK (.vtu, .vtk) knows no names: cells are put into materials by whole-numbered cell data called
+are curves; a set of nodes is a point if it has one node, else the curve of the outline's edges between its
+nodes. VTK (.vtu, .vtk) knows no names: cells are put into materials by whole-numbered cell data called
 "material", "gmsh:physical", "CellEntityIds" or "medit:ref".
 """
 
