@@ -25,6 +25,21 @@ _READ_FILE, _READ_DIR = 1 << 2, 1 << 3
 _RIGHTS = {1: (1 << 13) - 1, 2: (1 << 14) - 1, 3: (1 << 15) - 1}
 
 
+def end_with_parent(parent: int) -> None:
+    """End this process when its parent ends, and leave Ctrl-C to the parent, which ends this one, too.
+
+    Parameters
+    ----------
+    parent : int
+        Process number.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if sys.platform.startswith("linux"):
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:  # it has ended already
+        os._exit(1)
+
+
 def confine(memory: int) -> None:
     """Take from this process what it does not need; for good.
 
@@ -33,7 +48,6 @@ def confine(memory: int) -> None:
     memory : int
         Most memory the process may map, bytes.
     """
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends this process
     for limit, value in (
         (resource.RLIMIT_AS, memory),
         (resource.RLIMIT_FSIZE, 0),
@@ -46,9 +60,7 @@ def confine(memory: int) -> None:
             resource.setrlimit(limit, (value, value))
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)  # writing fails instead
     if sys.platform.startswith("linux"):
-        libc = ctypes.CDLL(None, use_errno=True)
-        libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-        _read_only(libc)
+        _read_only(ctypes.CDLL(None, use_errno=True))
 
 
 def _read_only(libc: ctypes.CDLL) -> None:

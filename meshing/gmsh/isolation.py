@@ -86,6 +86,7 @@ def run_child(
             "folder": folder,
             "file": next(iter(files)),
             "memory": memory_limit or _memory(),
+            "parent": os.getpid(),
         }
         answer, status, said = _communicate(origin, whole, folder, time_limit)
     if status != 0:
