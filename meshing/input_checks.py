@@ -35,3 +35,10 @@ def checked_order(order: object) -> int:
     if not 1 <= order <= HIGHEST_ORDER:
         raise ValueError(f"mesh: order is {order}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
     return int(order)
+
+
+def flag(item: str, name: str, value: object) -> bool:
+    """`value` as a bool, or the error that names it."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{item}: {name} is {value!r}, True or False was expected.")
+    return bool(value)

@@ -13,7 +13,10 @@ _FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
 
 
 def fill_polygon(
-    loops: Sequence[np.ndarray], embedded: np.ndarray, size: float
+    loops: Sequence[np.ndarray],
+    embedded: np.ndarray,
+    size: float,
+    segments: Sequence[tuple[int, int]] = (),
 ) -> tuple[np.ndarray, list[list[int]]]:
     """Quadrilaterals and triangles inside a polygon; its sides are kept whole.
 
@@ -25,6 +28,9 @@ def fill_polygon(
         Points inside that become vertices, m.
     size : float
         Largest edge length, m.
+    segments : sequence of (int, int)
+        Straight lines that become edges of cells; their ends by the numbers of the loops' points, then of
+        the embedded ones.
 
     Returns
     -------
@@ -38,9 +44,10 @@ def fill_polygon(
     RuntimeError
         The sides cross each other, or gmsh fails.
     """
-    crossing = find_crossing(
-        np.vstack([np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops])
-    )
+    given = np.vstack([*loops, embedded.reshape(-1, 2)])
+    inner_lines = np.array(segments, int).reshape(-1, 2)
+    sides = [np.stack([loop, np.roll(loop, -1, axis=0)], axis=1) for loop in loops]
+    crossing = find_crossing(np.vstack([*sides, given[inner_lines]]))
     if crossing is not None:
         raise RuntimeError(
             f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, "
@@ -62,10 +69,21 @@ def fill_polygon(
                 point_tags += tags
                 curve_loops.append(geometry.addCurveLoop(lines))
             surface = geometry.addPlaneSurface(curve_loops)
-            inside = [geometry.addPoint(x / scale, y / scale, 0.0, size / scale) for x, y in embedded]
+            wanted_size = _lengths_at_ends(inner_lines, given, len(point_tags), size)
+            inside = [
+                geometry.addPoint(x / scale, y / scale, 0.0, h / scale)
+                for (x, y), h in zip(embedded, wanted_size)
+            ]
+            tags_of = point_tags + inside
+            lines = [geometry.addLine(tags_of[a], tags_of[b]) for a, b in inner_lines]
+            for line in lines:
+                geometry.mesh.setTransfiniteCurve(line, 2)
             geometry.synchronize()
-            if inside:
-                gmsh.model.mesh.embed(0, inside, 2, surface)
+            free = sorted(set(inside) - {tags_of[i] for i in inner_lines.ravel()})
+            if free:
+                gmsh.model.mesh.embed(0, free, 2, surface)
+            if lines:
+                gmsh.model.mesh.embed(1, lines, 2, surface)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
             gmsh.option.setNumber("Mesh.ElementOrder", 1)
             gmsh.option.setNumber("Mesh.Algorithm", 6)
@@ -99,6 +117,16 @@ def fill_polygon(
             "leave gaps."
         )
     return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
+
+
+def _lengths_at_ends(segments: np.ndarray, points: np.ndarray, first: int, size: float) -> np.ndarray:
+    """Mean length of the segments that end in each point from number `first` on; `size` without any, m."""
+    total, count = np.zeros(len(points)), np.zeros(len(points))
+    lengths = np.hypot(*(points[segments[:, 1]] - points[segments[:, 0]]).T)
+    for end in segments.T:
+        np.add.at(total, end, lengths)
+        np.add.at(count, end, 1)
+    return np.where(count > 0, total / np.maximum(count, 1), size)[first:]
 
 
 def _sound_pieces(cell: list[int], coordinates: dict[int, np.ndarray]) -> list[list[int]]:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
+import shapely
+from scipy.spatial import cKDTree
 
 
 def find_crossing(segments: np.ndarray) -> np.ndarray | None:
@@ -20,18 +22,29 @@ def find_crossing(segments: np.ndarray) -> np.ndarray | None:
         m.
     """
     start, step = segments[:, 0], segments[:, 1] - segments[:, 0]
-    gap = start[None, :, :] - start[:, None, :]
-    across = step[:, None, 0] * step[None, :, 1] - step[:, None, 1] * step[None, :, 0]
-    lengths = np.hypot(*step.T)
-    parallel = np.abs(across) <= 1e-12 * lengths[:, None] * lengths[None, :]
+    first, second = _candidates(segments)
+    gap = start[second] - start[first]
+    one, other = step[first], step[second]
+    across = one[:, 0] * other[:, 1] - one[:, 1] * other[:, 0]
+    parallel = np.abs(across) <= 1e-12 * np.hypot(*one.T) * np.hypot(*other.T)
     safe = np.where(parallel, 1.0, across)
-    along_first = (gap[..., 0] * step[None, :, 1] - gap[..., 1] * step[None, :, 0]) / safe
-    along_second = (gap[..., 0] * step[:, None, 1] - gap[..., 1] * step[:, None, 0]) / safe
-    inside_first, touches_first = _within(along_first)
-    inside_second, touches_second = _within(along_second)
+    inside_first, touches_first = _within((gap[:, 0] * other[:, 1] - gap[:, 1] * other[:, 0]) / safe)
+    inside_second, touches_second = _within((gap[:, 0] * one[:, 1] - gap[:, 1] * one[:, 0]) / safe)
     crossing = ~parallel & (inside_first & touches_second | touches_first & inside_second)
-    where = np.argwhere(crossing)
-    return start[where[0, 0]] + along_first[tuple(where[0])] * step[where[0, 0]] if len(where) else None
+    if not crossing.any():
+        return None
+    k = int(np.argmax(crossing))
+    along = (gap[k, 0] * other[k, 1] - gap[k, 1] * other[k, 0]) / across[k]
+    return start[first[k]] + along * one[k]
+
+
+def _candidates(segments: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Pairs of segments whose bounding boxes meet, each pair once."""
+    slack = 1e-9 * np.ptp(segments, axis=1).max(axis=1, keepdims=True)
+    low, high = segments.min(axis=1) - slack, segments.max(axis=1) + slack
+    boxes = shapely.box(*low.T, *high.T)
+    first, second = shapely.STRtree(boxes).query(boxes)
+    return first[first < second], second[first < second]
 
 
 def find_meeting(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
@@ -55,20 +68,18 @@ def find_meeting(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
     places, tags = segments.reshape(-1, 2), ends.ravel()
     directions = np.repeat(segments[:, 1] - segments[:, 0], 2, axis=0)
     directions = directions / np.hypot(*directions.T)[:, None]
-    distance = np.abs(places[:, None] - places[None]).max(axis=2)
-    same = (distance <= 1e-9 * np.ptp(places, axis=0).max()) & (tags[:, None] != tags[None])
-    along = (
-        np.abs(
-            directions[:, None, 0] * directions[None, :, 1] - directions[:, None, 1] * directions[None, :, 0]
-        )
-        <= 1e-9
-    )
-    for one in np.unique(tags[np.argwhere(same)[:, 0]]):
-        mine = tags == one
-        others = same[mine].any(axis=0)
-        if not along[np.ix_(mine, others)].any():
-            return places[mine][0]
-    return None
+    reach = 1e-9 * np.ptp(places, axis=0).max()
+    pairs = cKDTree(places).query_pairs(reach, p=np.inf, output_type="ndarray")
+    first, second = pairs[tags[pairs[:, 0]] != tags[pairs[:, 1]]].T
+    across = directions[first, 0] * directions[second, 1] - directions[first, 1] * directions[second, 0]
+    slit = {
+        int(tag)
+        for i, j, turn in zip(first, second, across)
+        if abs(turn) <= 1e-9
+        for tag in (tags[i], tags[j])
+    }
+    met = sorted({int(tag) for tag in tags[np.concatenate([first, second])]} - slit)
+    return places[tags == met[0]][0] if met else None
 
 
 def _within(parameter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from meshing.input_checks import number, positive
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
+_WIDEST_OPENING = 30.0  # degrees, of a crack
 
 
 @dataclass(frozen=True)
@@ -103,3 +104,64 @@ class Hole:
     def radius(self) -> float:
         """m."""
         return self.diameter / 2
+
+
+@dataclass(frozen=True)
+class CrackLine:
+    """A crack along a line of straight segments.
+
+    It may start and end inside the body (a tip), on its edge or on a hole (a mouth), or on another crack; it
+    may cross other cracks.
+
+    Attributes
+    ----------
+    points : sequence of (x, y)
+        Corners of the line, m: from the mouth to the tip, or from tip to tip, or from mouth to mouth.
+    opening : float
+        Full angle between the faces, degrees: at a distance s from the tip the faces stand 2 s tan(opening / 2)
+        apart; with two tips s counts from the nearer one. 0 is a closed crack. It must be 0 without a tip.
+    name : str, optional
+        Default: "crack1", "crack2", ... by position among the body's cracks.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    opening: float = 0.0
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        item = "CrackLine" if self.name is None else f"CrackLine {self.name!r}"
+        if self.name is not None and (not isinstance(self.name, str) or not self.name or ":" in self.name):
+            raise TypeError(f"{item}: name is {self.name!r}, a non-empty string without ':' was expected.")
+        object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
+        object.__setattr__(self, "opening", number(item, "opening", self.opening))
+        if not 0 <= self.opening <= _WIDEST_OPENING:
+            raise ValueError(
+                f"{item}: opening is {self.opening:g} degrees, 0 (closed crack) to {_WIDEST_OPENING:g} was "
+                "expected; draw a wider notch as part of the outline."
+            )
+        for first, second in zip(self.points, self.points[1:]):
+            if first == second:
+                raise ValueError(
+                    f"{item}: the point ({first[0]:g}, {first[1]:g}) m stands twice in a row; leave one out."
+                )
+
+    def __repr__(self) -> str:
+        line = ", ".join(f"({x:g}, {y:g})" for x, y in self.points)
+        name = "" if self.name is None else f", name={self.name!r}"
+        return f"CrackLine([{line}] m, opening={self.opening:g} deg{name})"
+
+
+def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[float, float], ...]:
+    """Points (x, y) as floats, or the error that names what is wrong."""
+    if isinstance(points, str) or not hasattr(points, "__iter__"):
+        raise TypeError(f"{item}: {name} is {points!r}, a list of points (x, y) was expected.")
+    result = []
+    for place, point in enumerate(points, 1):
+        if isinstance(point, str) or not hasattr(point, "__iter__") or len(pair := list(point)) != 2:
+            raise TypeError(f"{item}: point {place} of {name} is {point!r}, a pair (x, y) was expected.")
+        result.append(
+            (number(item, f"x of point {place}", pair[0]), number(item, f"y of point {place}", pair[1]))
+        )
+    if len(result) < least:
+        raise ValueError(f"{item}: {name} has {len(result)} points, at least {least} were expected.")
+    return tuple(result)
