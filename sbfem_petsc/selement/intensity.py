@@ -187,7 +187,9 @@ def _mode_strength(
     """K_I and K_II (2, count) of singular fields by least squares with the tip's modes at the nodes, and the
     real parts of the exponents (2,).
     """
-    columns, tractions, exponents = [], [], []
+    columns: list[np.ndarray] = []
+    tractions: list[np.ndarray] = []
+    exponents: list[float] = []
     for mode in modes:
         traction = np.sqrt(2.0 * np.pi) * mode.traction
         if mode.exponent.imag == 0.0:

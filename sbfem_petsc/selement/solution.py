@@ -146,7 +146,8 @@ def solve_selement(
         _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
         for basis, factor in zip(bases, factors)
     ]
-    stiffness, radial = (_whole([part[k] for part in parts], bases) for k in range(2))
+    stiffness = _whole([part[0] for part in parts], bases)
+    radial = _whole([part[1] for part in parts], bases)
     asymmetry = max(part[2] for part in parts)
     scale = largest(stiffness)
     riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(
@@ -200,7 +201,7 @@ def _whole(parts: list[np.ndarray], bases: _Bases) -> np.ndarray:
     """Sum of the subspaces' shares of an (n, n) matrix."""
     if bases[0] is None:
         return parts[0]
-    return sum(basis @ part @ basis.T for basis, part in zip(bases, parts))
+    return np.sum([basis @ part @ basis.T for basis, part in zip(bases, parts)], axis=0)
 
 
 def _factors(coefficients: Coefficients, bases: _Bases) -> list[np.ndarray]:
@@ -217,10 +218,8 @@ def _solve_subspace(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """K, A and the asymmetry of K in a subspace that E0, E1 and E2 leave invariant."""
     if basis is not None:
-        coefficients = Coefficients(
-            *(_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2)),
-            m0=coefficients.m0,
-        )
+        e0, e1, e2 = (_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2))
+        coefficients = Coefficients(e0, e1, e2, coefficients.m0)
         translations = basis.T @ translations
     stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
     # K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or something
