@@ -22,9 +22,7 @@ def radial_displacement(
     radial: np.ndarray,
     boundary: np.ndarray,
     levels: np.ndarray,
-    tractions: FaceTractions | None = None,
-    *,
-    force: np.ndarray | None = None,
+    faces: tuple[FaceTractions, np.ndarray] | None = None,
 ) -> np.ndarray:
     """Static displacement along the radius for several xi: xi^A u(1), and what tractions on the faces add.
 
@@ -37,10 +35,8 @@ def radial_displacement(
         Boundary displacements u(1), one column a field, in the frame that A belongs to.
     levels : (l,) array
         xi in [0, 1]; 0 is the scaling centre, where a translation is all that is left.
-    tractions : FaceTractions, optional
-        Traction modes on the faces of an open S-element.
-    force : (m, c) array, optional
-        Their forces divided by E and the thickness, m; needed with `tractions`.
+    faces : (FaceTractions, (m, c) array), optional
+        Traction modes on the faces of an open S-element, and their forces divided by E and the thickness, m.
 
     Returns
     -------
@@ -66,7 +62,8 @@ def radial_displacement(
     outer = translations.T @ radial @ rest
     constant = translations.T @ boundary
     start = rest.T @ boundary
-    if tractions is not None:
+    if faces is not None:
+        tractions, force = faces
         m = len(tractions.powers)
         inner = np.block(
             [[inner, -rest.T @ tractions.forcing], [np.zeros((m, n - 2)), np.diag(tractions.powers)]]
@@ -114,7 +111,7 @@ class InteriorSampler:
         Reference coordinates about the scaling centre, counter-clockwise, in units of the element's size.
     order : int
     closed : bool
-    elasticity : (3, 3) array
+    elasticity : (3, 3) or (edges, 3, 3) array
         D in units of the modulus, in the reference frame.
     at : (q,) array
         eta in [-1, 1] on every edge.
@@ -133,8 +130,9 @@ class InteriorSampler:
         elasticity: np.ndarray,
         at: np.ndarray,
     ):
-        self._radial, self._shape, self._elasticity = radial, shape, elasticity
+        self._radial, self._shape = radial, shape
         self._connectivity = edge_nodes(len(shape), order, closed)
+        self._elasticity = np.broadcast_to(elasticity, (len(self._connectivity), 3, 3))
         self._values, self._derivatives = shape_functions(order, at)
         self.edges = len(self._connectivity)
 
@@ -163,9 +161,7 @@ class InteriorSampler:
         boundary: np.ndarray,
         rotations: np.ndarray,
         levels: np.ndarray,
-        tractions: FaceTractions | None = None,
-        *,
-        force: np.ndarray | None = None,
+        faces: tuple[FaceTractions, np.ndarray] | None = None,
     ) -> np.ndarray:
         """(k, l, nodes, 2): displacements on the rays through the nodes, in the reference frame.
 
@@ -173,16 +169,13 @@ class InteriorSampler:
         ----------
         boundary : (k, nodes, 2) array
             Boundary displacements of each copy in its own frame, m.
-        tractions : FaceTractions, optional
-            Traction modes on the faces of open S-elements.
-        force : (k, m) array, optional
-            Their forces on each copy divided by the modulus and the thickness, m.
+        faces : (FaceTractions, (m, k) array), optional
+            Traction modes on the faces of open S-elements, and their forces on each copy divided by the
+            modulus and the thickness, m.
         """
         count, nodes, _ = boundary.shape
         columns = np.einsum("kij,knj->nik", rotations, boundary).reshape(2 * nodes, count)
-        fields = radial_displacement(
-            self._radial, columns, levels, tractions, force=None if force is None else force.T
-        )
+        fields = radial_displacement(self._radial, columns, levels, faces)
         return np.moveaxis(fields, 2, 0).reshape(count, len(levels), nodes, 2)
 
     def displacement(self, fields: np.ndarray, rotations: np.ndarray) -> np.ndarray:
@@ -198,12 +191,10 @@ class InteriorSampler:
         rotations: np.ndarray,
         sizes: np.ndarray,
         modulus: float,
-        tractions: FaceTractions | None = None,
-        *,
-        force: np.ndarray | None = None,
+        faces: tuple[FaceTractions, np.ndarray] | None = None,
     ) -> np.ndarray:
         """(k, l, edges, q, 3): stress (xx, yy, xy) in each copy's own frame, Pa, from `radial_fields` with
-        the same tractions.
+        the same tractions on the faces.
 
         Raises
         ------
@@ -222,13 +213,13 @@ class InteriorSampler:
         count, depth, nodes, _ = fields.shape
         flat = fields.reshape(count, depth, 2 * nodes)
         slopes = flat @ self._radial.T  # xi u,xi
-        if tractions is not None:
-            slopes = slopes + np.moveaxis(tractions.inflow(force.T, levels), 2, 0)
+        if faces is not None:
+            slopes = slopes + np.moveaxis(faces[0].inflow(faces[1], levels), 2, 0)
         slopes = slopes.reshape(fields.shape)
         strain = np.einsum("eqsai,kleai->kleqs", first, slopes[:, :, self._connectivity], optimize=True)
         strain += np.einsum("eqsai,kleai->kleqs", second, fields[:, :, self._connectivity], optimize=True)
         scale = modulus / (levels[None, :] * np.asarray(sizes)[:, None])
-        stress = strain @ self._elasticity.T * scale[:, :, None, None, None]
+        stress = np.einsum("kleqs,ets->kleqt", strain, self._elasticity) * scale[:, :, None, None, None]
         tensor = stress[..., [0, 2, 2, 1]].reshape(*stress.shape[:-1], 2, 2)
         turned = np.einsum(
             "kai,kleqab,kbj->kleqij", rotations, tensor, rotations, optimize=True

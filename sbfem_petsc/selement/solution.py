@@ -13,6 +13,7 @@ import numpy as np
 from .coefficients import Coefficients, SElementError, coefficient_matrices
 from .dense import ADVICE, cholesky, cholesky_solve, largest, symmetric
 from .inertia import Inertia, continued_fraction
+from .rigid_motions import rigid_motions
 from .stiffness import static_stiffness
 from .symmetry import invariant_subspaces
 
@@ -146,7 +147,8 @@ def solve_selement(
         _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
         for basis, factor in zip(bases, factors)
     ]
-    stiffness, radial = (_whole([part[k] for part in parts], bases) for k in range(2))
+    stiffness = _whole([part[0] for part in parts], bases)
+    radial = _whole([part[1] for part in parts], bases)
     asymmetry = max(part[2] for part in parts)
     scale = largest(stiffness)
     riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(
@@ -200,7 +202,7 @@ def _whole(parts: list[np.ndarray], bases: _Bases) -> np.ndarray:
     """Sum of the subspaces' shares of an (n, n) matrix."""
     if bases[0] is None:
         return parts[0]
-    return sum(basis @ part @ basis.T for basis, part in zip(bases, parts))
+    return np.sum([basis @ part @ basis.T for basis, part in zip(bases, parts)], axis=0)
 
 
 def _factors(coefficients: Coefficients, bases: _Bases) -> list[np.ndarray]:
@@ -217,10 +219,8 @@ def _solve_subspace(
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """K, A and the asymmetry of K in a subspace that E0, E1 and E2 leave invariant."""
     if basis is not None:
-        coefficients = Coefficients(
-            *(_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2)),
-            m0=coefficients.m0,
-        )
+        e0, e1, e2 = (_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2))
+        coefficients = Coefficients(e0, e1, e2, coefficients.m0)
         translations = basis.T @ translations
     stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
     # K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or something
@@ -245,11 +245,3 @@ def _dynamics(
     ascending = np.argsort(inertia, kind="stable")
     mass = _whole([part.mass for part in parts], bases)
     return Inertia(symmetric(mass), coupling[:, ascending], inertia[ascending])
-
-
-def rigid_motions(coordinates: np.ndarray) -> np.ndarray:
-    """(n, 3): two translations and the rotation about the scaling centre, each of unit maximum."""
-    motions = np.zeros((len(coordinates), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
-    return motions.reshape(-1, 3)

@@ -87,20 +87,14 @@ def tip_intensities(model) -> TipIntensities:
                 )
             except SElementError as error:
                 raise SElementError(f"tip {tip.name}: {error}") from None
-            # lengths of the form are in units of the size, stresses of the modulus; a reflection turns the
-            # sense of sliding
-            scale = size ** -np.nan_to_num(form.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
-            turned = (form.rows.reshape(2, -1, 2) @ rotation).reshape(2, -1) * (material.modulus * scale)[
-                :, None
-            ]
+            placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
-            rows |= {2 * number + k: (unknowns, turned[k]) for k in (0, 1)}
+            rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
             exponents[number] = form.exponents
             if number in tractions:
                 modes = tractions[number].modes
-                columns[number] = (
-                    scale[:, None] / model.thickness * form.of_tractions(tractions[number].tractions)
-                )
+                faces = tractions[number].tractions
+                columns[number] = form.placed_of_tractions(faces, rotation, size, model.thickness)
                 first = model.gap_operator.pairs + modes * number
                 contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
     exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))

@@ -73,7 +73,7 @@ def test_uniform_stress(corners, material, stress):
     c = coefficient_matrices(shape, order, False, material.elasticity)
     balance = solved.stiffness @ u - tractions.rows.T @ force - (c.e0 + c.e1.T) @ u
     assert np.abs(balance).max() < 1e-12 * scale
-    field = radial_displacement(solved.radial, u[:, None], LEVELS, tractions, force=force[:, None])[..., 0]
+    field = radial_displacement(solved.radial, u[:, None], LEVELS, (tractions, force[:, None]))[..., 0]
     assert np.abs(field - LEVELS[:, None] * u).max() < 1e-11 * scale
     # u varies linearly along the faces: its weighted means are those of its ends
     ends = u[[0, 1, -2, -1]]
@@ -108,7 +108,7 @@ def test_polynomial_pressure(power):
     c = coefficient_matrices(shape, order, False, ISOTROPIC.elasticity)
     edges = ((power + 1) * c.e0 + c.e1.T) @ u
     assert np.abs(solved.stiffness @ u - tractions.rows.T @ force - edges).max() < 1e-11
-    field = radial_displacement(solved.radial, u[:, None], LEVELS, tractions, force=force[:, None])[..., 0]
+    field = radial_displacement(solved.radial, u[:, None], LEVELS, (tractions, force[:, None]))[..., 0]
     assert np.abs(field - LEVELS[:, None] ** (power + 1) * u).max() < 1e-11
     assert np.abs(tractions.rows @ u + tractions.flexibility @ force).max() < 1e-12
     assert np.abs(form.rows @ u + form.of_tractions(tractions) @ force).max() < 1e-10
@@ -133,7 +133,7 @@ def test_pressure_on_one_face_has_a_logarithm():
         r, theta = np.hypot(*shape.T), np.unwrap(np.arctan2(shape[:, 1], shape[:, 0]))
         u = exact(r, theta).reshape(-1, 1)
         force = tractions.uniform_force([0.0, 1.0])[:, None]
-        field = radial_displacement(solved.radial, u, LEVELS, tractions, force=force)[..., 0]
+        field = radial_displacement(solved.radial, u, LEVELS, (tractions, force))[..., 0]
         errors.append(max(np.abs(f - exact(r * x, theta).ravel()).max() for x, f in zip(LEVELS, field)))
     assert errors[2] < 2e-7 * np.abs(u).max() and errors[2] < errors[1] / 30 < errors[0] / 900
 
