@@ -80,7 +80,12 @@ class Case:
     def with_data(self, data: dict[str, Any]) -> Case:
         """The case with other tables, checked again; errors name the lines of this one."""
         return Case(
-            _checked(data, self.file, self.folder, self.lines), data, self.text, self.file, self.folder, self.lines
+            _checked(data, self.file, self.folder, self.lines),
+            data,
+            self.text,
+            self.file,
+            self.folder,
+            self.lines,
         )
 
     @property

@@ -47,9 +47,7 @@ def _geometry(case: Any, folder: str) -> Iterator[Problem]:
     kind = case.geometry.kind
     for key in sorted(case.mesh.model_fields_set):
         if key not in MESH_KEYS[kind]:
-            yield Problem(
-                ("mesh", key), f"is not for geometry.kind = {kind!r}; {one_of(MESH_KEYS[kind])}"
-            )
+            yield Problem(("mesh", key), f"is not for geometry.kind = {kind!r}; {one_of(MESH_KEYS[kind])}")
     if kind == "gmsh":
         path = os.path.join(folder, case.geometry.file)
         if not os.path.isfile(path):
@@ -60,7 +58,8 @@ def _geometry(case: Any, folder: str) -> Iterator[Problem]:
             )
         if case.points:
             yield Problem(
-                ("points",), "is not for a gmsh model, whose named points are its physical points; add them there"
+                ("points",),
+                "is not for a gmsh model, whose named points are its physical points; add them there",
             )
 
 
@@ -76,9 +75,7 @@ def _materials(case: Any) -> Iterator[Problem]:
     found += [(("materials", name), material) for name, material in case.materials.items()]
     for path, material in found:
         if material.kind == "isotropic" and material.plane == "strain" and material.poisson >= 0.5:
-            yield Problem(
-                (*path, "poisson"), f"= {material.poisson:g} must be below 0.5 in plane strain"
-            )
+            yield Problem((*path, "poisson"), f"= {material.poisson:g} must be below 0.5 in plane strain")
 
 
 def _model(case: Any) -> Iterator[Problem]:
@@ -203,7 +200,9 @@ def _sweep(case: Any) -> Iterator[Problem]:
             yield Problem((*path, "analyses"), f"= {name!r} is no analysis; {one_of(case.analyses, name)}")
     latin = sweep.method == "latin_hypercube"
     if latin and sweep.samples is None:
-        yield Problem((*path, "samples"), 'is missing; method = "latin_hypercube" needs the number of samples')
+        yield Problem(
+            (*path, "samples"), 'is missing; method = "latin_hypercube" needs the number of samples'
+        )
     if not latin and sweep.samples is not None:
         yield Problem((*path, "samples"), 'is for method = "latin_hypercube"; leave it out or change method')
     lengths = {}

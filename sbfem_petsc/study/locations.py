@@ -64,7 +64,9 @@ def read_text(path: str | os.PathLike[str]) -> str:
         with open(name, encoding="utf-8-sig", newline=None) as file:
             return file.read()
     except UnicodeDecodeError:
-        raise CaseError(name, [Problem((), "is no text in UTF-8; a case file in TOML was expected")]) from None
+        raise CaseError(
+            name, [Problem((), "is no text in UTF-8; a case file in TOML was expected")]
+        ) from None
     except OSError as error:
         raise CaseError(
             name,

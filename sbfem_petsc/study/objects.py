@@ -33,7 +33,11 @@ def located(case: Case, *path: str | int) -> Iterator[None]:
 def _continued(case: Case, path: Path, text: str) -> Path:
     part = re.match(r"(notch|hole|crack) (\d+)\b", text)
     if part is not None:
-        longer: Path = (*path, {"notch": "notches", "hole": "holes", "crack": "cracks"}[part[1]], int(part[2]) - 1)
+        longer: Path = (
+            *path,
+            {"notch": "notches", "hole": "holes", "crack": "cracks"}[part[1]],
+            int(part[2]) - 1,
+        )
         if longer in case.lines:
             return longer
     key = re.match(r"\w+: (\w+)\b", text)
@@ -125,14 +129,18 @@ def _check_names(case: Case, found: meshing.BoundaryMesh) -> None:
         for key, valid in (("point", points), ("edge_set", sets)):
             place = getattr(load, key, None)
             if place is not None and place not in valid:
-                raise case.problem(("loads", name, key), f"= {place!r} does not exist; {one_of(valid, place)}")
+                raise case.problem(
+                    ("loads", name, key), f"= {place!r} does not exist; {one_of(valid, place)}"
+                )
     for name in tables.output.points or ():
         if name not in points:
             raise case.problem(("output", "points"), f"= {name!r} is no point; {one_of(points, name)}")
     for name, analysis in tables.analyses.items():
         point = getattr(analysis, "point", None)
         if point is not None and point not in points:
-            raise case.problem(("analyses", name, "point"), f"= {point!r} is no point; {one_of(points, point)}")
+            raise case.problem(
+                ("analyses", name, "point"), f"= {point!r} is no point; {one_of(points, point)}"
+            )
     regions = tuple(found.material_names)
     if tables.materials:
         for name in tables.materials:

@@ -105,7 +105,9 @@ def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) ->
         elif not deeper:
             item, table, _ = items[0]
             wanted = " or ".join(dict.fromkeys(_TYPES[other[0]["type"]] for other in items))
-            problems.append(Problem(path, f"= {_shown(item['input'])} must be {wanted}{_in_unit(path, table)}"))
+            problems.append(
+                Problem(path, f"= {_shown(item['input'])} must be {wanted}{_in_unit(path, table)}")
+            )
     return problems
 
 
@@ -179,7 +181,9 @@ def _sentence(item: Any, path: Path, table: type[BaseModel] | None, kinds: list[
         wrong = value.get("kind")
         names = [name for name in names if name != "number"]
         return (
-            f"has no kind; {one_of(names)}" if wrong is None else f"has kind = {wrong!r}; {one_of(names, wrong)}"
+            f"has no kind; {one_of(names)}"
+            if wrong is None
+            else f"has kind = {wrong!r}; {one_of(names, wrong)}"
         )
     if kind == "literal_error":
         return f"{shown} is unknown; {one_of(_quoted(context['expected'].replace(' or ', ', ')), value)}"
@@ -203,5 +207,3 @@ def _shown(value: Any) -> str:
 
 def _quoted(listed: str) -> list[str]:
     return [name.strip().strip("'") for name in listed.split(",") if name.strip()]
-
-
