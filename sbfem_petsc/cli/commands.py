@@ -102,7 +102,9 @@ def sweep(options: Options, comm: Any) -> int:
     else:
         _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}")
     if failed and comm.rank == 0:
-        sys.stderr.write(f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}\n")
+        sys.stderr.write(
+            f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}\n"
+        )
     return 1 if failed else 0
 
 

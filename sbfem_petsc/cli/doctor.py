@@ -76,7 +76,9 @@ def _petsc(found: dict[str, Any], faults: list[str]) -> None:
     found["libraries"] = version_line()
     found["scalar"] = str(PETSc.ScalarType.__name__)
     found["integer_bits"] = 8 * PETSc.IntType().itemsize
-    solvers = [name for name in ("mumps", "superlu_dist", "suitesparse") if PETSc.Sys.hasExternalPackage(name)]
+    solvers = [
+        name for name in ("mumps", "superlu_dist", "suitesparse") if PETSc.Sys.hasExternalPackage(name)
+    ]
     found["direct_solvers"] = solvers
     if "complex" in found["scalar"]:
         faults.append(

@@ -44,7 +44,9 @@ def _guarded(options) -> int:
     try:
         return int(getattr(commands, options.command)(options, comm))
     except KeyboardInterrupt:
-        return _ended(comm, "interrupted; the same command goes on where it was", INTERRUPTED, everywhere=False)
+        return _ended(
+            comm, "interrupted; the same command goes on where it was", INTERRUPTED, everywhere=False
+        )
     except _Terminated:
         return _ended(
             comm, "ended by a signal; the same command goes on where it was", TERMINATED, everywhere=False

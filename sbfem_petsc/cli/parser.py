@@ -93,8 +93,12 @@ def make_parser() -> argparse.ArgumentParser:
     )
     for made, folder in ((run, "output/NAME"), (sweep, "output/NAME_sweep")):
         made.add_argument("case", metavar="CASE", help="case file")
-        made.add_argument("--output", metavar="DIR", help=f"folder of the results (default: {folder} of the case)")
-        made.add_argument("--replace", action="store_true", help="give up what another case left in the folder")
+        made.add_argument(
+            "--output", metavar="DIR", help=f"folder of the results (default: {folder} of the case)"
+        )
+        made.add_argument(
+            "--replace", action="store_true", help="give up what another case left in the folder"
+        )
         made.add_argument("--json", action="store_true", help="print the summary in JSON on standard output")
 
     plot = command("plot", "draw the pictures of a run or sweep again")

@@ -16,6 +16,7 @@ from .contradictions import contradictions
 from .geometry_tables import Geometry, Material, Mesh, ModelTable
 from .load_tables import Load
 from .locations import parse, read_text
+from .parameters import STRUCTURE, parameter_problems, replaced_in
 from .problems import CaseError, Path, Problem, from_validation
 from .tables import Name, Pair, Table, item
 
@@ -40,7 +41,6 @@ class CaseTables(Table):
 
 # Tables on which the results of an analysis depend.
 _DECISIVE = ("geometry", "mesh", "points", "material", "materials", "model", "loads", "analyses", "output")
-_STRUCTURE = ("geometry", "mesh", "points", "material", "materials", "model")
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +96,27 @@ class Case:
     @property
     def structure_key(self) -> str:
         """Hash of geometry, mesh, material and supports."""
-        return self._hash(_STRUCTURE)
+        return self._hash(STRUCTURE)
+
+    @property
+    def sweep_key(self) -> str:
+        """The same as `key`, with the sweep."""
+        return self._hash((*_DECISIVE, "sweep"))
+
+    def with_values(self, values: Mapping[str, Any]) -> Case:
+        """The case with values at dotted paths, checked again.
+
+        Raises
+        ------
+        CaseError
+            If a path leads nowhere or a value makes no sense there.
+        """
+        try:
+            return self.with_data(replaced_in(self.data, values))
+        except CaseError:
+            raise
+        except ValueError as error:
+            raise self.problem((), f"{', '.join(values)}: {error}") from None
 
     def named_files(self) -> dict[str, bytes]:
         """Contents of the files that the case names (model, samples), by their names in the case."""
@@ -175,6 +195,8 @@ def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, 
     except ValidationError as error:
         raise CaseError(file, from_validation(error, data, CaseTables), lines) from None
     problems = contradictions(tables, folder)
+    if tables.sweep is not None and not problems:
+        problems = list(parameter_problems(data, tables.sweep, CaseTables))
     if problems:
         raise CaseError(file, problems, lines)
     return tables

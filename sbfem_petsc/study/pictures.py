@@ -91,7 +91,10 @@ def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> Non
     points = case.tables.output.points or (list(model.points) if model is not None else ["A"])
     panels = [
         Panel(
-            f"$u_y$({point}), mm", {point: (result.time, result.displacement(point)[:, 1])}, scale=MILLI, title=""
+            f"$u_y$({point}), mm",
+            {point: (result.time, result.displacement(point)[:, 1])},
+            scale=MILLI,
+            title="",
         )
         for point in list(points)[:4]
     ]

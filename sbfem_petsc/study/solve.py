@@ -8,6 +8,8 @@ from collections.abc import Callable
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
+
 import sbfem_petsc as sb
 
 from .. import indicators
@@ -17,7 +19,7 @@ from .load_tables import COMPONENTS
 from .summaries import Tree, tree_of
 
 Progress = Callable[[float], None] | None
-# Frequencies of two tones are taken as multiples of this share of the lower one, when their common period is sought.
+# Share of a period that counts as none when whole periods are counted.
 ROUNDING = 1e-9
 
 
@@ -128,7 +130,10 @@ class Structure:
     def _modulation(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         pump = objects.load(case, table.pump, 1.0, table.pump_frequency)
         probe = objects.load(case, table.probe, 1.0, table.probe_frequency)
-        load = [*(pump if isinstance(pump, list) else [pump]), *(probe if isinstance(probe, list) else [probe])]
+        load = [
+            *(pump if isinstance(pump, list) else [pump]),
+            *(probe if isinstance(probe, list) else [probe]),
+        ]
         options = {
             "steps": table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency),
             "contact": table.contact,
@@ -140,7 +145,14 @@ class Structure:
         )
 
     def _shared(
-        self, case: Case, names: list[str], table: Any, function: Any, load: Any, frequency: float, options: dict
+        self,
+        case: Case,
+        names: list[str],
+        table: Any,
+        function: Any,
+        load: Any,
+        frequency: float,
+        options: dict,
     ) -> Any:
         """A periodic motion on the reduction of an earlier one with the same unit loads and frequencies."""
         key = json.dumps(
@@ -221,15 +233,17 @@ def common_period(low: float, high: float, longest: int) -> float:
     return ratio.denominator / low
 
 
-def modulation(table: Any, result: Any) -> dict[str, Any]:
-    """Sidebands of a modulation, read from two common periods: its motion is periodic."""
-    import numpy as np
-
+def modulation(
+    table: Any, result: Any, noisy: Callable[[np.ndarray], np.ndarray] | None = None
+) -> dict[str, Any]:
+    """Sidebands of a modulation, read from the motion or from what `noisy` makes of it."""
     values = result.displacement(table.point)[:, "xy".index(table.direction)]
     period = common_period(table.pump_frequency, table.probe_frequency, table.longest)
     # sidebands ask for two periods of the low tone at least, which a periodic motion has
     repeats = max(1, math.ceil(2.0 / (period * table.pump_frequency) - ROUNDING))
     values = np.tile(values, repeats)
+    if noisy is not None:
+        values = noisy(values)
     time = np.arange(len(values)) * (repeats * period / len(values))
     return {
         "sidebands": indicators.sidebands(
