@@ -104,15 +104,17 @@ class Case:
         return self._hash((*_DECISIVE, "sweep"))
 
     def with_values(self, values: Mapping[str, Any]) -> Case:
-        """The case with values at dotted paths, checked again.
+        """The case without its sweep, with values at dotted paths, checked again.
 
         Raises
         ------
         CaseError
             If a path leads nowhere or a value makes no sense there.
         """
+        # of a row, the sweep's own paths need not lead anywhere any more
+        bare = {key: value for key, value in self.data.items() if key != "sweep"}
         try:
-            return self.with_data(replaced_in(self.data, values))
+            return self.with_data(replaced_in(bare, values))
         except CaseError:
             raise
         except ValueError as error:
@@ -131,19 +133,11 @@ class Case:
         return contents
 
     def _hash(self, tables: tuple[str, ...]) -> str:
-        chosen = {name: getattr(self.tables, name) for name in tables}
-        text = json.dumps(
-            {
-                name: {key: entry.model_dump() for key, entry in value.items()}
-                if isinstance(value, dict) and value and hasattr(next(iter(value.values())), "model_dump")
-                else value.model_dump()
-                if hasattr(value, "model_dump")
-                else value
-                for name, value in chosen.items()
-            },
-            sort_keys=True,
-        )
-        digest = hashlib.sha256(text.encode())
+        chosen = self.tables.model_dump(mode="json", include=set(tables))
+        if "output" in chosen:
+            # what is drawn decides over no result
+            chosen["output"] = chosen["output"]["points"]
+        digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
         for path, name in sorted(_files(self.data).items(), key=str):
             if path[0] in tables:
                 with open(self.resolve(name), "rb") as file:

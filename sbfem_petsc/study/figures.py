@@ -22,7 +22,14 @@ Values = dict[str, tuple[Any, str]]  # value and unit by name
 
 
 def figures(
-    case: Case, name: str, result: Any, points: Sequence[str], noise: Noise | None, row: int
+    case: Case,
+    name: str,
+    result: Any,
+    points: Sequence[str],
+    row: int,
+    *,
+    noise: Noise | None,
+    histories: bool,
 ) -> Values:
     """Values of an analysis in a row.
 
@@ -35,10 +42,12 @@ def figures(
     result
         Of the analysis.
     points : sequence of str
-    noise : Noise, optional
-        Adds values read from a noisy motion, whose names end with "_noisy".
     row : int
         Together with noise.seed it seeds the noise.
+    noise : Noise or None
+        Adds values read from a noisy motion, whose names end with "_noisy".
+    histories : bool
+        Keep the motion of the points too.
     """
     table = case.tables.analyses[name]
     makers = {
@@ -55,7 +64,6 @@ def figures(
     if noise is not None:
         place = list(case.tables.analyses).index(name)
         random = _Noisy(noise.snr, np.random.default_rng([noise.seed, row, place]))
-    histories = bool(case.tables.sweep is not None and case.tables.sweep.histories)
     return makers[table.kind](case, table, result, points, random, histories)
 
 

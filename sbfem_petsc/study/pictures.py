@@ -47,7 +47,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
         if table.kind in drawers:
             drawers[table.kind](case, name, result, model, stem)
     if output.vtu and model is not None:
-        _fields(table.kind, result, model, stem)
+        write_fields(table.kind, result, model, stem)
 
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
@@ -126,7 +126,8 @@ def _curve(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
         plot_curves({name: result}, f"{stem}_curve.png", point, comm=_communicator(model))
 
 
-def _fields(kind: str, result: Any, model: Any, stem: str) -> None:
+def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:
+    """Write modes or static displacements for ParaView. Collective."""
     from ..results.vtu import write_vtu
 
     if kind == "static":

@@ -278,6 +278,14 @@ class RunResults:
         listed = ", ".join(f"{name} ({kind})" for name, kind in self.kinds.items()) or "none"
         return f"RunResults({self.path!r}: {listed})"
 
+    def facts(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        found = {
+            name: {"kind": self.kinds[name], **plain(tree, f"/analyses/{name}")}
+            for name, tree in self.analyses.items()
+        }
+        return {"run": self.run, **found}
+
     def value(self, name: str, *keys: str) -> Any:
         """Value of a quantity, ("push", "displacement", "A")."""
         here: Any = self.analyses[name]

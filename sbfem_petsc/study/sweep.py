@@ -231,7 +231,15 @@ class _Sweeping:
             result = modal.get(key) or structure.solve(case, name)
             if key:
                 modal[key] = result
-            found = figures(case, name, result, points, self.table.noise, number)
+            found = figures(
+                case,
+                name,
+                result,
+                points,
+                number,
+                noise=self.table.noise,
+                histories=self.table.histories,
+            )
             values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})
             if table.kind == "modal":
                 healthy = self._healthy(case, name)
