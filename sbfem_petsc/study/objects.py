@@ -31,15 +31,13 @@ def located(case: Case, *path: str | int) -> Iterator[None]:
 
 
 def _continued(case: Case, path: Path, text: str) -> Path:
-    part = re.match(r"(notch|hole|crack) (\d+)\b", text)
+    part = re.match(r"(notch|hole|crack) (\d+)\b(?:: (\w+))?", text)
     if part is not None:
-        longer: Path = (
-            *path,
-            {"notch": "notches", "hole": "holes", "crack": "cracks"}[part[1]],
-            int(part[2]) - 1,
-        )
-        if longer in case.lines:
-            return longer
+        tables = {"notch": "notches", "hole": "holes", "crack": "cracks"}
+        longer: Path = (*path, tables[part[1]], int(part[2]) - 1)
+        for found in ((*longer, part[3]), longer):
+            if found in case.lines:
+                return found
     key = re.match(r"\w+: (\w+)\b", text)
     if key is not None and (*path, key[1]) in case.lines:
         return (*path, key[1])

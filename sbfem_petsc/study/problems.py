@@ -93,6 +93,14 @@ def from_validation(error: ValidationError, data: Any, root: type[BaseModel]) ->
     found: dict[Path, list[tuple[Any, type[BaseModel] | None, list[str]]]] = {}
     for item in error.errors(include_url=False):
         path, table, kinds = _place(item["loc"], data, root, missing=item["type"] == "missing")
+        value = item["input"]
+        if item["type"] == "union_tag_invalid" and isinstance(value, dict):
+            wrong = value["kind"]
+            text = f"= {_shown(wrong)} is unknown; {one_of(kinds, wrong)}"
+            found[(*path, "kind")] = [
+                ({"type": "value_error", "ctx": {"error": text}, "input": wrong}, None, [])
+            ]
+            continue
         found.setdefault(path, []).append((item, table, kinds))
     problems = []
     for path, items in found.items():
@@ -178,13 +186,7 @@ def _sentence(item: Any, path: Path, table: type[BaseModel] | None, kinds: list[
         names = _quoted(str(context.get("expected_tags", ""))) or kinds
         if not isinstance(value, dict):
             return f"{shown} must be a table" + (" or a number" if "number" in names else "")
-        wrong = value.get("kind")
-        names = [name for name in names if name != "number"]
-        return (
-            f"has no kind; {one_of(names)}"
-            if wrong is None
-            else f"has kind = {wrong!r}; {one_of(names, wrong)}"
-        )
+        return f"has no kind; {one_of(name for name in names if name != 'number')}"
     if kind == "literal_error":
         return f"{shown} is unknown; {one_of(_quoted(context['expected'].replace(' or ', ', ')), value)}"
     if kind in _BOUNDS:
