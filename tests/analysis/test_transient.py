@@ -290,7 +290,9 @@ def test_bilinear_oscillator(ratio, mean, second, third):
     bilinear = 2 * closed * opened / (closed + opened)
     period = 2 * np.pi / bilinear
     steps = 4096
-    history = sb.transient(r, [sb.Constant(0.0)], 40 * period, period / steps, start=(np.zeros(1), np.ones(1)))
+    history = sb.transient(
+        r, [sb.Constant(0.0)], 40 * period, period / steps, start=(np.zeros(1), np.ones(1))
+    )
     u = history.displacement("x")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
     cross = history.time[rising] - u[rising] * history.step / (u[rising + 1] - u[rising])
