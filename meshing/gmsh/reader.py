@@ -10,7 +10,8 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.complex import CellComplex, Curve, edge_key
-from meshing.cells.crack_splitting import CrackMeshing, add_cracks
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.planar import find_crossing, find_meeting, polygon_area
 from meshing.cells.s_elements import build_mesh
 from meshing.gll import gll_nodes, lagrange_values
@@ -23,7 +24,15 @@ _STRAIGHT = 1e-9  # deviation from the chord, relative to it
 
 
 def read_gmsh(
-    path: str | Path, order: int = 5, size: float | None = None, tip_element: bool = True
+    path: str | Path,
+    order: int = 5,
+    size: float | None = None,
+    tip_element: bool = True,
+    *,
+    tip_size: float | None = None,
+    grading: float = 2.5,
+    face_size: float | None = None,
+    face_edges: int = 12,
 ) -> BoundaryMesh:
     """Read a gmsh model; each triangle or quadrilateral becomes an S-element.
 
@@ -31,17 +40,17 @@ def read_gmsh(
     points named points (groups without a name are called "surface1", "curve1", "point1" ... by their tags). A
     crack is
 
-    - one physical curve ``crack:NAME``: a line along cell edges, one end inside the material (the tip), the
-      other on the outline (the mouth); its two faces are made here; or
+    - one physical curve ``crack:NAME``: lines along cell edges inside the material; its two faces are made
+      here. An end inside is a tip, one on the outline a mouth; it may branch, cross other cracks, end at a
+      hole or cut the body; or
     - two physical curves ``crack:NAME:right`` and ``crack:NAME:left``: two existing faces that share the
       tip's node and match, e.g. the flanks of a notch, or a line along which gmsh's Crack plugin has
       duplicated the nodes.
 
     The right face is at the right hand of somebody who looks from the tip to the mouth. The faces become the
     edge sets ``NAME_right`` and ``NAME_left``, the mouth's corners the points ``NAME_right`` and
-    ``NAME_left``; a physical point on an embedded crack line belongs to the left face. The normal of all
-    pairs of a crack is that of its axis, the bisector of the faces' chords. A crack with two tips inside the
-    material is refused, and so is one that cuts the body in two.
+    ``NAME_left`` where there is one mouth; a physical point on an embedded crack line belongs to the left
+    face. The cells around each tip, sharp kink and junction are divided anew into rings.
 
     Parameters
     ----------
@@ -56,7 +65,16 @@ def read_gmsh(
     size : float, optional
         Largest cell size when a geometry is meshed, m.
     tip_element : bool
-        Merge the cells around each crack tip into one open S-element with its scaling centre on the tip.
+        A small open S-element with its scaling centre on each crack tip, and rings around it.
+    tip_size : float, optional
+        Half-size of that S-element, m. Default: 0.02 of the crack's length, or 0.03 of the reach of the cells
+        around the tip if that is less.
+    grading : float
+        Largest size ratio of neighbouring rings, 1.1 to 10.
+    face_size : float, optional
+        Longest edge on the faces of cracks, m. Default: the crack's length divided by `face_edges`.
+    face_edges : int
+        See `face_size`.
 
     Returns
     -------
@@ -78,7 +96,9 @@ def read_gmsh(
     with gmsh_session("user") as gmsh:
         model = _extract(gmsh, path, order, size)
     origin = str(path)
-    add_cracks(model.cells, model.crack_lines, CrackMeshing(tip_element), origin)
+    extent = float(np.ptp(np.array(model.cells.vertices), axis=0).max())
+    meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
+    add_cracks(model.cells, model.crack_lines, meshing, origin)
     return build_mesh(model.cells, order, model.materials, origin)
 
 
