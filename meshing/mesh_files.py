@@ -102,9 +102,9 @@ def _packed(mesh: MeshArrays) -> bytes:
             for i, (name, numbers) in enumerate(items.items()):
                 description = f"{title.replace('_', ' ')[:-1]} {name!r}"
                 _write(group, str(i), np.asarray(numbers), description).attrs["name"] = name
-        for title, items, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
+        for title, parts, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
             group = file.create_group(title)
-            for i, item in enumerate(items):
+            for i, item in enumerate(parts):
                 group.create_group(str(i)).attrs.update(
                     {key: getattr(item, name) for key, name in fields.items()}
                 )

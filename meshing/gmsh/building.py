@@ -38,7 +38,8 @@ class Builder:
     """
 
     def __init__(self, model: FileModel, origin: str) -> None:
-        self.cells, self.vertex_of = CellComplex(), {}
+        self.cells = CellComplex()
+        self.vertex_of: dict[int, int] = {}
         self.crack_lines: dict[str, list[Edge]] = {}
         self._model, self._origin = model, origin
         surfaces = model.entities(2)

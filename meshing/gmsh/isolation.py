@@ -79,10 +79,16 @@ def run_child(
         The child could not be started or could not load gmsh.
     """
     with tempfile.TemporaryDirectory(prefix="sbfem-gmsh-") as folder:
-        for name, content in files.items():
-            place = Path(folder) / name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(content)
+        try:
+            for name, content in files.items():
+                place = Path(folder) / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content)
+        except OSError as error:
+            raise RuntimeError(
+                f"{origin}: no copy of it can be put into {folder} ({error.strerror}); set TMPDIR to a "
+                "folder with room."
+            ) from error
         whole = {
             **request,
             "path": [os.path.abspath(entry) for entry in sys.path if entry and os.path.exists(entry)],

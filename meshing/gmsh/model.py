@@ -100,7 +100,10 @@ def from_answer(told: dict[str, Any], arrays: dict[str, np.ndarray], scale: floa
         skipped=[(int(d), int(entity), str(name)) for d, entity, name in told["skipped"]],
         log=[str(line) for line in told["log"]],
         where=dict(zip(arrays["node_tags"].tolist(), positions)),
-        blocks=[Block(*facts, arrays[f"block{i}"]) for i, facts in enumerate(told["blocks"])],
+        blocks=[
+            Block(dimension, entity, name, order, corners, arrays[f"block{i}"])
+            for i, (dimension, entity, name, order, corners) in enumerate(told["blocks"])
+        ],
         points={int(tag): nodes for tag, nodes in told["points"].items()},
         curved_ends=arrays.get("curved_ends", np.zeros((0, 2), int)),
         curved_points=arrays.get("curved_points", np.zeros((0, 2, 2))) * scale,

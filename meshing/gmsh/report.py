@@ -12,6 +12,7 @@ import numpy as np
 from meshing.gmsh.model import FileModel
 
 _KIND = ("point", "curve", "surface")
+_IDLE = ("not found in the Brep",)  # of boundaries in a .msh file, which are not used
 # Parts that are analysed here are seldom larger; a drawing in mm of anything above 20 mm is.
 LARGEST_IN_METRES = 20.0
 
@@ -47,7 +48,7 @@ def pass_on(model: FileModel, origin: str) -> None:
     """gmsh's own warnings as ours."""
     for line in dict.fromkeys(model.log):
         kind, _, text = line.partition(": ")
-        if kind == "Warning":
+        if kind == "Warning" and not any(word in text for word in _IDLE):
             warn(origin, f"gmsh warns: {' '.join(text.split())}")
 
 

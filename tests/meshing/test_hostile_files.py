@@ -120,7 +120,8 @@ Function side
 Return
 count = 0; Call side;
 If (count == 1)
-  Printf("width %g 'single' quotes", a);
+  Printf("width %g 'single' quotes
+  over two lines", a);
 Else
   Error("no \\"); // a backslash is a character like others
 EndIf
@@ -257,7 +258,7 @@ def test_the_child_cannot_even_if_asked(tmp_path, statement):
 )
 def test_the_child_may_end_hang_or_run_out_of_memory(script, says):
     with pytest.raises(ValueError, match=says):
-        child(script, 2.0 if "finish" in says else 60.0, int(1.5e9))
+        child(script, 2.0 if "finish" in says else 60.0, int(6e8))
 
 
 def test_a_crash_is_a_sentence():
