@@ -76,6 +76,11 @@ def extract(
         raise
     except Exception as error:  # gmsh raises nothing more precise
         said = " ".join(str(error).split()).replace(folder + "/", "").rstrip(".")
+        if not said or "bad_alloc" in said:
+            raise Refusal(
+                "gmsh stopped without a reason, as it does when its memory runs out; give larger cell sizes "
+                "or a larger memory_limit."
+            ) from error
         raise Refusal(f"gmsh cannot read or mesh it ({said}); mend the file there.") from error
     told: dict[str, Any] = {
         "geometry": geometry,

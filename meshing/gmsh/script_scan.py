@@ -159,8 +159,8 @@ def _tokens(text: str, origin: str) -> tuple[list[_Token], str]:
         elif kind == "text":
             if len(piece.encode()) > _LONGEST_STRING:
                 raise ValueError(
-                    f"{origin}: the string that begins in line {line} is longer than {_LONGEST_STRING} bytes; "
-                    "close it."
+                    f"{origin}: the string that begins in line {line} is longer than {_LONGEST_STRING} "
+                    "bytes; close it."
                 )
             # No line begins within a string: gmsh goes on after a loop at the start of a line.
             piece_out = _AHEAD_OF_STRING + piece.replace("\n", " ") + "\n" * piece.count("\n")
