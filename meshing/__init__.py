@@ -1,5 +1,5 @@
-"""Geometry to boundary meshes for the scaled boundary finite element method: beams and plates with notches, cracks and holes,
-and gmsh models.
+"""Geometry to boundary meshes for the scaled boundary finite element method: beams and plates with notches,
+cracks and holes, and gmsh models.
 """
 
 from meshing.beam import Beam

@@ -14,7 +14,7 @@ from meshing.shapes.beam_shape import BeamShape
 
 @dataclass(frozen=True, repr=False)
 class Beam(BeamShape):
-    """A beam [0, length] x [0, height], clamped end at x = 0, with notches from its top edge and holes.
+    """A beam [0, length] x [0, height], clamped end at x = 0, with notches, holes and cracks.
 
     Attributes
     ----------
@@ -22,6 +22,8 @@ class Beam(BeamShape):
         m.
     notches : sequence of VNotch
     holes : sequence of Hole
+    cracks : sequence of CrackLine
+        Cracks of any path; they are numbered after the notches.
     """
 
     def mesh(
@@ -34,6 +36,9 @@ class Beam(BeamShape):
         points: Mapping[str, tuple[float, float]] | None = None,
         corner_size: float | None = None,
         corners: Iterable[str] = ("left",),
+        *,
+        face_size: float | None = None,
+        face_edges: int = 12,
     ) -> BoundaryMesh:
         """Divide the beam into S-elements.
 
@@ -64,6 +69,10 @@ class Beam(BeamShape):
             grading in the "vertex" layout.
         corners : sequence of {"left", "right"}
             End edges whose two corners are graded; () for none.
+        face_size : float, optional
+            Longest edge on the faces of notches, m. Default: the notch's length divided by `face_edges`.
+        face_edges : int
+            See `face_size`; a contact front anywhere on the faces wants short edges there.
 
         Returns
         -------
@@ -78,6 +87,6 @@ class Beam(BeamShape):
             One sentence that names the input, its value and what was expected.
         """
         inputs = MeshInputs.checked(
-            self, order, size, tip_size, grading, layout, points, corner_size, corners
+            self, order, size, tip_size, grading, layout, points, corner_size, corners, face_size, face_edges
         )
         return build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")

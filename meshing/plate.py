@@ -7,10 +7,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.crack_splitting import CrackMeshing
+from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.plate_cells import plate_cells
 from meshing.cells.s_elements import build_mesh
-from meshing.input_checks import checked_order, number, positive
+from meshing.input_checks import checked_order, positive
 from meshing.shapes.features import corners_of
 from meshing.shapes.plate_shape import PlateShape
 
@@ -42,7 +42,7 @@ class Plate(PlateShape):
         tip_size: float | None = None,
         grading: float = 2.5,
         face_size: float | None = None,
-        face_edges: int = 20,
+        face_edges: int = 12,
         tip_element: bool = True,
     ) -> BoundaryMesh:
         """Divide the plate into S-elements.
@@ -61,7 +61,7 @@ class Plate(PlateShape):
             Named points, m; each becomes a node.
         tip_size : float, optional
             Half-size of the S-element on a tip (its largest extent from it), m. Default: 0.02 of the crack's
-            length.
+            length, or 0.03 of its outermost ring if that is less.
         grading : float
             Largest size ratio of neighbouring rings, 1.1 to 10.
         face_size : float, optional
@@ -89,41 +89,13 @@ class Plate(PlateShape):
         size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else positive("mesh", "size", size)
         if size < 1e-3 * self.diagonal:
             raise ValueError(
-                f"mesh: size {size:g} m is below 0.1 % of the body's diagonal {self.diagonal:g} m; high orders "
-                "on larger cells cost less."
+                f"mesh: size {size:g} m is below 0.1 % of the body's diagonal {self.diagonal:g} m; high "
+                "orders on larger cells cost less."
             )
         named = {}
         for name, point in (points or {}).items():
             if not isinstance(name, str) or not name:
                 raise TypeError(f"points: the name {name!r} is not a non-empty string.")
             named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
-        meshing = checked_crack_meshing(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
+        meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
         return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate")
-
-
-def checked_crack_meshing(
-    extent: float,
-    tip_element: bool,
-    tip_size: float | None,
-    grading: float,
-    face_size: float | None,
-    face_edges: int,
-) -> CrackMeshing:
-    """The arguments that say how cracks are meshed, checked; `extent` is the body's size, m."""
-    if tip_size is not None and positive("mesh", "tip_size", tip_size) < 1e-7 * extent:
-        raise ValueError(
-            f"mesh: tip_size {tip_size:g} m is below 1e-7 of the body's size {extent:g} m, round-off would "
-            "show; make it larger."
-        )
-    grading = number("mesh", "grading", grading)
-    if not 1.1 <= grading <= 10:
-        raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
-    if face_size is not None and positive("mesh", "face_size", face_size) < 1e-6 * extent:
-        raise ValueError(
-            f"mesh: face_size {face_size:g} m is below 1e-6 of the body's size {extent:g} m; make it larger."
-        )
-    if isinstance(face_edges, bool) or not isinstance(face_edges, int):
-        raise TypeError(f"mesh: face_edges is {face_edges!r}, a whole number was expected.")
-    if not 1 <= face_edges <= 1000:
-        raise ValueError(f"mesh: face_edges is {face_edges}, 1 to 1000 was expected.")
-    return CrackMeshing(tip_element, tip_size, grading, face_size, face_edges)

@@ -9,7 +9,10 @@ import numpy as np
 
 from meshing.cells.beam_filling import fill_block
 from meshing.cells.beam_layout import Block, Feature, MeshInputs, plan_blocks
+from meshing.cells.beam_lines import BlockRegion, add_lines
 from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
+from meshing.cells.face_division import divide_faces, with_inserted
+from meshing.cells.mirror import mirrored
 from meshing.cells.skeleton import Skeleton, Star
 from meshing.cells.stars import Box, add_levels, add_rings, outline, ring_scales
 from meshing.shapes.beam_shape import BeamShape
@@ -31,6 +34,8 @@ def beam_cells(beam: BeamShape, inputs: MeshInputs) -> CellComplex:
     CellComplex
         With cracks, edge sets and points.
     """
+    if beam.notches and not beam.cracks and all(notch.edge == "bottom" for notch in beam.notches):
+        return _upside_down(beam, inputs)
     skeleton = Skeleton(beam, inputs)
     widths = _corner_widths(beam, inputs)
     low, high = widths["left"], beam.length - widths["right"]
@@ -46,6 +51,10 @@ def beam_cells(beam: BeamShape, inputs: MeshInputs) -> CellComplex:
     _register_rows(skeleton, columns)
     _register_corners(skeleton, widths)
     _register_points(skeleton, blocks)
+    regions = [BlockRegion(skeleton, block) for block in blocks if block.has_lines]
+    for region in regions:
+        region.divide_sides()
+    blocks = [block for block in blocks if not block.has_lines]
     stars = [
         [_make_star(skeleton, block, *pair) for pair in zip(block.features, block.boxes)] for block in blocks
     ]
@@ -62,22 +71,54 @@ def beam_cells(beam: BeamShape, inputs: MeshInputs) -> CellComplex:
             _fill_star(skeleton, star)
         if block.filled:
             fill_block(skeleton, block, group)
+    for region in regions:
+        region.fill()
     cells = skeleton.cells
     every = sorted(
         (star for group in stars for star in group if star.feature.is_notch),
         key=lambda star: star.feature.index,
     )
+    _divide_faces(skeleton, every)
     for star in every:
         _record_crack(skeleton, star)
+    if regions:
+        add_lines(skeleton, regions)
     _record_edge_sets(skeleton)
     cells.points["A"] = skeleton.vertex(beam.length, beam.height)
     return cells
+
+
+def _upside_down(beam: BeamShape, inputs: MeshInputs) -> CellComplex:
+    """A beam with notches from its bottom edge only: the mirror image of one with notches from its top."""
+    height = beam.height
+    turned = BeamShape(
+        beam.length,
+        height,
+        tuple(replace(notch, edge="top") for notch in beam.notches),
+        tuple(replace(hole, y=height - hole.y) for hole in beam.holes),
+    )
+    points = {name: (x, height - y) for name, (x, y) in inputs.points.items()}
+    cells = beam_cells(turned, replace(inputs, points=points))
+    names = {"top": "bottom", "bottom": "top"}
+    for i in range(1, len(beam.notches) + 1):
+        names |= {f"crack{i}_right": f"crack{i}_left", f"crack{i}_left": f"crack{i}_right"}
+    result = mirrored(cells, height, names)
+    corner = next(
+        vertex
+        for a, b in result.edge_sets["top"]
+        for vertex in (a, b)
+        if result.vertices[vertex][0] == beam.length
+    )
+    result.points["A"] = corner
+    return result
 
 
 def _corner_widths(beam: BeamShape, inputs: MeshInputs) -> dict[str, float]:
     """Width of the graded corner squares at each end, 0 where there are none."""
     lows = [n.x + min(0.0, n.left_offset) for n in beam.notches] + [h.x - h.radius for h in beam.holes]
     highs = [n.x + max(0.0, n.right_offset) for n in beam.notches] + [h.x + h.radius for h in beam.holes]
+    lows += [x for crack in beam.cracks for x, _ in crack.points]
+    highs += [x for crack in beam.cracks for x, _ in crack.points]
     free = {"left": min(lows, default=beam.length), "right": beam.length - max(highs, default=0.0)}
     points = [x for x, _ in inputs.points.values()]
     nearest = {"left": min((x for x in points if x > 0), default=math.inf)}
@@ -285,6 +326,20 @@ def _fill_quadrants(skeleton: Skeleton, star: Star, levels: list[list[int]], tip
         out = [level[first] for level in levels[:-1]]
         back = [level[last] for level in levels[::-1]]
         skeleton.cells.add_cell([tip, *out, *rim, *back])
+
+
+def _divide_faces(skeleton: Skeleton, stars: list[Star]) -> None:
+    """Shorter edges on the faces of notches, at equal fractions of both."""
+    cells, inputs = skeleton.cells, skeleton.inputs
+    wanted, counts = [], []
+    for star in stars:
+        longest = inputs.face_size or star.feature.shape.length / inputs.face_edges
+        for pair in zip(zip(star.right, star.right[1:]), zip(star.left, star.left[1:])):
+            wanted.append(pair)
+            counts.append(math.ceil(max(cells.edge_length(*edge) for edge in pair) / longest - 1e-6))
+    inserted = divide_faces(cells, wanted, counts)
+    for star in stars:
+        star.right, star.left = (with_inserted(face, inserted) for face in (star.right, star.left))
 
 
 def _record_crack(skeleton: Skeleton, star: Star) -> None:

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+import shapely
 
 from meshing.cells.stars import Box
-from meshing.input_checks import checked_order, number, positive
+from meshing.input_checks import checked_faces, checked_order, number, positive
 from meshing.shapes.beam_shape import BeamShape
-from meshing.shapes.features import Hole, VNotch
+from meshing.shapes.features import CrackLine, Hole, VNotch
 
 # All relative to the beam's height.
 _REACH = 0.5  # half-width of a block around a notch tip or hole
@@ -38,6 +39,8 @@ class MeshInputs:
     corner_size: float
     corner_size_given: bool
     corners: tuple[str, ...]
+    face_size: float | None
+    face_edges: int
 
     @classmethod
     def checked(
@@ -51,6 +54,8 @@ class MeshInputs:
         points: Mapping[str, Point] | None,
         corner_size: float | None,
         corners: Iterable[str],
+        face_size: float | None,
+        face_edges: int,
     ) -> MeshInputs:
         """Check the arguments of `Beam.mesh` and fill in the defaults."""
         order = checked_order(order)
@@ -65,6 +70,10 @@ class MeshInputs:
             raise ValueError(
                 f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, "
                 "round-off would show; make it larger."
+            )
+        if layout == "vertex" and (beam.cracks or any(notch.edge == "bottom" for notch in beam.notches)):
+            raise ValueError(
+                'mesh: layout "vertex" knows notches from the top edge only; leave it out for this beam.'
             )
         for i, notch in enumerate(beam.notches, 1):
             room = min(notch.depth, beam.height - notch.depth)
@@ -112,18 +121,19 @@ class MeshInputs:
             corner_size,
             given,
             corners,
+            *checked_faces(beam.height, face_size, face_edges),
         )
 
 
 @dataclass(frozen=True)
 class Feature:
-    """A notch or hole with what the plan needs of it.
+    """A notch, hole or crack with what the plan needs of it.
 
     Attributes
     ----------
-    shape : VNotch or Hole
+    shape : VNotch, Hole or CrackLine
     index : int
-        Position in `Beam.notches` or `Beam.holes`.
+        Position in `Beam.notches`, `Beam.holes` or `Beam.cracks`.
     centre : (x, y)
         Tip or centre, m.
     low, high : float
@@ -134,7 +144,7 @@ class Feature:
         Points on its outline, m.
     """
 
-    shape: VNotch | Hole
+    shape: VNotch | Hole | CrackLine
     index: int
     centre: Point
     low: float
@@ -183,10 +193,25 @@ class Feature:
             circle,
         )
 
+    @classmethod
+    def of_crack(cls, beam: BeamShape, index: int) -> Feature:
+        """A crack: outline is its line."""
+        crack = beam.cracks[index]
+        line = shapely.segmentize(shapely.LineString(crack.points), 0.01 * beam.height)
+        outline = shapely.get_coordinates(line)
+        low, high = outline[:, 0].min(), outline[:, 0].max()
+        reach = _REACH * beam.height
+        return cls(crack, index, crack.points[-1], low, high, low - reach, high + reach, outline)
+
     @property
     def is_notch(self) -> bool:
-        """A notch, not a hole."""
+        """A notch, not a hole or a crack."""
         return isinstance(self.shape, VNotch)
+
+    @property
+    def is_line(self) -> bool:
+        """A notch or crack that is no notch from the top edge."""
+        return isinstance(self.shape, CrackLine) or getattr(self.shape, "edge", "top") == "bottom"
 
 
 @dataclass
@@ -213,6 +238,11 @@ class Block:
     filled: bool = False
     inner_points: list[str] = field(default_factory=list)
 
+    @property
+    def has_lines(self) -> bool:
+        """It holds cracks that are no notches from the top edge: no boxes, gmsh fills all of it."""
+        return any(feature.is_line for feature in self.features)
+
 
 def plan_blocks(beam: BeamShape, inputs: MeshInputs, low: float, high: float) -> list[Block]:
     """Blocks around the features, from left to right; their sides pass through users' points where they can.
@@ -222,8 +252,10 @@ def plan_blocks(beam: BeamShape, inputs: MeshInputs, low: float, high: float) ->
     low, high : float
         Range of x left for blocks by the graded corners, m.
     """
-    features = [Feature.of_notch(beam, i) for i in range(len(beam.notches))] + [
-        Feature.of_hole(beam, i) for i in range(len(beam.holes))
+    features = [
+        *(Feature.of_notch(beam, i) for i in range(len(beam.notches))),
+        *(Feature.of_hole(beam, i) for i in range(len(beam.holes))),
+        *(Feature.of_crack(beam, i) for i in range(len(beam.cracks))),
     ]
     blocks = _gather(beam, features)
     _set_sides(beam, inputs, blocks, low, high)
@@ -233,7 +265,8 @@ def plan_blocks(beam: BeamShape, inputs: MeshInputs, low: float, high: float) ->
             for name, (x, y) in inputs.points.items()
             if block.low < x < block.high and 0 < y < beam.height
         ]
-        _set_boxes(beam, inputs, block)
+        if not block.has_lines:
+            _set_boxes(beam, inputs, block)
     return blocks
 
 

@@ -45,7 +45,7 @@ def crack_pairs(
     Raises
     ------
     ValueError
-        The faces carry different numbers of edges, nodes at different fractions, or they overlap.
+        The faces carry different numbers of edges, or they overlap.
     """
     parts, arc = [], 0.0
     for path in faces.paths:
@@ -82,15 +82,6 @@ def _path_pairs(
         for tip, i, j in ((path.start, 0, 0), (path.end, -1, -1))
     ]
     along = [_distances(face, nodes) for face in (right, left)]
-    fractions = [distance / distance[-1, -1] for distance in along]
-    mismatch = np.abs(fractions[0] - fractions[1])
-    if mismatch.max() > FRACTION_TOLERANCE:
-        worst = np.unravel_index(int(mismatch.argmax()), mismatch.shape)
-        raise ValueError(
-            f"{where}: the faces do not match, node {worst[0] * (right.shape[1] - 1) + worst[1] + 1} from "
-            f"the tip lies at {fractions[0][worst]:.6g} of the right face and at {fractions[1][worst]:.6g} "
-            "of the left one; divide both into edges of equal fractions of their lengths."
-        )
     places = arc + inside[0] + 0.5 * (along[0] + along[1])
     normals = _nodal_normals(nodes[right], nodes[left])
     axis = np.array(path.start.axis) if path.start else None

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
+import shapely
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
@@ -32,8 +33,17 @@ def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
         angle = math.radians(openings.get(faces.name, 0.0))
         if angle:
             _add_moves(cells, faces, angle, moved)
-    if moved:
-        _follow(cells, moved)
+    if not moved:
+        return
+    _follow(cells, moved)
+    for cell in cells.cells:
+        polygon = shapely.Polygon([cells.vertices[v] for v in cell.vertices])
+        if cell.closed and not (polygon.is_valid and polygon.exterior.is_ccw):
+            x, y = np.mean([cells.vertices[v] for v in cell.vertices], axis=0)
+            raise ValueError(
+                f"crack opening: the faces of a crack that opens by up to {max(openings.values()):g} degrees "
+                f"run into the cells near ({x:.6g}, {y:.6g}) m; draw so wide a notch as part of the outline."
+            )
 
 
 def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[int, np.ndarray]) -> None:
@@ -59,8 +69,15 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
         for vertex, sign in ((right, 1.0), (left, -1.0)):
             moved[vertex] = moved.get(vertex, np.zeros(2)) + sign * shift * offset
     if path.end is None:
-        for vertex, sign in ((rights[-1], 1.0), (lefts[-1], -1.0)):
-            moved[vertex] = _along_edge(cells, vertex, sign * arc[-1], unit[-1], angle)
+        # The last straight piece of each face runs to where it meets the edge.
+        turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12)
+        corner = int(turned[-1]) + 1 if len(turned) else -1
+        for face, sign in ((rights, 1.0), (lefts, -1.0)):
+            mouth = _along_edge(cells, face[-1], sign * arc[-1], unit[-1], angle)
+            start, base = (arc[corner], moved[face[corner]]) if corner >= 0 else (0.0, np.zeros(2))
+            for place in range(corner + 1, len(face)):
+                share = (arc[place] - start) / (arc[-1] - start)
+                moved[face[place]] = (1.0 - share) * base + share * mouth
     for tip in (path.start, path.end):
         if tip is not None:
             tip.opening = angle
@@ -103,7 +120,6 @@ def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
     for (a, b), times in uses.items():
         if times == 1:
             held[[a, b]] = True
-    tips = [cell.centre for cell in cells.cells if not cell.closed]
     # Rings around a tip stretch with its faces: neighbours count by the inverse of their distance.
     places = np.array(cells.vertices)
     weight = 1.0 / np.hypot(*(places[first] - places[second]).T)
@@ -114,7 +130,7 @@ def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
     for vertex, move in moved.items():
         shift[vertex], held[vertex] = move, True
     free = np.flatnonzero(~held & (np.asarray(graph.sum(axis=1)).ravel() > 0))
-    if len(free) and tips is not None:
+    if len(free):
         right = -laplace[free] @ shift
         shift[free] = spsolve(laplace[free][:, free].tocsc(), right)
     cells.vertices[:] = [tuple(map(float, place)) for place in places + shift]

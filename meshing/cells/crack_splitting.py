@@ -12,39 +12,17 @@ import numpy as np
 
 from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
-from meshing.cells.face_division import divide_faces
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.face_division import divide_faces, with_inserted
 from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
 
 Edge = tuple[int, int]
 _DEFAULT_TIP = 0.02  # of a crack's length
+_DEFAULT_IN_STAR = 0.03  # of the cells around the tip
 _KINK = math.radians(20.0)  # from here on there are rings around a kink
 _INNERMOST = 0.02  # level around a kink or junction, relative to the cells there
 _AT_MOST = 0.5  # half-size of a tip's element, relative to the cells there
-
-
-@dataclass(frozen=True)
-class CrackMeshing:
-    """How cracks are meshed.
-
-    Attributes
-    ----------
-    tip_element : bool
-        Rings around each tip with an open cell in their middle.
-    tip_size : float or None
-        Half-size of that cell, m; None: 0.02 of the crack's length.
-    grading : float
-        Largest ratio of neighbouring rings.
-    face_size : float or None
-        Longest edge on the faces, m; None: `face_edges` of them along the crack.
-    face_edges : int
-    """
-
-    tip_element: bool = True
-    tip_size: float | None = None
-    grading: float = 2.5
-    face_size: float | None = None
-    face_edges: int = 20
 
 
 @dataclass
@@ -293,8 +271,11 @@ def _refine(
     for crack in cracks:
         for line in crack.lines:
             tips = [tip is not None and tip.cell >= 0 for tip in (line.start, line.end)]
-            sides = [_with_inserted(path, rings.inserted, *tips) for path in (line.right, line.left)]
-            line.right, line.left = sides
+            # Without the ends that have become scaling centres.
+            line.right, line.left = (
+                with_inserted(path, rings.inserted)[int(tips[0]) : None if not tips[1] else -1]
+                for path in (line.right, line.left)
+            )
 
 
 def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, int]) -> None:
@@ -352,16 +333,8 @@ def _put_tip(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
             f"which reach {reach:g} m; make it smaller."
         )
-    wanted = _DEFAULT_TIP * length if meshing.tip_size is None else meshing.tip_size
+    wanted = meshing.tip_size or min(_DEFAULT_TIP * length, _DEFAULT_IN_STAR * reach)
     tip.cell = rings.refine(vertex, ends, chain, members, innermost=wanted, grading=meshing.grading, tip=True)
-
-
-def _with_inserted(path: list[int], inserted: dict[Edge, list[int]], starts: bool, ends: bool) -> list[int]:
-    """A line with the vertices of rings; without the ends that have become scaling centres."""
-    result = [path[0]]
-    for edge in _edges(path):
-        result += [*inserted.get(edge, ()), edge[1]]
-    return result[int(starts) : len(result) - int(ends)]
 
 
 def _divide(cells: CellComplex, cracks: list[_CrackLines], meshing: CrackMeshing) -> None:
@@ -377,9 +350,7 @@ def _divide(cells: CellComplex, cracks: list[_CrackLines], meshing: CrackMeshing
     inserted = divide_faces(cells, wanted, counts)
     for crack in cracks:
         for line in crack.lines:
-            line.right, line.left = (
-                _with_inserted(path, inserted, False, False) for path in (line.right, line.left)
-            )
+            line.right, line.left = (with_inserted(path, inserted) for path in (line.right, line.left))
 
 
 def _record(cells: CellComplex, crack: _CrackLines, sides: dict[Edge, tuple[Edge, Edge]]) -> None:

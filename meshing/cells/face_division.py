@@ -11,6 +11,14 @@ from meshing.cells.complex import CellComplex, edge_key, part_of_curve
 Edge = tuple[int, int]
 
 
+def with_inserted(path: Sequence[int], inserted: dict[Edge, list[int]]) -> list[int]:
+    """A chain of vertices with those that have been put between them."""
+    result = [path[0]]
+    for edge in zip(path, path[1:]):
+        result += [*inserted.get(edge, ()), edge[1]]
+    return result
+
+
 def divide_faces(
     cells: CellComplex, faces: Sequence[Sequence[Edge]], counts: Sequence[int]
 ) -> dict[Edge, list[int]]:

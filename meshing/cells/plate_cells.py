@@ -8,8 +8,9 @@ import numpy as np
 
 from meshing.cells.arrangement import Arrangement, CrackPath, arrange
 from meshing.cells.complex import CellComplex
+from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_opening import open_cracks
-from meshing.cells.crack_splitting import CrackMeshing, add_cracks
+from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.region import RegionPlan, divide_circle, divide_line, fill_region, plan_region
 from meshing.shapes.plate_shape import PlateShape
 

@@ -1,4 +1,4 @@
-"""A body with cracks filled with cells: sizes, divided lines, stars of spokes around tips, kinks, junctions."""
+"""A body with cracks filled with cells: sizes, divided lines, stars around tips, kinks and junctions."""
 
 from __future__ import annotations
 

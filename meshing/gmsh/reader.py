@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import os
 
+import numpy as np
+
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.crack_splitting import CrackMeshing, add_cracks
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import Builder
 from meshing.gmsh.files import FOREIGN, IGES, collect
@@ -23,6 +26,10 @@ def read_gmsh(
     size: float | None = None,
     scale: float | None = None,
     tip_element: bool = True,
+    tip_size: float | None = None,
+    grading: float = 2.5,
+    face_size: float | None = None,
+    face_edges: int = 12,
     max_unknowns: int = 1_000_000,
     time_limit: float = 120.0,
     memory_limit: float | None = None,
@@ -33,17 +40,17 @@ def read_gmsh(
     points named points (groups without a name are called "surface1", "curve1", "point1" ... by their tags). A
     crack is
 
-    - one physical curve ``crack:NAME``: a line along cell edges, one end inside the material (the tip), the
-      other on the outline (the mouth); its two faces are made here; or
+    - one physical curve ``crack:NAME``: lines along cell edges inside the material; its two faces are made
+      here. An end inside is a tip, one on the outline a mouth; it may branch, cross other cracks, end at a
+      hole or cut the body; or
     - two physical curves ``crack:NAME:right`` and ``crack:NAME:left``: two existing faces that share the
       tip's node and match, e.g. the flanks of a notch, or a line along which gmsh's Crack plugin has
       duplicated the nodes.
 
     The right face is at the right hand of somebody who looks from the tip to the mouth. The faces become the
     edge sets ``NAME_right`` and ``NAME_left``, the mouth's corners the points ``NAME_right`` and
-    ``NAME_left``; a physical point on an embedded crack line belongs to the left face. The normal of all
-    pairs of a crack is that of its axis, the bisector of the faces' chords. A crack with two tips inside the
-    material is refused, and so is one that cuts the body in two.
+    ``NAME_left`` where there is one mouth; a physical point on an embedded crack line belongs to the left
+    face. The cells around each tip, sharp kink and junction are divided anew into rings.
 
     The file is read in a process of its own, and nothing in it is executed: statements of a script that start
     programs, write files or read files outside its folder are refused, and so is content that is not what the
@@ -66,7 +73,16 @@ def read_gmsh(
         Length of the file's unit, m: 1e-3 for a model drawn in mm. Without it the unit is m, and a model
         that is larger than 20 m is warned of.
     tip_element : bool
-        Merge the cells around each crack tip into one open S-element with its scaling centre on the tip.
+        A small open S-element with its scaling centre on each crack tip, and rings around it.
+    tip_size : float, optional
+        Half-size of that S-element, m. Default: 0.02 of the crack's length, or 0.03 of the reach of the cells
+        around the tip if that is less.
+    grading : float
+        Largest size ratio of neighbouring rings, 1.1 to 10.
+    face_size : float, optional
+        Longest edge on the faces of cracks, m. Default: the crack's length divided by `face_edges`.
+    face_edges : int
+        See `face_size`.
     max_unknowns : int
         Meshes that would have more displacement unknowns are refused, before they are made where that can be
         foreseen.
@@ -121,5 +137,7 @@ def read_gmsh(
     pass_on(model, origin)
     built = Builder(model, origin)
     check_extent(model, origin, scale, list(built.vertex_of))
-    add_cracks(built.cells, built.crack_lines, CrackMeshing(tip_element), origin)
+    extent = float(np.ptp(np.array(built.cells.vertices), axis=0).max())
+    meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
+    add_cracks(built.cells, built.crack_lines, meshing, origin)
     return build_mesh(built.cells, order, built.materials, origin)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+import shapely
 
 from meshing.input_checks import number, positive
-from meshing.shapes.features import Hole, VNotch
+from meshing.shapes.features import CrackLine, Hole, VNotch, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
@@ -31,12 +31,14 @@ class BeamShape:
     height: float
     notches: tuple[VNotch, ...] = ()
     holes: tuple[Hole, ...] = ()
+    cracks: tuple[CrackLine, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive("Beam", "length", self.length))
         object.__setattr__(self, "height", positive("Beam", "height", self.height))
-        object.__setattr__(self, "notches", _sequence("notches", self.notches, VNotch))
-        object.__setattr__(self, "holes", _sequence("holes", self.holes, Hole))
+        object.__setattr__(self, "notches", items_of("Beam", "notches", self.notches, VNotch))
+        object.__setattr__(self, "holes", items_of("Beam", "holes", self.holes, Hole))
+        object.__setattr__(self, "cracks", items_of("Beam", "cracks", self.cracks, CrackLine))
         for i, notch in enumerate(self.notches, 1):
             self._check_notch(f"notch {i}", notch)
         for i, hole in enumerate(self.holes, 1):
@@ -47,14 +49,14 @@ class BeamShape:
         parts = [f"length={self.length:g} m", f"height={self.height:g} m"]
         parts += [
             f"{name}={list(items)!r}"
-            for name, items in (("notches", self.notches), ("holes", self.holes))
+            for name, items in (("notches", self.notches), ("holes", self.holes), ("cracks", self.cracks))
             if items
         ]
         return f"Beam({', '.join(parts)})"
 
     @property
     def area(self) -> float:
-        """Area of the material, m2."""
+        """Area of the material, m2; cracks count as closed."""
         notches = sum(0.5 * notch.depth * (notch.right_offset - notch.left_offset) for notch in self.notches)
         return self.length * self.height - notches - sum(math.pi * hole.radius**2 for hole in self.holes)
 
@@ -62,13 +64,16 @@ class BeamShape:
         """Tip, mouth corner at the free-end side, mouth corner at the clamp side of a notch: (3, 2) array,
         m.
         """
-        return np.array(
+        corners = np.array(
             [
                 [notch.x, self.height - notch.depth],
                 [notch.x + notch.right_offset, self.height],
                 [notch.x + notch.left_offset, self.height],
             ]
         )
+        if notch.edge == "bottom":
+            corners[:, 1] = self.height - corners[:, 1]
+        return corners
 
     def _check_notch(self, item: str, notch: VNotch) -> None:
         smallest = 0.01 * self.height
@@ -112,30 +117,50 @@ class BeamShape:
         """Least thickness of the material beside a hole, m."""
         return max(_CLEARANCE * self.height, _THINNEST_WALL * hole.diameter)
 
+    def crack_names(self) -> tuple[str, ...]:
+        """Of the notches and the cracks in order."""
+        first = len(self.notches) + 1
+        names = [f"crack{i}" for i in range(1, first)]
+        return (*names, *(crack.name or f"crack{i}" for i, crack in enumerate(self.cracks, first)))
+
     def _check_distances(self) -> None:
+        names = self.crack_names()
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"Beam: two cracks have the name {name!r}; choose another.")
         least = _CLEARANCE * self.height
-        triangles = [self.triangle(notch) for notch in self.notches]
-        for i in range(len(triangles)):
-            for j in range(i + 1, len(triangles)):
-                if _triangle_distance(triangles[i], triangles[j]) < least:
+        shapes = [_notch_polygon(self.triangle(notch)) for notch in self.notches]
+        centres = [shapely.Point(hole.x, hole.y) for hole in self.holes]
+        if not shapes and not centres:
+            return
+        tree = shapely.STRtree([*shapes, *centres])
+        count = len(shapes)
+        widest = max((hole.radius for hole in self.holes), default=0.0)
+        wall = max((self._wall(hole) for hole in self.holes), default=least)
+        close = tree.query([*shapes, *centres], predicate="dwithin", distance=2 * widest + max(wall, least))
+        for i, j in sorted((int(a), int(b)) for a, b in close.T if a < b):
+            if j < count:
+                if shapely.distance(shapes[i], shapes[j]) < least:
                     raise ValueError(
                         f"notches {i + 1} and {j + 1} overlap or touch ({self.notches[i]!r}, "
                         f"{self.notches[j]!r}); move them apart."
                     )
-        for i, hole in enumerate(self.holes):
-            for j, other in enumerate(self.holes[i + 1 :], i + 1):
-                if math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius < max(
-                    self._wall(hole), self._wall(other)
-                ):
+                continue
+            hole = self.holes[j - count]
+            if i < count:
+                if shapely.distance(centres[j - count], shapes[i]) - hole.radius < self._wall(hole):
                     raise ValueError(
-                        f"holes {i + 1} and {j + 1} overlap or touch ({hole!r}, {other!r}); move them apart."
+                        f"hole {j - count + 1} touches or cuts notch {i + 1} ({hole!r}, "
+                        f"{self.notches[i]!r}); move them apart."
                     )
-            for j, triangle in enumerate(triangles):
-                if _point_distance(np.array([hole.x, hole.y]), triangle) - hole.radius < self._wall(hole):
-                    raise ValueError(
-                        f"hole {i + 1} touches or cuts notch {j + 1} ({hole!r}, {self.notches[j]!r}); move "
-                        "them apart."
-                    )
+                continue
+            other = self.holes[i - count]
+            gap = math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius
+            if gap < max(self._wall(hole), self._wall(other)):
+                raise ValueError(
+                    f"holes {i - count + 1} and {j - count + 1} overlap or touch ({other!r}, {hole!r}); move "
+                    "them apart."
+                )
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:
         """A user's point as two floats, or the error that says why it cannot be a node."""
@@ -158,7 +183,7 @@ class BeamShape:
                     f"point {name!r} at ({x:g}, {y:g}) m is in or on hole {i}; move it into the material."
                 )
         for i, notch in enumerate(self.notches, 1):
-            if _point_distance(np.array([x, y]), self.triangle(notch)) < least:
+            if _notch_polygon(self.triangle(notch)).distance(shapely.Point(x, y)) < least:
                 raise ValueError(
                     f"point {name!r} at ({x:g}, {y:g}) m is in or on notch {i}; move it into the material (B "
                     "and C are its mouth corners)."
@@ -166,41 +191,7 @@ class BeamShape:
         return x, y
 
 
-def _sequence(name: str, items: object, kind: type) -> tuple:
-    if isinstance(items, kind) or not isinstance(items, Iterable):
-        raise TypeError(f"Beam: {name} is {items!r}, a list of {kind.__name__} was expected.")
-    result = tuple(items)
-    for item in result:
-        if not isinstance(item, kind):
-            raise TypeError(f"Beam: {name} contains {item!r}, only {kind.__name__} was expected.")
-    return result
-
-
-def _cross(a: np.ndarray, b: np.ndarray) -> float:
-    return float(a[0] * b[1] - a[1] * b[0])
-
-
-def _point_distance(point: np.ndarray, triangle: np.ndarray) -> float:
-    """Distance of a point from a (possibly degenerate) triangle given counter-clockwise; 0 inside."""
-    ends = np.roll(triangle, -1, axis=0)
-    turns = [_cross(b - a, point - a) for a, b in zip(triangle, ends)]
-    if _cross(triangle[1] - triangle[0], triangle[2] - triangle[0]) > 0 and min(turns) >= 0:
-        return 0.0
-    distances = []
-    for a, b in zip(triangle, ends):
-        squared = float((b - a) @ (b - a))
-        t = min(max(float((point - a) @ (b - a)) / squared, 0.0), 1.0) if squared else 0.0
-        distances.append(float(np.hypot(*(point - a - t * (b - a)))))
-    return min(distances)
-
-
-def _triangle_distance(first: np.ndarray, second: np.ndarray) -> float:
-    """Distance of two triangles; 0 where they overlap."""
-    for a, b in zip(first, np.roll(first, -1, axis=0)):
-        for c, d in zip(second, np.roll(second, -1, axis=0)):
-            if (
-                _cross(b - a, c - a) * _cross(b - a, d - a) < 0
-                and _cross(d - c, a - c) * _cross(d - c, b - c) < 0
-            ):
-                return 0.0
-    return min([_point_distance(p, second) for p in first] + [_point_distance(p, first) for p in second])
+def _notch_polygon(triangle: np.ndarray) -> shapely.Geometry:
+    """A notch as an area, or a line if it is closed."""
+    polygon = shapely.Polygon(triangle)
+    return polygon if polygon.area > 0 and polygon.is_valid else shapely.LineString(triangle[:2])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from meshing.input_checks import number, positive
@@ -13,30 +14,35 @@ _WIDEST_OPENING = 30.0  # degrees, of a crack
 
 @dataclass(frozen=True)
 class VNotch:
-    """A V-notch or crack that runs from a tip in the beam to its top edge.
+    """A V-notch or crack that runs from a tip in the beam to its top or bottom edge.
 
     Attributes
     ----------
     x : float
         Position of the tip along the beam, m.
     depth : float
-        Vertical distance of the tip from the top edge, m.
+        Vertical distance of the tip from that edge, m.
     opening : float
         Total angle between the faces, degrees; 0 is a closed crack.
     tilt : float
         Angle of the axis from the vertical, degrees, positive with the mouth towards the free end (+x).
+    edge : {"top", "bottom"}
+        Where its mouth is.
     """
 
     x: float
     depth: float
     opening: float
     tilt: float = 0.0
+    edge: str = "top"
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", number("VNotch", "x", self.x))
         object.__setattr__(self, "depth", positive("VNotch", "depth", self.depth))
         object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
         object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
+        if self.edge not in ("top", "bottom"):
+            raise ValueError(f'VNotch: edge is {self.edge!r}, "top" or "bottom" was expected.')
         if self.opening < 0:
             raise ValueError(
                 f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
@@ -46,13 +52,13 @@ class VNotch:
                 f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans "
                 f"{abs(self.tilt) + self.opening / 2:g} degrees "
                 f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to "
-                "reach the top edge."
+                "reach the edge."
             )
 
     def __repr__(self) -> str:
         return (
             f"VNotch(x={self.x:g} m, depth={self.depth:g} m, opening={self.opening:g} deg, "
-            f"tilt={self.tilt:g} deg)"
+            f"tilt={self.tilt:g} deg{', bottom' if self.edge == 'bottom' else ''})"
         )
 
     @property
@@ -68,7 +74,8 @@ class VNotch:
     @property
     def axis(self) -> tuple[float, float]:
         """Unit vector from the tip along the axis to the mouth."""
-        return math.sin(math.radians(self.tilt)), math.cos(math.radians(self.tilt))
+        upwards = 1.0 if self.edge == "top" else -1.0
+        return math.sin(math.radians(self.tilt)), upwards * math.cos(math.radians(self.tilt))
 
     @property
     def length(self) -> float:
@@ -118,8 +125,9 @@ class CrackLine:
     points : sequence of (x, y)
         Corners of the line, m: from the mouth to the tip, or from tip to tip, or from mouth to mouth.
     opening : float
-        Full angle between the faces, degrees: at a distance s from the tip the faces stand 2 s tan(opening / 2)
-        apart; with two tips s counts from the nearer one. 0 is a closed crack. It must be 0 without a tip.
+        Full angle between the faces, degrees: at a distance s from the tip the faces stand
+        2 s tan(opening / 2) apart; with two tips s counts from the nearer one. 0 is a closed crack.
+        It must be 0 without a tip.
     name : str, optional
         Default: "crack1", "crack2", ... by position among the body's cracks.
     """
@@ -159,9 +167,19 @@ def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[
     for place, point in enumerate(points, 1):
         if isinstance(point, str) or not hasattr(point, "__iter__") or len(pair := list(point)) != 2:
             raise TypeError(f"{item}: point {place} of {name} is {point!r}, a pair (x, y) was expected.")
-        result.append(
-            (number(item, f"x of point {place}", pair[0]), number(item, f"y of point {place}", pair[1]))
-        )
+        x, y = (number(item, f"{axis} of point {place}", value) for axis, value in zip("xy", pair))
+        result.append((x, y))
     if len(result) < least:
         raise ValueError(f"{item}: {name} has {len(result)} points, at least {least} were expected.")
     return tuple(result)
+
+
+def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
+    """`items` as a tuple of objects of one kind, or the error that says otherwise."""
+    if isinstance(items, kind) or not isinstance(items, Iterable):
+        raise TypeError(f"{owner}: {name} is {items!r}, a list of {kind.__name__} was expected.")
+    result = tuple(items)
+    for item in result:
+        if not isinstance(item, kind):
+            raise TypeError(f"{owner}: {name} contains {item!r}, only {kind.__name__} was expected.")
+    return result

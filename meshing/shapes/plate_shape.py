@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from meshing.shapes.features import CrackLine, Hole, corners_of
+from meshing.shapes.features import CrackLine, Hole, corners_of, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
@@ -108,8 +108,8 @@ class PlateShape:
         for i, (hole, centre, wall) in enumerate(zip(self.holes, centres, walls), 1):
             if not body.contains(centre) or edge.distance(centre) - hole.radius < wall:
                 raise ValueError(
-                    f"Plate: hole {i} ({hole!r}) leaves or touches the outline or leaves too thin a wall; move "
-                    "it inside or make it smaller."
+                    f"Plate: hole {i} ({hole!r}) leaves or touches the outline or leaves too thin a wall; "
+                    "move it inside or make it smaller."
                 )
         if len(self.holes) < 2:
             return
@@ -122,14 +122,3 @@ class PlateShape:
                     f"Plate: holes {i + 1} and {j + 1} overlap or touch ({self.holes[i]!r}, "
                     f"{self.holes[j]!r}); move them apart."
                 )
-
-
-def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
-    """`items` as a tuple of objects of one kind, or the error that says otherwise."""
-    if isinstance(items, kind) or not isinstance(items, Iterable):
-        raise TypeError(f"{owner}: {name} is {items!r}, a list of {kind.__name__} was expected.")
-    result = tuple(items)
-    for item in result:
-        if not isinstance(item, kind):
-            raise TypeError(f"{owner}: {name} contains {item!r}, only {kind.__name__} was expected.")
-    return result
