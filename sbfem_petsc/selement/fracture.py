@@ -34,6 +34,12 @@ class TStressRow:
     _space: InvariantSpace | None
     _stress_of: np.ndarray
 
+    def placed(self, rotation: np.ndarray, size: float, modulus: float) -> np.ndarray:
+        """(nodes, 2): the row for displacements (m) of an S-element of size (m) and modulus (Pa) placed with
+        ``v_reference = rotation @ v``, nodes in the reference order; T in Pa.
+        """
+        return modulus / size * (self.row.reshape(-1, 2) @ rotation)
+
     def of_tractions(self, tractions: FaceTractions) -> np.ndarray:
         """(m,): what forces on the faces, in units of E h thickness, add at given boundary displacements.
 

@@ -94,6 +94,30 @@ class IntensityRows:
     oscillation: float = 0.0
     exponent_error: float = 0.0
 
+    def placed(self, rotation: np.ndarray, size: float, modulus: float) -> np.ndarray:
+        """(2, nodes, 2): the rows for displacements (m) of a placed S-element in its own frame, nodes in the
+        reference order; K_i in Pa m^(1 - lambda_i).
+
+        Parameters
+        ----------
+        rotation : (2, 2) array
+            From the element's frame to the reference frame. A reflection turns the sense of sliding.
+        size : float
+            m.
+        modulus : float
+            Pa.
+        """
+        return self._scale(rotation, size)[:, None, None] * modulus * (self.rows.reshape(2, -1, 2) @ rotation)
+
+    def placed_of_tractions(
+        self, tractions: FaceTractions, rotation: np.ndarray, size: float, thickness: float
+    ) -> np.ndarray:
+        """(2, m): what forces on the faces (N) of a placed S-element add to K_i, Pa m^(1 - lambda_i)."""
+        return self._scale(rotation, size)[:, None] / thickness * self.of_tractions(tractions)
+
+    def _scale(self, rotation: np.ndarray, size: float) -> np.ndarray:
+        return size ** -np.nan_to_num(self.exponents, nan=1.0) * np.array([1.0, np.linalg.det(rotation)])
+
     def of_tractions(self, tractions: FaceTractions) -> np.ndarray:
         """(2, m): what forces on the faces, in units of E h thickness, add to K_I and K_II at given boundary
         displacements.

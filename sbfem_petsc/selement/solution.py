@@ -13,6 +13,7 @@ import numpy as np
 from .coefficients import Coefficients, SElementError, coefficient_matrices
 from .dense import ADVICE, cholesky, cholesky_solve, largest, symmetric
 from .inertia import Inertia, continued_fraction
+from .rigid_motions import rigid_motions
 from .stiffness import static_stiffness
 from .symmetry import invariant_subspaces
 
@@ -244,11 +245,3 @@ def _dynamics(
     ascending = np.argsort(inertia, kind="stable")
     mass = _whole([part.mass for part in parts], bases)
     return Inertia(symmetric(mass), coupling[:, ascending], inertia[ascending])
-
-
-def rigid_motions(coordinates: np.ndarray) -> np.ndarray:
-    """(n, 3): two translations and the rotation about the scaling centre, each of unit maximum."""
-    motions = np.zeros((len(coordinates), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
-    return motions.reshape(-1, 3)

@@ -63,15 +63,8 @@ class TipIntensities:
                     )
                 except SElementError as error:
                     raise SElementError(f"tip of {crack.name}: {error}") from None
-                # lengths of the form are in units of the size, stresses of the modulus; a reflection turns
-                # the sense of sliding
-                scale = (
-                    material.modulus
-                    * size ** -np.nan_to_num(form.exponents, nan=1.0)
-                    * np.array([1.0, np.linalg.det(rotation)])
-                )
-                turned = form.rows.reshape(2, -1, 2) @ rotation
-                self._local.append(_TipRow(index, group.nodes[member], scale[:, None, None] * turned))
+                placed = form.placed(rotation, size, material.modulus)
+                self._local.append(_TipRow(index, group.nodes[member], placed))
                 exponents[index] = form.exponents
         self.exponents = self.comm.allreduce(exponents)
 
