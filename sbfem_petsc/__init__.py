@@ -53,6 +53,7 @@ _HOME = {
     "Custom": "signals",
     "Constant": "signals",
     "on_root": "parallel",
+    "sweep": "study.sweep",
 }
 
 __all__ = ["__version__", *_HOME]

@@ -36,7 +36,7 @@ def parsed(name: str) -> Path:
             break
         at = found.end()
         path.append(int(found[3]) if found[3] is not None else found[1] if found[1] is not None else found[2])
-    if at != len(name) or not path or isinstance(path[0], int):
+    if at != len(name) or not path or isinstance(path[0], int) or name.startswith("."):
         raise ValueError("is no path into the case; write it as in geometry.notches[0].depth")
     return tuple(path)
 
