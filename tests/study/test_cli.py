@@ -187,7 +187,8 @@ def test_petsc_options(tmp_path):
         CASE[: CASE.index("[analyses.frequencies]")] + '[analyses.push]\nkind = "static"\nload = "push"\n',
     )
     script = (
-        f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}, '--output', {str(tmp_path / 'out')!r}, "
+        f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}, '--output', "
+        f"{str(tmp_path / 'out')!r}, "
         "'--', '-static_ksp_type', 'cg', '-static_ksp_monitir'])"
     )
     done = on_ranks(1, script)

@@ -216,7 +216,8 @@ def test_two_runs_at_once(folder):
 def test_two_ranks(summary, tmp_path):
     """One rank's numbers, to the tolerances between ranks."""
     path = written(tmp_path, CASE[: CASE.index("[analyses.burst]")])
-    script = f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}, '--output', {str(tmp_path / 'out')!r}])"
+    words = ["run", str(path), "--output", str(tmp_path / "out")]
+    script = f"from sbfem_petsc.cli import main; main({words!r})"
     done = on_ranks(2, script)
     assert done.stderr.count("[1/3] frequencies (modal)") == 1
     found = json.loads((tmp_path / "out" / "summary.json").read_text())

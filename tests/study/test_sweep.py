@@ -70,7 +70,8 @@ def test_list_and_spacing():
     assert got == [{"mesh.order": 2, "loads.push.fy": 1.0}, {"mesh.order": 3, "loads.push.fy": 100.0}]
     assert all(type(row["mesh.order"]) is int for row in got)
     three = table(
-        '[sweep.parameters]\n"loads.push.fy" = { start = 1.0, stop = 100.0, count = 3, scale = "logarithmic" }'
+        '[sweep.parameters]\n"loads.push.fy" = { start = 1.0, stop = 100.0, count = 3, scale = '
+        '"logarithmic" }'
     )
     np.testing.assert_allclose(
         [row["loads.push.fy"] for row in parameters.rows(three)], [1, 10, 100], rtol=1e-14
@@ -211,7 +212,8 @@ def test_killed_and_resumed(found, tmp_path):
 def test_two_ranks(found, tmp_path):
     """Two groups of a rank each share the rows; every row once, one rank's numbers."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
-    script = f"from sbfem_petsc.cli import main; main(['sweep', {str(path)!r}, '--output', {str(out)!r}, '--json'])"
+    words = ["sweep", str(path), "--output", str(out), "--json"]
+    script = f"from sbfem_petsc.cli import main; main({words!r})"
     done = on_ranks(2, script)
     assert json.loads(done.stdout)["failed"] == 0
     assert len(list((out / "rows").iterdir())) == 2  # both had rows

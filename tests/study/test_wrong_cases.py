@@ -11,8 +11,8 @@ from tests.study.small_case import CASE, SWEEP
 
 NEW = "<new>"  # mark of the line on which the fault stands
 
-# (what is replaced, by what, item, remedy): the fault stands on the line of the mark, or of the replacement's first
-# line.
+# (what is replaced, by what, item, remedy): the fault stands on the line of the mark, or of the replacement's
+# first line; where a table lacks something, its line is the fifth entry.
 WRONG = [
     # TOML itself
     ("length = 0.1", "length = = 0.1", "length = = 0.1", "write key = value"),
