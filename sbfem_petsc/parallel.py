@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import traceback
+from typing import Literal
 
 from mpi4py import MPI
 
@@ -21,7 +22,7 @@ class collective:
     def __enter__(self) -> collective:
         return self
 
-    def __exit__(self, kind, error, trace) -> bool:
+    def __exit__(self, kind, error, trace) -> Literal[False]:
         if error is not None and not isinstance(error, Exception):
             return False
         mine = None if error is None else (kind, error.args)
@@ -62,5 +63,5 @@ def install_abort(comm: MPI.Comm) -> None:
         sys.stderr.flush()
         comm.Abort(1)
 
-    hook.aborts_communicator = True
+    hook.aborts_communicator = True  # type: ignore[attr-defined]
     sys.excepthook = hook

@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from numbers import Real
+from typing import Any, ClassVar, cast
 
 import numpy as np
 from scipy.fft import rfft
@@ -36,11 +37,17 @@ class Signal:
         Time after which the signal keeps its value, s; inf if it never does.
     """
 
-    highest_frequency: float | None = 0.0
-    end: float = math.inf
-    _units: dict[str, str] = {}
+    _units: ClassVar[dict[str, str]] = {}
     # numpy leaves `number * signal` to the signal.
     __array_ufunc__ = None
+
+    @property
+    def highest_frequency(self) -> float | None:
+        return 0.0
+
+    @property
+    def end(self) -> float:
+        return math.inf
 
     def __call__(self, t) -> np.ndarray:
         """Values at the times `t` (s), of the same shape."""
@@ -50,7 +57,8 @@ class Signal:
         raise NotImplementedError
 
     def _scaled(self, factor: float) -> Signal:
-        return replace(self, amplitude=factor * self.amplitude)
+        signal: Any = self  # every signal has an amplitude, or scales itself
+        return replace(signal, amplitude=factor * signal.amplitude)
 
     def __add__(self, other) -> Signal:
         return _total((self, as_signal(other)))
@@ -78,8 +86,8 @@ class Signal:
         return self._scaled(1.0 / divisor)
 
     def __repr__(self) -> str:
-        parts = []
-        for field in fields(self):
+        parts, signal = [], cast(Any, self)
+        for field in fields(signal):
             value, unit = getattr(self, field.name), self._units.get(field.name, "")
             text = f"{value:.10g}" if isinstance(value, float) else repr(value)
             parts.append(f"{field.name}={text}{unit and ' ' + unit}")
@@ -330,7 +338,8 @@ class Samples(Signal):
             positive("Samples", "time_scale", time_scale, "s per unit of the file"),
             _finite("Samples", "value_scale", value_scale),
         )
-        return cls(*(_read_csv(path) * scales).T, interpolation)
+        time, value = (_read_csv(path) * scales).T
+        return cls(time, value, interpolation)
 
     @property
     def end(self) -> float:
@@ -439,14 +448,16 @@ def _entries(line: str) -> list[str]:
 
 def _row(where: str, entries: list[str]) -> list[float]:
     """Time and value of a line."""
-    numbers = [_as_number(entry) for entry in entries]
-    for entry, number in zip(entries[:2], numbers):
+    numbers: list[float] = []
+    for entry in entries[:2]:
+        number = _as_number(entry)
         if not entry:
             raise ValueError(f"{where}: a number is missing; a time and a value are expected")
         if number is None:
             raise ValueError(f"{where}: {entry!r} is not a number")
         if not math.isfinite(number):
             raise ValueError(f"{where}: {entry!r} is not finite")
+        numbers.append(number)
     if len(entries) != 2:
         raise ValueError(
             f"{where}: the number of columns is {len(entries)}; two, time and value, are expected"
@@ -544,10 +555,11 @@ class Sum(Signal):
     def highest_frequency(self) -> float | None:
         """The highest one of the parts, Hz; None if one is not known."""
         bands = [part.highest_frequency for part in self.parts]
-        return None if None in bands else max(bands)
+        known = [band for band in bands if band is not None]
+        return max(known) if len(known) == len(bands) else None
 
     def _values(self, t: np.ndarray) -> np.ndarray:
-        return sum(part._values(t) for part in self.parts)
+        return np.sum([part._values(t) for part in self.parts], axis=0)
 
     def _scaled(self, factor: float) -> Sum:
         return Sum(tuple(part._scaled(factor) for part in self.parts))
@@ -573,7 +585,7 @@ def as_signal(value) -> Signal:
     if isinstance(value, Signal):
         return value
     if isinstance(value, Real) and not isinstance(value, (bool, np.bool_)):
-        return Constant(value)
+        return Constant(float(value))
     if callable(value) and not isinstance(value, type):
         return Custom(value)
     raise TypeError(f"signal {value!r} is neither a number nor a signal nor a function of time")

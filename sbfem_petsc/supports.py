@@ -50,7 +50,8 @@ class Support:
     @property
     def springs(self) -> tuple[float, float]:
         """Stiffness in x and y, 0 where free or fixed."""
-        return tuple(0.0 if isinstance(v, bool) else float(v) for v in (self.x, self.y))
+        x, y = (0.0 if isinstance(v, bool) else float(v) for v in (self.x, self.y))
+        return x, y
 
 
 def as_supports(clamped, supports) -> tuple[Support, ...]:

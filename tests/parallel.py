@@ -1,20 +1,37 @@
 """Run a piece of Python on several ranks in a subprocess."""
 
+from __future__ import annotations
+
+import contextlib
+import fcntl
 import json
 import os
 import pathlib
 import shutil
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 
 import pytest
 
 ROOT = pathlib.Path(__file__).parents[1]
 
 
+@contextlib.contextmanager
+def all_cores() -> Iterator[None]:
+    """One program on several ranks at a time, whatever the number of test workers: ranks that wait for one
+    another take the cores from each other.
+    """
+    name = f"sbfem-petsc-tests-{os.getuid()}.lock"
+    with open(os.path.join(tempfile.gettempdir(), name), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
 def on_ranks(
-    ranks: int, script: str, *arguments: str, check: bool = True, timeout: float = 300
-) -> subprocess.CompletedProcess:
+    ranks: int, script: str | os.PathLike[str], *arguments: str, check: bool = True, timeout: float = 300
+) -> subprocess.CompletedProcess[str]:
     """Run `script`, a file or a program's text, on `ranks` ranks with the project importable; a missing
     mpiexec skips the test.
     """
@@ -31,19 +48,20 @@ def on_ranks(
         **os.environ,
         "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
     }
-    done = subprocess.run(
-        [mpiexec, "-n", str(ranks), sys.executable, *program, *arguments],
-        cwd=ROOT,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=timeout,
-    )
+    with all_cores() if ranks > 1 else contextlib.nullcontext():
+        done = subprocess.run(
+            [mpiexec, "-n", str(ranks), sys.executable, *program, *arguments],
+            cwd=ROOT,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=timeout,
+        )
     if check:
         assert done.returncode == 0, done.stdout + done.stderr
     return done
 
 
-def answer(done: subprocess.CompletedProcess) -> dict:
+def answer(done: subprocess.CompletedProcess[str]) -> dict:
     """The JSON object on the last line that starts with a brace."""
     return json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])

@@ -26,4 +26,4 @@ def statics(case: str, load: str) -> dict:
 
 def paper_beam(opening: float = 0.0458366) -> Beam:
     """Case P of the paper: 400 x 5 mm, tip at 80 mm, depth 2.5 mm, mouth 2.000 micrometres."""
-    return Beam(0.400, 0.005, [VNotch(0.080, 0.0025, opening)])
+    return Beam(0.400, 0.005, (VNotch(0.080, 0.0025, opening),))

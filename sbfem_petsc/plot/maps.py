@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..results.drawing import CYCLE, MARKERS, figure, save, style
+from .drawing import CYCLE, MARKERS, figure, save, style
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(

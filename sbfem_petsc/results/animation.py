@@ -8,7 +8,7 @@ import xml.etree.ElementTree as xml
 import numpy as np
 
 from ..analysis.modal import Modal
-from ..analysis.transient import Transient
+from ..analysis.transient import History
 from ..parallel import collective
 from .hdf5 import check_output_folder
 from .vtu import write_vtu
@@ -20,7 +20,7 @@ SAME_MODE = 1e-3
 def write_animation(
     folder: str,
     modal: Modal,
-    history: Transient,
+    history: History,
     times=None,
     every: int | None = None,
     name: str = "history",
@@ -36,7 +36,7 @@ def write_animation(
     modal : Modal
         Modes of the same model, `modal(model, count=len(history.reduction.omega))`; fewer give a smoother
         field.
-    history : Transient
+    history : History
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
     every : int, optional
@@ -124,7 +124,7 @@ def _instants(time: np.ndarray, times, every: int | None) -> np.ndarray:
     return np.unique(np.where(times - time[left] < time[right] - times, left, right))
 
 
-def _signs(modal: Modal, history: Transient) -> np.ndarray:
+def _signs(modal: Modal, history: History) -> np.ndarray:
     """Sign of each given mode relative to the history's; another solve may have turned it round."""
     r = history.reduction
     used = min(len(modal.frequencies), len(r.omega))

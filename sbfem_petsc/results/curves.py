@@ -11,11 +11,11 @@ from collections.abc import Callable
 import h5py
 import numpy as np
 
-from ..analysis.bifurcations import Bifurcation
-from ..analysis.continuation import FIRST
-from ..analysis.harmonic import Drive
-from ..analysis.response import Curve
-from ..analysis.shooting import Period
+from ..analysis.response import Branch
+from ..dynamics.bifurcations import Bifurcation
+from ..dynamics.continuation import FIRST
+from ..dynamics.excitation import Excitation
+from ..dynamics.shooting import Period
 from ..errors import SolveError
 from ..parallel import collective
 from .history_file import close
@@ -37,11 +37,11 @@ _ARRAYS = {
 }
 
 
-class IncompleteCurve(UserWarning):
+class IncompleteBranch(UserWarning):
     """The run that wrote the file has not reached the end of its range."""
 
 
-class CurveFile:
+class BranchFile:
     """The file of a curve under way.
 
     Attributes
@@ -114,7 +114,7 @@ class CurveFile:
                 )
             return (file["states"][()], file["value"][()], float(file.attrs["step"])), reduction
 
-    def update(self, curve: Callable[[], Curve], step: float, last: bool = False) -> None:
+    def update(self, curve: Callable[[], Branch], step: float, last: bool = False) -> None:
         """Write the curve as it is and the length of its next step, at most every two seconds but for the
         last time.
         """
@@ -131,7 +131,7 @@ class CurveFile:
 
 
 def save_curve(
-    curve: Curve, path: str, start: float | None = None, stop: float | None = None, step: float = FIRST
+    curve: Branch, path: str, start: float | None = None, stop: float | None = None, step: float = FIRST
 ) -> None:
     """Write a curve; the file takes its name when it is whole."""
     period = curve.period
@@ -182,7 +182,7 @@ def replaced(path: str):
             os.remove(temporary)
 
 
-def read_curve(path: str) -> Curve:
+def read_curve(path: str) -> Branch:
     """Read a curve, also one whose run has not ended.
 
     Raises
@@ -192,12 +192,12 @@ def read_curve(path: str) -> Curve:
 
     Warns
     -----
-    IncompleteCurve
+    IncompleteBranch
         If the curve has not reached the end of its range.
     """
     path = os.fspath(path)
     with opened(path) as file:
-        drive = Drive(file["drive/orders"][()], file["drive/amplitudes"][()], int(file.attrs["periods"]))
+        drive = Excitation(file["drive/orders"][()], file["drive/amplitudes"][()], int(file.attrs["periods"]))
         period = Period(
             read_reduction(file["reduction"]), drive, int(file.attrs["steps"]), bool(file.attrs["contact"])
         )
@@ -214,7 +214,7 @@ def read_curve(path: str) -> Curve:
             )
             for g in groups
         )
-        curve = Curve(
+        curve = Branch(
             parameter=str(file.attrs["parameter"]),
             **arrays,
             bifurcations=found,
@@ -229,7 +229,7 @@ def read_curve(path: str) -> Curve:
         warnings.warn(
             f"curve file {path!r} is incomplete: it ends at {curve.value[-1]:.8g} of {stop:.8g}; resume=True "
             "continues it",
-            IncompleteCurve,
+            IncompleteBranch,
             stacklevel=2,
         )
     return curve

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import h5py
 import numpy as np
 
-from ..analysis import full_transient as analysis
-from ..analysis.full_transient import FullTransient, assembled
+from ..dynamics import unreduced_history as analysis
+from ..dynamics.unreduced_history import History, assembled
 from ..errors import SolveError
 from ..parallel import collective
 from .history_file import (
@@ -47,7 +47,7 @@ _ROWS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecordedFullTransient(FullTransient):
+class RecordedFullTransient(History):
     """An unreduced model's history read from a file.
 
     Attributes
@@ -171,7 +171,7 @@ class FullHistoryFile(RunningFile):
         former: dict | None = None,
         states: dict | None = None,
     ) -> None:
-        march, model = self.march, self.march.model
+        model = self.march.model
         rows, points, tips = (
             1 + settings["count"] // settings["decimation"],
             tuple(model.points),

@@ -18,11 +18,11 @@ import h5py
 import numpy as np
 
 from ..analysis import transient as analysis
-from ..analysis.transient import Energy, Transient
+from ..analysis.transient import Energy, History
 from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 from .history_file import (
     FORMAT,
     FORMAT_VERSION,
@@ -54,7 +54,7 @@ _ROWS = {
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class RecordedTransient(Transient):
+class RecordedTransient(History):
     """A history read from a file.
 
     Attributes

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import h5py
 import numpy as np
 
-from ..reduction import Reduction
+from ..reduction.reduced_model import Reduction
 from .history_file import SAME, close
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..parallel import collective
 from ..system.model import Model
-from .sampling import Patches, point_grid_cells, sample
+from ..system.sampling import Patches, point_grid_cells, sample
 
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
 

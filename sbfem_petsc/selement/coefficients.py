@@ -96,8 +96,9 @@ def coefficient_matrices(
         Polynomial order of the edges.
     closed : bool
         Whether the last edge ends on the first node.
-    elasticity : (3, 3) array
-        Plane elasticity matrix D in units of the Young's modulus; the density is 1.
+    elasticity : (3, 3) or (edges, 3, 3) array
+        Plane elasticity matrix D in units of the modulus, or one for each sector that an edge spans with the
+        scaling centre: interfaces run along the radii through vertices. The density is 1.
 
     Raises
     ------
@@ -108,6 +109,8 @@ def coefficient_matrices(
     values, derivatives, weights = tabulated(order, quadrature_points(coordinates, order, connectivity))
     first, second, jacobian = strain_operators(coordinates[connectivity], values, derivatives)
     edges, points, width = *jacobian.shape, order + 1
+    if elasticity.ndim == 3:
+        elasticity = elasticity[:, None]
     # one factor sqrt(weight |J|) in each operator, so that one product gives each matrix
     root = np.sqrt(weights * jacobian)[:, :, None, None, None]
     first, second = root * first, root * second

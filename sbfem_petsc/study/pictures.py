@@ -52,7 +52,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
     """Draw a discretisation. Collective; the mesh on rank 0 at least."""
-    from ..results.mesh_plot import plot_discretisation
+    from ..plot.meshes import plot_discretisation
 
     plot_discretisation(mesh, path, comm)
 
@@ -71,13 +71,13 @@ def _point(case: Case, known: Any) -> str | None:
 
 
 def _modal(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..results.plots import plot_modes
+    from ..plot.fields import plot_modes
 
     plot_modes(result, f"{stem}_modes.png")
 
 
 def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..results.plots import plot_contact, plot_crack
+    from ..plot.fields import plot_contact, plot_crack
 
     for crack in range(min(len(model.cracks), MOST_CRACKS)):
         plot_crack(model, {name: result.field}, f"{stem}_crack{crack + 1}.png", crack)
@@ -86,7 +86,7 @@ def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 
 
 def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..results.history_plot import Panel, plot_histories
+    from ..plot.histories import Panel, plot_histories
 
     points = case.tables.output.points or (list(model.points) if model is not None else ["A"])
     panels = [
@@ -104,7 +104,7 @@ def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> Non
 
 
 def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..results.curve_plot import plot_harmonics, plot_multipliers, plot_orbit
+    from ..plot.curves import plot_harmonics, plot_multipliers, plot_orbit
 
     reduction = getattr(result, "reduction", None)
     point = _point(case, reduction.points if reduction is not None else result.point_displacements)
@@ -119,7 +119,7 @@ def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None
 
 
 def _curve(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..results.curve_plot import plot_curves
+    from ..plot.curves import plot_curves
 
     point = _point(case, result.points)
     if point is not None:

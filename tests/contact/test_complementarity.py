@@ -56,13 +56,27 @@ def test_fallback_ends_where_the_iteration_cycles():
     np.testing.assert_allclose(result.force, expected.force, atol=1e-9 * expected.force.max())
 
 
-def test_scaling_of_units():
-    """Forces in N and gaps in m: scaling either does not change the active set."""
+@pytest.mark.parametrize("maximum", [1, 200])
+@pytest.mark.parametrize("unit", [1e-16, 1e16])
+def test_scaling_of_units(unit, maximum):
+    """The unit of length takes no part, not in the fallback either: its tolerance is relative to the gaps."""
     w, q = random_problem(20, 5)
     base = solve_complementarity(w, q)
-    scaled = solve_complementarity(1e-12 * w, 1e-9 * q)
-    assert np.array_equal(base.active, scaled.active)
-    np.testing.assert_allclose(scaled.force, base.force * 1e3, rtol=1e-9, atol=1e-9)
+    scaled = solve_complementarity(unit * w, unit * q, maximum=maximum)
+    assert np.array_equal(base.active, scaled.active) and 0 < base.active.sum() < 20
+    np.testing.assert_allclose(scaled.force, base.force, rtol=1e-9, atol=1e-9 * base.force.max())
+
+
+def test_pair_without_flexibility_has_no_say():
+    """Both of its nodes are held fixed: it may overlap as it does, and the others are as without it."""
+    w, q = random_problem(6, 2)
+    held = np.zeros((7, 7))
+    held[np.ix_(range(1, 7), range(1, 7))] = w
+    for gap in (-0.5, 0.5):
+        result = solve_complementarity(held, np.append(gap, q))
+        np.testing.assert_allclose(
+            result.force, np.append(0.0, solve_complementarity(w, q).force), atol=1e-12
+        )
 
 
 def test_no_contact_and_no_pairs():

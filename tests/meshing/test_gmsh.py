@@ -14,14 +14,17 @@ PLATE = """
 h = 0.2;
 Point(1)={0,0,0,h}; Point(2)={1.5,0,0,h}; Point(3)={2,0,0,h}; Point(4)={2,1,0,h}; Point(5)={1.5,1,0,h};
 Point(6)={1,1,0,h}; Point(7)={0,1,0,h}; Point(8)={1,0.5,0,h};
-Point(9)={0.4,0.5,0,h}; Point(10)={0.55,0.5,0,h}; Point(11)={0.4,0.65,0,h}; Point(12)={0.25,0.5,0,h}; Point(13)={0.4,0.35,0,h};
-Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6}; Line(6)={6,7}; Line(7)={7,1}; Line(8)={2,5}; Line(9)={6,8};
+Point(9)={0.4,0.5,0,h}; Point(10)={0.55,0.5,0,h}; Point(11)={0.4,0.65,0,h};
+Point(12)={0.25,0.5,0,h}; Point(13)={0.4,0.35,0,h};
+Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6};
+Line(6)={6,7}; Line(7)={7,1}; Line(8)={2,5}; Line(9)={6,8};
 Circle(10)={10,9,11}; Circle(11)={11,9,12}; Circle(12)={12,9,13}; Circle(13)={13,9,10};
 Curve Loop(1)={1,8,5,6,7}; Curve Loop(2)={10,11,12,13}; Curve Loop(3)={2,3,4,-8};
 Plane Surface(1)={1,2}; Plane Surface(2)={3};
 Curve{9} In Surface{1};
 Physical Surface("steel")={1}; Physical Surface("brass")={2};
-Physical Curve("clamp")={7}; Physical Curve("load")={3}; Physical Curve("hole")={10:13}; Physical Curve("rest")={1,2,4,5,6};
+Physical Curve("clamp")={7}; Physical Curve("load")={3}; Physical Curve("hole")={10:13};
+Physical Curve("rest")={1,2,4,5,6};
 Physical Curve("crack:main")={9};
 Physical Point("P")={4};
 """
@@ -30,7 +33,8 @@ AREA = 2.0 - np.pi * 0.15**2
 # A plate whose notch is part of the outline.
 NOTCHED = """
 h = 0.25;
-Point(1)={0,0,0,h}; Point(2)={1,0,0,h}; Point(3)={1,1,0,h}; Point(4)={0.55,1,0,h}; Point(5)={0.5,0.5,0,h}; Point(6)={0.45,1,0,h}; Point(7)={0,1,0,h};
+Point(1)={0,0,0,h}; Point(2)={1,0,0,h}; Point(3)={1,1,0,h}; Point(4)={0.55,1,0,h}; Point(5)={0.5,0.5,0,h};
+Point(6)={0.45,1,0,h}; Point(7)={0,1,0,h};
 Line(1)={1,2}; Line(2)={2,3}; Line(3)={3,4}; Line(4)={4,5}; Line(5)={5,6}; Line(6)={6,7}; Line(7)={7,1};
 Transfinite Curve{4}=%d; Transfinite Curve{5}=%d;
 Curve Loop(1)={1:7}; Plane Surface(1)={1};
@@ -118,8 +122,9 @@ def test_msh(tmp_path, order, error, quads, version):
     mesh = read_gmsh(to_msh(write(tmp_path, PLATE), order, quads, version), order=4)
     check_mesh(mesh, AREA, error)
     assert len(mesh.pairs) > 0 and mesh.cracks[0].tip_element >= 0
-    sides = np.diff(mesh.element_start)[mesh.closed]
-    assert sides.max() == (4 if quads else 3)
+    # Rings around the tip are quadrilaterals; beside the faces there are more edges.
+    apart = np.hypot(*(mesh.scaling_centres - mesh.cracks[0].tip).T) > 0.6
+    assert np.diff(mesh.element_start)[apart].max() == (4 if quads else 3)
 
 
 def test_notch_with_two_faces(tmp_path):
@@ -229,8 +234,8 @@ BENT = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.98), (0.02, 0.5)]
             msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 2))], [*STEEL, (1, 2, "crack:c")]),
             "lies on the outline",
         ),
-        ("junk", "hello", "cannot read or mesh it"),
-        ("empty", "", "cannot read or mesh it"),
+        ("junk", "hello", "not a gmsh mesh"),
+        ("empty", "", "it is empty"),
     ],
 )
 def test_refused_meshes(tmp_path, name, text, says):
@@ -248,7 +253,6 @@ def test_refused_meshes(tmp_path, name, text, says):
         (("crack:main", "crack:"), "empty or misnamed"),
         (("crack:main", "crack:main:left"), "give either crack:main alone or both"),
         (("Curve{9} In Surface{1};", ""), "does not lie on cell edges"),
-        (("Line(9)={6,8};", "Point(14)={1,0.3,0,h}; Line(9)={8,14};"), "both ends inside the material"),
         (('Physical Curve("crack:main")={9}', 'Physical Curve("crack:main")={9,5}'), "lies on the outline"),
         (('Physical Point("P")={4}', 'Physical Point("P")={8}'), "point 'P' is a crack tip"),
         (("Point(8)={1,0.5,0,h}", "Point(8)={1,-0.5,0,h}"), "curves of surface 1 cross each other near"),
@@ -262,14 +266,14 @@ def test_refused_geometry(tmp_path, change, says):
         read_gmsh(write(tmp_path, PLATE.replace(*change)), order=3)
     assert says in str(caught.value) and "\n" not in str(caught.value)
     # gmsh's parser keeps what follows an error for the next file; that must not show.
-    assert len(read_gmsh(write(tmp_path, PLATE), order=3).pairs) == 7
+    assert len(read_gmsh(write(tmp_path, PLATE), order=3).tips) == 1
 
 
 def test_faces_that_do_not_match(tmp_path):
     with pytest.raises(
         ValueError,
-        match=r"model.geo: crack 'V': the faces do not match, 13 nodes on the "
-        r"right face and 19 on the left",
+        match=r"model.geo: crack 'V': the faces do not match, 4 edges on the "
+        r"right face and 6 on the left",
     ):
         read_gmsh(write(tmp_path, NOTCHED % (5, 7)), order=3, tip_element=False)
     uneven = (NOTCHED % (5, 5)).replace(
@@ -324,14 +328,16 @@ def test_geometry_that_gmsh_would_hang_on(tmp_path):
 
 
 def test_geometry_files_that_would_lose_a_part(tmp_path):
-    """A last line without newline, of which gmsh drops statements, and a surface in no physical group."""
+    """A last line without newline, of which gmsh by itself drops statements, and a surface in no physical
+    group.
+    """
     (tmp_path / "cut.geo").write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};'
     )
-    with pytest.raises(ValueError, match="does not end with a newline"):
-        read_gmsh(tmp_path / "cut.geo")
+    assert read_gmsh(tmp_path / "cut.geo", order=1).area == pytest.approx(1.0, abs=1e-12)
     (tmp_path / "two.geo").write_text(
-        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\nPhysical Surface("a")={1};\n'
+        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\n'
+        'Physical Surface("a")={1};\n'
     )
     with pytest.raises(ValueError, match="belongs to no physical group"):
         read_gmsh(tmp_path / "two.geo")

@@ -18,7 +18,7 @@ from sbfem_petsc.system.model import Model
 LOADS = {"opening": PointForce("A", fy=-20.0), "closing": PointForce("A", fx=3.0, fy=600.0)}
 
 
-def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess:
+def on_ranks(ranks: int, *arguments: str) -> subprocess.CompletedProcess[str]:
     """Run this file with `arguments` on several ranks."""
     from tests.parallel import on_ranks as run
 
@@ -35,8 +35,8 @@ def build():
 
 def write_all(folder: str) -> None:
     """HDF5, VTU and PNG files."""
+    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.hdf5 import check_output_folder, write_results
-    from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.vtu import write_vtu
 
     folder = check_output_folder(folder, MPI.COMM_WORLD)

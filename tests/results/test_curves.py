@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import continuation
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics import continuation
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from sbfem_petsc.results import curves as module
 from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
 

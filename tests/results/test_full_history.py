@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import full_transient as module
+from sbfem_petsc.dynamics import unreduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, RecordedTransient, read_history
 from tests.parallel import ROOT, answer, on_ranks
 
@@ -23,7 +23,7 @@ import json, os, signal, sys, time
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.analysis import full_transient as module
+from sbfem_petsc.dynamics import unreduced_history as module
 from tests.results.test_full_history import make, LOAD, RUN
 module.CHUNK = 64
 path, pause, restart, kill = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart", len(sys.argv) > 4
@@ -35,7 +35,8 @@ def tell(done):
     time.sleep(pause)
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps({"u": found.displacement("A").tolist(), "force": found.contact_resultant.tolist(), "complete": True}))
+    force = found.contact_resultant.tolist()
+    print(json.dumps({"u": found.displacement("A").tolist(), "force": force, "complete": True}))
 """
 LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 3))
 RUN = {"duration": 0.00128, "step": 2e-6, "modes": 12, "decimation": 5, "reduction": None}

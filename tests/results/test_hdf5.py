@@ -9,12 +9,12 @@ import os
 import h5py
 import numpy as np
 import pytest
-from results_case import LOADS, on_ranks
 
 from sbfem_petsc.loads import EdgeLoad, PointForce
 from sbfem_petsc.petsc import MPI
 from sbfem_petsc.results import gather
 from sbfem_petsc.results.hdf5 import check_output_folder, read_results, write_results
+from tests.results.results_case import LOADS, on_ranks
 
 
 def test_what_is_written_is_read_back(solved, tmp_path):

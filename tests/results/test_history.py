@@ -150,14 +150,19 @@ def test_killed_at_any_moment(small_chunks, tmp_path):
     program = """
 import sys, numpy as np, sbfem_petsc as sb
 from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 module.CHUNK = 4
-r = reduce_matrices(np.eye(3), np.diag([1.0, 4.0, 9.0]), np.zeros((0, 3)), np.zeros(0), np.eye(3)[:, :1], {"x": 0}, 2)
+stiffness, load = np.diag([1.0, 4.0, 9.0]), np.eye(3)[:, :1]
+r = reduce_matrices(np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), load, {"x": 0}, 2)
 from sbfem_petsc.results.history import HistoryFile
 from mpi4py import MPI
-signals = [sb.Harmonic(1.0, 0.1)]
-with HistoryFile(MPI.COMM_SELF, sys.argv[1], False, r, signals, 10**5, 0.01, True, "exact", "rest", 1) as record:
-    module.integrate(r, signals, 10**5, 0.01, record=record, progress=lambda d: print(flush=True) if d < 1e-4 else None)
+signals, steps = [sb.Harmonic(1.0, 0.1)], 10**5
+def tell(done):
+    if done < 1e-4:
+        print(flush=True)
+comm, path = MPI.COMM_SELF, sys.argv[1]
+with HistoryFile(comm, path, False, r, signals, steps, 0.01, True, "exact", "rest", 1) as record:
+    module.integrate(r, signals, steps, 0.01, record=record, progress=tell)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     runs = [
@@ -363,8 +368,11 @@ def test_state_half_written(model, whole, small_chunks, tmp_path):
 
 
 def test_error_of_rank_0_on_both_ranks(tmp_path):
+    """Both ranks end, neither by the other's abort, and the sentence is printed once."""
     done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "0", "new", check=False, timeout=60)
-    assert done.returncode != 0 and done.stderr.count("cannot be written") >= 2
+    sentences = [line for line in done.stderr.splitlines() if line.startswith("ValueError: history file")]
+    assert done.returncode != 0 and len(sentences) == 1 and "cannot be written" in sentences[0]
+    assert "all ranks are stopped" not in done.stderr
 
 
 def test_animation(model, whole, tmp_path):

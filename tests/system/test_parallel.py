@@ -20,9 +20,17 @@ model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700))
 modes = sb.modal(model, 46 if kind == "paper" else 12)
 push = sb.static(model, sb.PointForce("A", fy=100.0) + sb.EdgeLoad("top", pressure=100.0))
 if comm.rank == 0:
-    print(json.dumps({"frequencies": modes.frequencies.tolist(), "A": push.displacement("A").tolist(), "force": push.contact_force.tolist(),
-                      "active": push.active.tolist(), "K": [list(v) for v in push.stress_intensity.values()], "unknowns": [model.boundary_unknowns, model.unknowns],
-                      "shapes": model.shapes, "elements": model.elements, "tip": modes.displacement("A")[:, 1].tolist()}))
+    print(json.dumps({
+        "frequencies": modes.frequencies.tolist(),
+        "A": push.displacement("A").tolist(),
+        "force": push.contact_force.tolist(),
+        "active": push.active.tolist(),
+        "K": [list(v) for v in push.stress_intensity.values()],
+        "unknowns": [model.boundary_unknowns, model.unknowns],
+        "shapes": model.shapes,
+        "elements": model.elements,
+        "tip": modes.displacement("A")[:, 1].tolist(),
+    }))
 """
 
 
@@ -102,8 +110,11 @@ load = sb.PointForce("A", fy=sb.ToneBurst(6000.0, 3000, 5))
 reduced = sb.transient(model, load, 0.002, step=2e-6, modes=40)
 full = sb.transient(model, load, 1e-4, step=2e-6, reduction=None)
 if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps({"u": reduced.displacement("A")[::20, 1].tolist(), "full": full.displacement("A")[::5, 1].tolist(),
-                      "active": (reduced.contact_force > 0).sum(axis=1)[::20].tolist()}))
+    print(json.dumps({
+        "u": reduced.displacement("A")[::20, 1].tolist(),
+        "full": full.displacement("A")[::5, 1].tolist(),
+        "active": (reduced.contact_force > 0).sum(axis=1)[::20].tolist(),
+    }))
 """
 
 

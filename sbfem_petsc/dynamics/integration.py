@@ -1,0 +1,123 @@
+"""Integration of a motion in chunks of steps, kept in memory or by a recorder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..petsc import MPI
+from .history import History
+
+Rows = dict[str, np.ndarray]
+
+
+class Column(NamedTuple):
+    """What a row holds under a name."""
+
+    shape: tuple[int, ...]
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Equal steps of a history.
+
+    Attributes
+    ----------
+    count : int
+    step : float
+        s.
+    contact : bool
+    scheme : str
+    decimation : int
+        Every so many steps are kept.
+    """
+
+    count: int
+    step: float
+    contact: bool
+    scheme: str
+    decimation: int
+
+    @property
+    def kept(self) -> int:
+        """Instants that are kept, the first one included."""
+        return 1 + self.count // self.decimation
+
+
+class Integrator(Protocol):
+    """A system that can be advanced: reduced or not."""
+
+    comm: MPI.Comm
+    chunk: int
+    columns: dict[str, Column]
+
+    def first(self) -> Rows:
+        """The row of t = 0, each array of length 1."""
+
+    def advance(self, done: int, steps: int, decimation: int) -> Rows:
+        """Take some steps after `done` ones; the rows of those that are kept."""
+
+    def checkpoint(self) -> np.ndarray:
+        """All that the further steps depend on, a flat array of constant length: this rank's part of it."""
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a checkpoint."""
+
+    def history(self, rows: Rows) -> History:
+        """The motion of all rows."""
+
+
+class Recorder(Protocol):
+    """Keeps rows and checkpoints while a motion is integrated."""
+
+    in_memory: bool
+
+    def resume(self) -> tuple[int, Rows, np.ndarray] | None:
+        """Steps done, rows and this rank's checkpoint of a former run; None for a new one. Collective."""
+
+    def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
+        """Keep the rows of a chunk and the state after it. Collective."""
+
+    def recorded(self) -> Rows:
+        """All rows. Collective."""
+
+
+def integrate(
+    integrator: Integrator,
+    steps: Steps,
+    recorder: Recorder | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> History:
+    """Advance a system over all steps."""
+    done, former = 0, recorder.resume() if recorder is not None else None
+    if former is not None:
+        done, rows, checkpoint = former
+        integrator.restore(checkpoint)
+        parts = [rows]
+    else:
+        parts = [integrator.first()]
+        if recorder is not None:
+            recorder.append(0, parts[0], integrator.checkpoint())
+    in_memory = recorder is None or recorder.in_memory
+    while done < steps.count:
+        if not in_memory:
+            parts.clear()
+        size = min(integrator.chunk, steps.count - done)
+        rows = integrator.advance(done, size, steps.decimation)
+        done += size
+        parts.append(rows)
+        if recorder is not None:
+            recorder.append(done, rows, integrator.checkpoint())
+        if progress is not None:
+            progress(done / steps.count)
+    if recorder is not None and not in_memory:
+        return integrator.history(recorder.recorded())
+    # one list after another is given up, so that not everything is held twice
+    return integrator.history(
+        {name: np.concatenate([part.pop(name) for part in parts]) for name in integrator.columns}
+    )

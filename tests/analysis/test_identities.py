@@ -1,0 +1,187 @@
+"""What holds exactly or in closed form: energies from the matrices, gaps from the points, a rigid body on
+springs, series that give their function back, multipliers by another integrator.
+"""
+
+import numpy as np
+import pytest
+from scipy import integrate, linalg
+
+import sbfem_petsc as sb
+from meshing import Beam
+from tests.systems import (
+    CHAIN_COMPLIANCE,
+    CHAIN_MASS,
+    CHAIN_STIFFNESS,
+    chain,
+    short_beam,
+    two_masses,
+)
+
+TURN = 2.0 * np.pi
+
+
+# ---------------------------------------------------------------- energy of a history
+
+
+@pytest.mark.parametrize("modes", [5, 3])
+def test_energies_are_those_of_the_matrices(modes):
+    """A chain with two stops, in all or in three modes: at each instant the strain energy is u'Ku / 2 and the
+    stops' own, the kinetic energy v'Mv / 2, to round-off.
+
+    The loads' work is compared with the trapezoidal rule, of second order in the step: 1e-6 is met. So are
+    the balance, which damping's trapezoidal rule limits, and the work that contact does in steps that switch.
+    """
+    system = chain(modes)
+    loads = [sb.Harmonic(0.3, 0.11), sb.Harmonic(-0.2, 0.05, 0.4)]
+    history = sb.transient(system, loads, 40.0, step=5e-3)
+    assert (np.count_nonzero(history.contact_force, axis=0) > 500).all()
+    u, v = (
+        np.stack([of(str(k))[:, 1] for k in range(5)], axis=1)
+        for of in (history.displacement, history.velocity)
+    )
+    energy = history.energy
+    stops = 0.5 * (CHAIN_COMPLIANCE * history.contact_force**2).sum(axis=1)
+    strain = 0.5 * ((u @ CHAIN_STIFFNESS) * u).sum(axis=1) + stops
+    kinetic = 0.5 * ((v @ CHAIN_MASS) * v).sum(axis=1)
+    np.testing.assert_allclose(energy.strain, strain, atol=1e-13 * strain.max())
+    np.testing.assert_allclose(energy.kinetic, kinetic, atol=1e-13 * kinetic.max())
+    force = np.stack([load(history.time) for load in loads], axis=1)
+    work = np.cumsum((0.5 * (force[1:] + force[:-1]) * np.diff(u[:, [0, 3]], axis=0)).sum(axis=1))
+    scale = np.abs(work).max()
+    np.testing.assert_allclose(energy.external[1:], work, atol=5e-6 * scale)
+    assert energy.damping[-1] > 0.3 * scale
+    assert np.abs(energy.balance).max() < 5e-6 * scale and np.abs(energy.contact).max() < 5e-5 * scale
+
+
+def test_energy_balance_is_of_fourth_order():
+    """Without damping and contact: the loads' work is a quadrature with slopes at both ends, of fourth order
+    in the step (without them: second).
+    """
+    stiffness = 2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
+    system = sb.reduce_matrices(
+        np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), np.eye(3)[:, [0]], {"first": 0}
+    )
+    errors = []
+    for step in (0.2, 0.1, 0.05):
+        energy = sb.transient(system, [sb.Harmonic(1.0, 0.1)], 40.0, step=step).energy
+        errors.append(np.abs(energy.balance).max() / np.abs(energy.external).max())
+    assert errors[0] < 1e-6 and np.diff(np.log2(errors)) == pytest.approx([-4.0, -4.0], abs=0.05)
+
+
+# ---------------------------------------------------------------- the mass that a moving support sets going
+
+
+@pytest.mark.parametrize("share", [0.3, 0.7])
+def test_bar_on_a_moving_wall(share):
+    """Without Poisson's effect a block of one S-element held at its left end is a bar: driven at a share of
+    its first resonance its free end moves by -a / w^2 (1 / cos(w L / c) - 1) against the wall. All of its
+    inertia takes part, an eighth of the first mode's through the auxiliary unknowns. The modes left out act
+    statically: 3e-4 and 1e-3 with 8 modes (1e-6 with 60 on a finer mesh).
+    """
+    side, material = 0.02, sb.Material(70e9, 0.0, 2700.0)
+    model = sb.Model(Beam(side, side).mesh(order=6, corners=()), material, continued_fraction=3)
+    speed = np.sqrt(70e9 / 2700.0)
+    omega = share * 0.5 * np.pi * speed / side
+    orbit = sb.periodic(
+        model, sb.SupportMotion(ax=1.0), omega / TURN, contact=False, modes=8, stability=False
+    )
+    exact = 1j / omega**2 * (1.0 / np.cos(omega * side / speed) - 1.0)
+    assert abs(orbit.harmonics("A", "x")[1] - exact) < 2e-3 * abs(exact)
+
+
+# ---------------------------------------------------------------- unreduced steps under strong modal damping
+
+
+def test_gaps_of_the_unreduced_model_are_those_of_its_points():
+    """Whatever the damping, the gap by which contact is decided is the distance between the faces: at the
+    mouth that of B and C. A damping ratio of 0.3 in 20 modes is felt within a step.
+    """
+    load = sb.PointForce("A", fy=sb.Step(3e4, rise=1e-5))
+    history = sb.transient(short_beam(damping=0.3), load, 3e-4, step=5e-6, modes=20, reduction=None)
+    mouth = int(np.argmax(history.gap[0]))
+    assert (history.contact_force[:, mouth] > 0.0).any()
+    distance = (history.displacement("B") - history.displacement("C"))[:, 0]
+    expected = history.gap[0, mouth] + distance
+    np.testing.assert_allclose(history.gap[:, mouth], expected, atol=1e-10 * np.abs(distance).max())
+
+
+# ---------------------------------------------------------------- spectra
+
+
+@pytest.mark.parametrize("steps", [48, 49])
+def test_spectrum_gives_the_motion_back(steps):
+    """Re sum_k c_k exp(i k w t) is the displacement at every instant, with an even number of steps too, where
+    the highest line stands for itself alone; it is there where a stop acts through flexibility alone.
+    """
+    orbit = sb.periodic(chain(3), [0.3, 0.1], 0.11, steps=steps, stability=False)
+    lines, u = orbit.spectrum("1"), orbit.displacement("1")[:, 1]
+    turns = TURN * np.arange(len(lines)) * orbit.time[:, None] * orbit.frequency
+    assert steps % 2 or abs(lines[-1]) > 1e-4 * np.abs(u).max()
+    np.testing.assert_allclose((np.exp(1j * turns) @ lines).real, u, atol=1e-12 * np.abs(u).max())
+
+
+# ---------------------------------------------------------------- multipliers
+
+
+def exact_period(state, omega, force=0.1):
+    """Two masses and their stop over a period by Runge-Kutta steps between switches, which are located: the
+    end state and its derivative, a product of matrix exponentials (forces are continuous at a switch).
+    """
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    zero, one = np.zeros((2, 2)), np.eye(2)
+    matrices = [
+        np.block([[zero, one], [-(stiffness + np.diag([stop, 0.0])), -0.03 * stiffness]])
+        for stop in (0.0, 100.0)
+    ]
+    time, end, closed, whole = 0.0, TURN / omega, bool(state[0] < -1.0), np.eye(4)
+    while time < end:
+        matrix, push = matrices[closed], -100.0 * closed
+
+        def rate(t, x, matrix=matrix, push=push):
+            return matrix @ x + np.array([0.0, 0.0, push, force * np.sin(omega * t)])
+
+        def gap(t, x):
+            return x[0] + 1.0
+
+        gap.terminal, gap.direction = True, 1.0 if closed else -1.0
+        piece = integrate.solve_ivp(
+            rate, (time, end), state, method="DOP853", rtol=1e-12, atol=1e-13, events=gap
+        )
+        whole = linalg.expm(matrix * (piece.t[-1] - time)) @ whole
+        time, state = piece.t[-1], piece.y[:, -1]
+        closed ^= piece.status == 1
+    return state, whole
+
+
+def test_multipliers_by_another_integrator():
+    """A motion that closes and opens the stop once: the multipliers' moduli are those of the exact motion, to
+    second order in the step, since switches are located inside their steps.
+    """
+    system, omega, errors = two_masses(), 0.2 * np.pi, []
+    for steps in (512, 1024, 2048):
+        orbit = sb.periodic(system, [0.1], omega / TURN, steps=steps)
+        assert 0 < np.count_nonzero(orbit.contact_force) < steps
+        state = np.array([of(p)[0, 1] for of in (orbit.displacement, orbit.velocity) for p in "12"])
+        for _ in range(6):
+            end, derivative = exact_period(state, omega)
+            state = state + np.linalg.solve(np.eye(4) - derivative, end - state)
+        exact = np.sort(np.abs(np.linalg.eigvals(derivative)))[::-1]
+        assert np.linalg.norm(exact_period(state, omega)[0] - state) < 1e-10
+        errors.append(np.abs(np.abs(orbit.multipliers) - exact).max())
+    assert errors[-1] < 2e-5 and np.polyfit([9, 10, 11], np.log2(errors), 1)[0] < -1.8
+
+
+def test_uncertainty_of_multipliers_is_a_matter_of_phase():
+    """A load that is half a step late puts the switches elsewhere in the grid's steps: the largest modulus
+    changes by `multiplier_error`. A load that is a whole step late changes nothing.
+    """
+    system, frequency, steps = two_masses(), 0.1, 256
+
+    def late(part):
+        phase = -TURN * part / steps
+        return sb.periodic(system, [sb.Harmonic(0.1, frequency, phase)], frequency, steps=steps)
+
+    there, half, whole = (late(part) for part in (0.0, 0.5, 1.0))
+    changes = [abs(abs(other.multipliers[0]) - abs(there.multipliers[0])) for other in (half, whole)]
+    assert there.multiplier_error > 1e-6 and changes[1] < 1e-8
+    assert changes[0] == pytest.approx(there.multiplier_error, rel=1e-3)

@@ -1,0 +1,28 @@
+"""Workers that run side by side: one thread and one cache of compiled functions each."""
+
+from __future__ import annotations
+
+import os
+import pathlib
+
+import pytest
+
+ROOT = pathlib.Path(__file__).parents[1]
+
+# Before anything loads a BLAS: small dense blocks, and more than one process at work.
+for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
+    os.environ.setdefault(_name, "1")
+
+# Two processes that add different signatures of one function to numba's cache at the same moment may give
+# both the same file: each worker has its own cache, and so have the programs that it starts.
+_worker = os.environ.get("PYTEST_XDIST_WORKER")
+if _worker:
+    _shared = os.environ.get("NUMBA_CACHE_DIR", str(ROOT / ".pytest_cache" / "numba"))
+    os.environ["NUMBA_CACHE_DIR"] = os.path.join(_shared, _worker)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is long is slow too: `-m "not slow"` on the command line replaces the default `not long`."""
+    for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker(pytest.mark.slow)

@@ -1,0 +1,72 @@
+"""Systems that several test files take: two masses with a stop, the paper's beam."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from tests.reference import paper_beam
+
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+
+
+def two_masses(damping: float = 0.03) -> sb.Reduction:
+    """Masses 1, 1 on springs 1 between and 1 to ground, damping `damping` K, a force on the second mass, an
+    elastic stop (100) for the first at a distance of 1: example 03 of NLvib, in rad/s.
+    """
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    return sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"1": 0, "2": 1},
+        damping=damping * stiffness,
+        compliance=np.array([0.01]),
+    )
+
+
+CHAIN_MASS = np.diag([1.0, 2.0, 1.0, 3.0, 1.0])
+CHAIN_STIFFNESS = 2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
+CHAIN_COMPLIANCE = np.array([0.05, 0.1])
+
+
+def chain(modes: int = 5, damping: float = 0.03) -> sb.Reduction:
+    """Five masses between two walls, forces on "0" and "3", elastic stops 0.02 from "1" and "4"; in fewer
+    modes than five the others act by their flexibility.
+    """
+    return sb.reduce_matrices(
+        CHAIN_MASS,
+        CHAIN_STIFFNESS,
+        np.eye(5)[[1, 4]],
+        np.full(2, 0.02),
+        np.eye(5)[:, [0, 3]],
+        {str(k): k for k in range(5)},
+        modes,
+        damping,
+        CHAIN_COMPLIANCE,
+    )
+
+
+def short_beam(damping: float = 0.0) -> sb.Model:
+    """50 x 5 mm with the paper's notch at 20 mm, order 3: small and fast, 1.6 kHz its first frequency."""
+    beam = Beam(0.05, 0.005, (VNotch(0.02, 0.0025, 0.0458366),))
+    return sb.Model(beam.mesh(order=3, tip_size=2e-4), ALUMINIUM, damping=damping)
+
+
+@functools.cache
+def case_p(damping: float = 0.0) -> sb.Model:
+    """The paper's beam (80 mm, mouth of 2 micrometres, Poisson's ratio 0.33) on the default mesh; one for the
+    whole run, not to be destroyed.
+    """
+    return sb.Model(paper_beam().mesh(), ALUMINIUM, damping=damping)
+
+
+@functools.cache
+def coarse_beam(damping: float = 0.0) -> sb.Model:
+    """The same beam of order 3 with a tip element of 0.2 mm: small, for what does not depend on the mesh."""
+    return sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), ALUMINIUM, damping=damping)
