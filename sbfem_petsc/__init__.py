@@ -54,6 +54,7 @@ _HOME = {
     "Custom": "signals",
     "Constant": "signals",
     "on_root": "parallel",
+    "sweep": "study.sweep",
 }
 
 __all__ = ["__version__", *_HOME]

@@ -109,7 +109,8 @@ def wrong_option(words: list[str]) -> str | None:
 
 
 def start_petsc(words: list[str]) -> None:
-    """Start PETSc with its options; it names, at the end, those that no solve has asked for: misspelt ones."""
+    """Start PETSc with its options; it names, at the end, those that no solve has asked for: "
+    "misspelt ones."""
     import petsc4py
 
     told = [] if any(w.startswith("-options_left") for w in words) or not words else ["-options_left"]

@@ -62,7 +62,8 @@ def examine(comm: Any) -> dict[str, Any]:
     found["OMP_NUM_THREADS"] = threads
     if comm.size > 1 and threads not in ("1",):
         faults.append(
-            f"OMP_NUM_THREADS is {threads or 'not set'} with {comm.size} ranks, which then disturb each other; "
+            f"OMP_NUM_THREADS is {threads or 'not set'} with {comm.size} ranks, which then disturb "
+            "each other; "
             "set it to 1"
         )
     if found["mpiexec"] is None:
@@ -82,7 +83,8 @@ def _petsc(found: dict[str, Any], faults: list[str]) -> None:
     found["direct_solvers"] = solvers
     if "complex" in found["scalar"]:
         faults.append(
-            "this PETSc computes with complex numbers; use a build with real scalars (PETSC_ARCH ending in -real)"
+            "this PETSc computes with complex numbers; use a build with real scalars (PETSC_ARCH "
+            "ending in -real)"
         )
     if "mumps" not in solvers:
         faults.append(

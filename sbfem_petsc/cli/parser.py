@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import IO, Any, NoReturn
+from typing import Any, NoReturn
 
 import sbfem_petsc as sb
 
@@ -32,7 +32,7 @@ class _Parser(argparse.ArgumentParser):
             sys.stderr.write(f"{self.prog}: error: {message}\n")
         raise SystemExit(2)
 
-    def _print_message(self, message: str, file: IO[str] | None = None) -> None:
+    def _print_message(self, message: str, file: Any = None) -> None:
         if message and _first():
             super()._print_message(message, file)
 
@@ -50,8 +50,10 @@ def make_parser() -> argparse.ArgumentParser:
         prog="sbfem",
         description="Vibration of structures with breathing cracks, from a case file to data and pictures.",
         epilog=f"A first case:\n  sbfem new beam case.toml\n  sbfem check case.toml\n  sbfem run case.toml "
-        "--output results\n\nOn several ranks: mpiexec -n 4 sbfem run case.toml --output results\n\nWords after "
-        f"-- go to PETSc and SLEPc, by the prefix of each solve:\n{prefixes}\n  for example  sbfem run case.toml "
+        "--output results\n\nOn several ranks: mpiexec -n 4 sbfem run case.toml --output "
+        "results\n\nWords after "
+        f"-- go to PETSc and SLEPc, by the prefix of each solve:\n{prefixes}\n  for example  sbfem "
+        "run case.toml "
         f"-- -static_ksp_type cg -log_view\n\n{EXIT_CODES}",
     )
     parser.add_argument("--version", action="version", version=f"sbfem-petsc {sb.__version__}")
@@ -70,7 +72,8 @@ def make_parser() -> argparse.ArgumentParser:
     check = command(
         "check",
         "validate a case; say its extent, unknowns, contact pairs, and what it will take",
-        "Memory, disk and time are estimates from measurements on one core, good to a factor of two or three.",
+        "Memory, disk and time are estimates from measurements on one core, good to a factor of "
+        "two or three.",
     )
     check.add_argument("case", metavar="CASE", help="case file")
     check.add_argument("--json", action="store_true", help="answer in JSON on standard output")
@@ -88,8 +91,8 @@ def make_parser() -> argparse.ArgumentParser:
     sweep = command(
         "sweep",
         "run a case for all values of its [sweep] table",
-        "Writes DIR/sweep.h5 and DIR/sweep.csv. Finished rows are not repeated; failed ones are tried again.\n\n"
-        + EXIT_CODES,
+        "Writes DIR/sweep.h5 and DIR/sweep.csv. Finished rows are not repeated; failed ones are "
+        "tried again.\n\n" + EXIT_CODES,
     )
     for made, folder in ((run, "output/NAME"), (sweep, "output/NAME_sweep")):
         made.add_argument("case", metavar="CASE", help="case file")

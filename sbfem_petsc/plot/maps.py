@@ -142,7 +142,7 @@ def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any
 
     logarithmic = low > 0.0 and high > 30.0 * low
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
-    drawn = None
+    drawn: Any = None
     panels = []
     for k, (text, rows) in enumerate(families):
         panel = drawing.add_subplot(lines, columns, k + 1)

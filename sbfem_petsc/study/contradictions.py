@@ -53,7 +53,8 @@ def _geometry(case: Any, folder: str) -> Iterator[Problem]:
         if not os.path.isfile(path):
             yield Problem(
                 ("geometry", "file"),
-                f"= {case.geometry.file!r} does not exist in {folder!r}; name a gmsh model relative to the case "
+                f"= {case.geometry.file!r} does not exist in {folder!r}; name a gmsh model "
+                "relative to the case "
                 "file",
             )
         if case.points:
@@ -71,7 +72,7 @@ def _materials(case: Any) -> Iterator[Problem]:
         )
     if case.material is None and not case.materials:
         yield Problem(("material",), "is missing; add [material] with young, poisson and density")
-    found = [(("material",), case.material)] if case.material is not None else []
+    found: list[tuple[Path, Any]] = [(("material",), case.material)] if case.material is not None else []
     found += [(("materials", name), material) for name, material in case.materials.items()]
     for path, material in found:
         if material.kind == "isotropic" and material.plane == "strain" and material.poisson >= 0.5:
@@ -83,7 +84,8 @@ def _model(case: Any) -> Iterator[Problem]:
     if model.clamped is None and not model.supports and case.geometry.kind != "beam":
         yield Problem(
             ("model", "clamped"),
-            f"is missing, which only a beam has a default for; name an edge set of the {case.geometry.kind}, or "
+            f"is missing, which only a beam has a default for; name an edge set of the "
+            f"{case.geometry.kind}, or "
             "write clamped = [] for a free structure",
         )
     free = model.clamped == [] and not model.supports
@@ -91,7 +93,8 @@ def _model(case: Any) -> Iterator[Problem]:
         if free and analysis.kind != "modal":
             yield Problem(
                 ("analyses", name, "kind"),
-                f"= {analysis.kind!r} needs a structure held against every rigid-body motion, but model.clamped "
+                f"= {analysis.kind!r} needs a structure held against every rigid-body motion, but "
+                "model.clamped "
                 "= [] and there are no supports; clamp an edge set",
             )
     rayleigh = model.rayleigh
@@ -148,7 +151,8 @@ def _analyses(case: Any) -> Iterator[Problem]:
         if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
             yield Problem(
                 (*path, "pump_frequency"),
-                f"= {analysis.pump_frequency:g} must be below probe_frequency = {analysis.probe_frequency:g}, in "
+                f"= {analysis.pump_frequency:g} must be below probe_frequency = "
+                f"{analysis.probe_frequency:g}, in "
                 "Hz; exchange pump and probe",
             )
         if analysis.kind == "transient":

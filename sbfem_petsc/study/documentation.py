@@ -36,11 +36,11 @@ from .load_tables import SIGNALS, EdgeLoad, PointForce, SupportMotion
 
 _HEAD = """# The case file
 
-A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io): tables in
-brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one, `sbfem check case.toml`
-validates it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees. Keys
-without a default have to be given. This page is generated from the program's own tables; `case_file.schema.json` beside
-it lets an editor check and complete a case file.
+A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io):
+tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one,
+`sbfem check case.toml` validates it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units
+are SI, angles are in degrees. Keys without a default have to be given. This page is generated from the
+program's own tables; `case_file.schema.json` beside it lets an editor check and complete a case file.
 """
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
@@ -51,15 +51,18 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[mesh]", "", (Mesh,)),
     (
         "[material] or [materials.REGION]",
-        "One `[material]` for the whole body, or one table for each region of the mesh (the physical surfaces of a "
+        "One `[material]` for the whole body, or one table for each region of the mesh (the "
+        "physical surfaces of a "
         "gmsh model).",
         (Isotropic, Orthotropic),
     ),
     ("[model]", "", (ModelTable, Support, RayleighBand)),
     (
         "[loads.NAME]",
-        'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = 1.0, frequency = '
-        "50.0 }`. What a number means depends on the analysis: a constant force in `static` and `transient`, the "
+        'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = '
+        "1.0, frequency = "
+        "50.0 }`. What a number means depends on the analysis: a constant force in `static` and "
+        "`transient`, the "
         "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response` and `modulation`.",
         (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
     ),
@@ -67,7 +70,8 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     ("[output]", "", (Output,)),
     (
         "[sweep]",
-        "Run by `sbfem sweep`. Parameters are dotted paths into the case; `[0]` is the first entry of an array.",
+        "Run by `sbfem sweep`. Parameters are dotted paths into the case; `[0]` is the first entry "
+        "of an array.",
         (SweepTable, Range, Noise),
     ),
 )

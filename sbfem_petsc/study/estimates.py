@@ -1,7 +1,7 @@
-"""What a case will take: sizes from its mesh and model, memory, disk and time by rules fitted to measurements.
+"""What a case will take: sizes from its mesh and model; memory, disk and time by fitted rules.
 
-Measured on one core of a server (2.x GHz, MUMPS), beams of 1,000 to 37,000 unknowns with 16 to 41 contact pairs,
-40 to 80 modes: the rules below meet those times within a factor of two or so.
+Measured on one core of a server with MUMPS, beams of 3,000 to 37,000 unknowns with 16 to 41 contact pairs and
+46 to 80 modes: the rules meet those times within a factor of two or three.
 """
 
 from __future__ import annotations

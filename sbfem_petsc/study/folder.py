@@ -38,7 +38,7 @@ class Folder:
 
     def __init__(self, path: str, case: Case, what: str, replace: bool = False):
         self.path = path
-        self.lock: TextIO | None = open(os.path.join(path, LOCK), "w")  # noqa: SIM115 - held until close
+        self.lock: TextIO | None = open(os.path.join(path, LOCK), "w")  # held until close
         try:
             fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -67,14 +67,16 @@ class Folder:
             former = read_json(self.state_file)
             if former.get("case") != mine["case"]:
                 raise ValueError(
-                    f"{self.path!r} holds the {what} of another case; name another folder with --output, or give "
+                    f"{self.path!r} holds the {what} of another case; name another folder with "
+                    "--output, or give "
                     "--replace to overwrite it"
                 )
             for name in ("version", "format_version"):
                 if former.get(name) != mine[name]:
                     raise ValueError(
                         f"{self.path!r} was written by version {former.get('version')}, and this is "
-                        f"{sb.__version__}; name another folder with --output, or give --replace to compute it "
+                        f"{sb.__version__}; name another folder with --output, or give --replace "
+                        "to compute it "
                         "again"
                     )
             os.makedirs(self.parts, exist_ok=True)

@@ -36,7 +36,7 @@ def parsed(name: str) -> Path:
             break
         at = found.end()
         path.append(int(found[3]) if found[3] is not None else found[1] if found[1] is not None else found[2])
-    if at != len(name) or not path or isinstance(path[0], int):
+    if at != len(name) or not path or isinstance(path[0], int) or name.startswith("."):
         raise ValueError("is no path into the case; write it as in geometry.notches[0].depth")
     return tuple(path)
 
@@ -119,12 +119,12 @@ def rows(sweep: SweepTable) -> list[dict[str, Any]]:
     if sweep.method == "latin_hypercube":
         assert sweep.samples is not None
         unit = qmc.LatinHypercube(d=len(names), seed=sweep.seed).random(sweep.samples)
-        columns = [
+        shares = [
             _between(values, unit[:, k])
             for k, values in enumerate(sweep.parameters.values())
             if isinstance(values, Range)
         ]
-        return [dict(zip(names, map(float, row))) for row in np.stack(columns, axis=1)]
+        return [dict(zip(names, map(float, row))) for row in np.stack(shares, axis=1)]
     columns = [_values(values) for values in sweep.parameters.values()]
     chosen = zip(*columns) if sweep.method == "list" else itertools.product(*columns)
     return [dict(zip(names, row)) for row in chosen]

@@ -149,8 +149,8 @@ def _in_unit(path: Path, table: type[BaseModel] | None) -> str:
 def _place(
     loc: tuple, data: Any, root: type[BaseModel], missing: bool
 ) -> tuple[Path, type[BaseModel] | None, list[str]]:
-    """The user's path of an error, the table that its last key stands in, and the kinds that what stands there
-    may have; marks that tell the members of a union apart are left out.
+    """The user's path of an error, the table that its last key stands in, and the kinds that what stands
+    there may have; marks that tell the members of a union apart are left out.
     """
 
     path: Path = ()

@@ -8,7 +8,7 @@ import math
 import os
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,14 +26,17 @@ from .sweep_file import Sweep
 _ROWS = 60
 _STYLE = """
 :root { color-scheme: light; }
-body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto; padding: 1rem; }
-h1 { font-size: 1.6rem; margin-bottom: 0; } h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ccd; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto;
+  padding: 1rem; }
+h1 { font-size: 1.6rem; margin-bottom: 0; }
+h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ccd; }
 p.facts { color: #556; margin-top: .2rem; }
 .wide { overflow-x: auto; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { color: #556; font-weight: 600; }
-img { max-width: 100%; height: auto; } figure { margin: 1rem 0; } figcaption { color: #556; font-size: .9rem; }
+img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
+figcaption { color: #556; font-size: .9rem; }
 pre { background: #f4f6f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }
 .failed { color: #a02010; }
 """
@@ -112,8 +115,8 @@ def _run(results: RunResults, folder: str) -> Iterator[str]:
 def _analysis(kind: str, tree: Tree) -> Iterator[str]:
     if kind == "modal":
         frequencies = tree["frequencies"].value
-        rows = [(str(k + 1), number(f)) for k, f in enumerate(frequencies[:_ROWS])]
-        yield _table(rows, ("mode", "frequency, Hz"))
+        modes = [(str(k + 1), number(f)) for k, f in enumerate(frequencies[:_ROWS])]
+        yield _table(modes, ("mode", "frequency, Hz"))
         return
     if "harmonics" in tree and kind in ("periodic", "modulation"):
         points = list(tree["harmonics"])
@@ -191,7 +194,7 @@ def _sweep(results: Sweep, folder: str) -> Iterator[str]:
     yield _case(results.text)
 
 
-def _table(rows: list[tuple[str, ...]], heading: tuple[str, ...] = ()) -> str:
+def _table(rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> str:
     if not rows:
         return ""
     head = "".join(f"<th>{html.escape(h)}</th>" for h in heading)

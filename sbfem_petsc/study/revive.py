@@ -39,7 +39,8 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
             if os.path.isfile(os.path.join(name, candidate)):
                 return read_any(os.path.join(name, candidate))
         raise ValueError(
-            f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  sbfem sweep  wrote"
+            f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
+            "sbfem sweep  wrote"
         )
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
@@ -112,7 +113,8 @@ def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
 def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
     """Pictures of a run or sweep. Collective.
 
-    Histories, periodic motions and curves are read; modes and static solutions are computed again from the case.
+    Histories, periodic motions and curves are read; modes and static solutions are computed again from the
+    case.
 
     Returns
     -------

@@ -1,4 +1,5 @@
-"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill cuts off is seen."""
+"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill "
+"cuts off is seen."""
 
 from __future__ import annotations
 

@@ -92,16 +92,15 @@ def run_case(
 
     comm = MPI.COMM_WORLD if comm is None else comm
     watch = Watch() if watch is None else watch
-    if not isinstance(case, Case):
-        with collective(comm):
-            case = read_case(case)
+    with collective(comm):
+        checked = case if isinstance(case, Case) else read_case(case)
     path = check_output_folder(os.fspath(output), comm)
     folder: Folder | None = None
     with collective(comm):
         if comm.rank == 0:
-            folder = Folder(path, case, "run", replace)
+            folder = Folder(path, checked, "run", replace)
     try:
-        return _Run(case, path, folder, comm, watch).all()
+        return _Run(checked, path, folder, comm, watch).all()
     finally:
         if folder is not None:
             folder.close()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import tempfile
 from collections.abc import Iterator
 from typing import Any
 
@@ -17,25 +16,19 @@ from .summaries import Quantity, Tree
 
 @contextlib.contextmanager
 def replaced(path: str) -> Iterator[str]:
-    """A temporary name that becomes `path` when all went well; the file reaches the disk before."""
-    folder = os.path.dirname(os.path.abspath(path))
-    handle, temporary = tempfile.mkstemp(prefix=f".{os.path.basename(path)}.", dir=folder)
-    os.close(handle)
+    """A temporary name that becomes `path` when all went well; the file reaches the disk before.
+
+    The name is always the same, so that what a killed process has left is overwritten by the next.
+    """
+    temporary = os.path.join(os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.part")
     try:
         yield temporary
         with open(temporary, "rb") as file:
             os.fsync(file.fileno())
-        os.chmod(temporary, 0o666 & ~_umask())
         os.replace(temporary, path)
     finally:
         if os.path.exists(temporary):
             os.remove(temporary)
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def write_json(path: str, value: Any) -> None:

@@ -93,7 +93,7 @@ def sweep(
 
     comm = MPI.COMM_WORLD if comm is None else comm
     with collective(comm):
-        case = case if isinstance(case, Case) else read_case(case)
+        checked = case if isinstance(case, Case) else read_case(case)
         if parameters is not None:
             table = {
                 "parameters": dict(parameters),
@@ -106,12 +106,14 @@ def sweep(
                 "ranks_per_row": ranks_per_row,
                 "histories": histories,
             }
-            case = case.with_data({**case.data, "sweep": {k: v for k, v in table.items() if v is not None}})
-        if case.tables.sweep is None:
-            raise case.problem(("sweep",), "is missing; add [sweep.parameters] with the keys that vary")
-        together_on = case.tables.sweep.ranks_per_row
+            checked = checked.with_data(
+                {**checked.data, "sweep": {k: v for k, v in table.items() if v is not None}}
+            )
+        if checked.tables.sweep is None:
+            raise checked.problem(("sweep",), "is missing; add [sweep.parameters] with the keys that vary")
+        together_on = checked.tables.sweep.ranks_per_row
         if comm.size % together_on:
-            raise case.problem(
+            raise checked.problem(
                 ("sweep", "ranks_per_row"),
                 f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
             )
@@ -121,9 +123,9 @@ def sweep(
         folder: Folder | None = None
         with collective(comm):
             if comm.rank == 0:
-                folder = Folder(folder_path, case, "sweep", replace)
+                folder = Folder(folder_path, checked, "sweep", replace)
         try:
-            return _Sweeping(case, folder_path, comm, told).all()
+            return _Sweeping(checked, folder_path, comm, told).all()
         finally:
             if folder is not None:
                 folder.close()
@@ -271,7 +273,7 @@ def _shift(cracked: np.ndarray, healthy: np.ndarray) -> np.ndarray:
     """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
     shift = np.full(len(cracked), np.nan)
     both = min(len(cracked), len(healthy))
-    shift[:both] = indicators.frequency_shift(cracked[:both], healthy[:both])
+    shift[:both] = indicators.frequency_shift(cracked[:both].tolist(), healthy[:both].tolist())
     return shift
 
 
@@ -286,7 +288,8 @@ def _shared(comm: Any, group: Any, count: int) -> Iterator[int]:
 
     window = MPI.Win.Allocate(8 if comm.rank == 0 else 0, 8, comm=comm)
     if comm.rank == 0:
-        np.frombuffer(window.tomemory(), dtype=np.int64)[:] = 0
+        counter: Any = window.tomemory()
+        np.frombuffer(counter, dtype=np.int64)[:] = 0
     comm.Barrier()
     one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
     try:

@@ -125,7 +125,7 @@ def write(sweep: Sweep, case: Case, folder: str) -> None:
         )
         write_case(file.create_group("case"), case)
         text = h5py.string_dtype()
-        # a path with dots and brackets is an attribute: names in HDF5 may hold them, readers stumble over them
+        # paths with dots and brackets are attributes: readers stumble over them in names
         for k, (name, column) in enumerate(sweep.inputs.items()):
             kind = text if column.dtype.kind in "US" else None
             data = file.create_dataset(
@@ -143,7 +143,8 @@ def write(sweep: Sweep, case: Case, folder: str) -> None:
 
 def write_csv(sweep: Sweep, path: str) -> None:
     """Write inputs, scalar values and short arrays, a row a line; units in the heading."""
-    heading, columns = ["row"], [list(range(len(sweep)))]
+    heading: list[str] = ["row"]
+    columns: list[list[Any]] = [list(range(len(sweep)))]
     for name, column in sweep.inputs.items():
         heading.append(name)
         columns.append(column.tolist())

@@ -21,7 +21,7 @@ height = 0.01
 [[geometry.notches]]
 x = 0.05
 depth = 0.004
-opening = 0.05
+opening = 0.005
 
 [mesh]
 order = 3

@@ -11,8 +11,8 @@ from tests.study.small_case import CASE, SWEEP
 
 NEW = "<new>"  # mark of the line on which the fault stands
 
-# (what is replaced, by what, item, remedy): the fault stands on the line of the mark, or of the replacement's first
-# line.
+# (what is replaced, by what, item, remedy): the fault stands on the line of the mark, or of the replacement's
+# first line; where a table lacks something, its line is the fifth entry.
 WRONG = [
     # TOML itself
     ("length = 0.1", "length = = 0.1", "length = = 0.1", "write key = value"),
@@ -78,7 +78,7 @@ WRONG = [
     ("damping = 0.01", "damping = 1.0", "model.damping = 1.0", "must be less than 1"),
     ("frequency = 400.0", "frequency = 0.0", "analyses.steady.frequency", "must be greater than 0, in Hz"),
     ("steps = 256", "steps = 4", "analyses.steady.steps = 4", "must be at least 48"),
-    ("opening = 0.05", "opening = -1.0", "geometry.notches[0].opening", "must be at least 0, in degree"),
+    ("opening = 0.005", "opening = -1.0", "geometry.notches[0].opening", "must be at least 0, in degree"),
     ("count = 5", "count = 0", "analyses.frequencies.count = 0", "must be at least 1"),
     ("count = 5", "band = [100.0]", "analyses.frequencies.band", "at least 2 expected"),
     # names and kinds
