@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..dynamics.steady import Search, find_steady_state
 from ..errors import SolveError, on_all_ranks
 from ..loads import separate
 from ..material import positive
@@ -15,7 +16,6 @@ from ..parallel import collective
 from ..reduction import Reduction, check_reduction, communicator, reduce
 from ..signals import Harmonic, as_signal
 from ..system.model import Model
-from .continuation import Station, Trace
 from .harmonic import Drive, one_sided
 from .modal_history import ModalHistory
 from .shooting import JACOBIANS, DrivenPeriod, Motion, Period, Shot, shoot
@@ -27,13 +27,8 @@ STEPS, LONGEST = 512, 64
 FULL_MODES = 40
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
-# Periods of a history after which Newton's method is tried again.
-SETTLING = (1, 3, 10, 30)
 # Bytes that the arrays of one period may take.
 MEMORY = 8e9
-# Factor on the oscillating loads from which a ramp starts where Newton's method does not converge at full
-# load.
-RAMP = 0.02
 # Uncertainty of multipliers below which rounding is all there is.
 FLOOR = 1e-9
 
@@ -57,8 +52,8 @@ class Orbit(ModalHistory):
     residuals : tuple of float
         Norm of x(T) - x(0) at each Newton iterate.
     path : str
-        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
-        "point of a curve" or "period doubling".
+        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load", "ramp
+        of the damping", "neighbouring frequency", "point of a curve" or "period doubling".
     converged : bool
     step_error : float
         Relative change of the displacements from half as many steps; nan unless a tolerance was given.
@@ -142,6 +137,7 @@ def periodic(
     stability: bool = True,
     longest: int = LONGEST,
     tolerance: float | None = None,
+    search: Search | None = None,
 ) -> Orbit | FullOrbit:
     """Find the periodic response to periodic loads by shooting.
 
@@ -158,7 +154,8 @@ def periodic(
         Forcing frequency f, Hz.
     periods : int, optional
         Forcing periods in one period of the motion: more than one for subharmonic motions and for tones that
-        are not multiples of f. Default: the fewest in which all tones fit.
+        are not multiples of f. Default: the fewest in which all tones fit, or several times as many where no
+        motion of that period is found and a history settles on a longer one.
     steps : int, optional
         Time steps a forcing period. Default: 512, or as many as keep the step below 0.8 of the shortest modal
         period: coarser ones let contact excite modes falsely.
@@ -181,14 +178,17 @@ def periodic(
         The steps are doubled until the displacements of all named points change by less than this, relative
         L2 over the period; the change is `step_error`.
 
+    search : dynamics.steady.Search, optional
+        How far a motion is looked for where Newton's method does not converge from the first guess.
+
     Raises
     ------
     ValueError, TypeError, KeyError
         For input that makes no sense, tones without a common period, an undamped mode driven at its own
         frequency.
     SolveError
-        If Newton's method converges neither from the first guess nor after some periods of a history nor
-        along a ramp of the load, or the tolerance is not met.
+        If no motion is found, by Newton's method, behind a history, or along a ramp of the load, the damping
+        or the frequency (see `dynamics.steady`), or the tolerance is not met.
     """
     if tolerance is not None:
         positive("periodic", "tolerance", tolerance, "relative")
@@ -229,21 +229,20 @@ def periodic(
         return full_periodic(
             model, load, frequency, periods, steps or STEPS, modes or FULL_MODES, contact, longest
         )
-    period, path = (
-        prepare(model, load, frequency, periods, steps, modes, contact, reduction, start, jacobian, longest),
-        "Newton",
+    period = prepare(
+        model, load, frequency, periods, steps, modes, contact, reduction, start, jacobian, longest
     )
     guess = period.at(frequency).linear_state if start is None else start.state
-    try:
-        shot = shoot(period, guess, frequency, jacobian=jacobian)
-    except SolveError as error:
-        if start is not None or not contact:
-            raise
-        shot, path = _settled(period, frequency, guess), "history"
-        if shot is None:
-            shot, path = _ramped(period, frequency, error), "ramp of the load"
+    if contact:
+        shot, path = find_steady_state(
+            period, frequency, guess, jacobian=jacobian, multiples=periods is None, search=search
+        )
+    else:
+        shot, path = shoot(period, guess, frequency, jacobian=jacobian), "Newton"
     values, uncertainty = (
-        orbit_stability(period, shot, frequency) if stability else (np.zeros(0, dtype=complex), 0.0)
+        orbit_stability(shot.driven.period, shot, frequency)
+        if stability
+        else (np.zeros(0, dtype=complex), 0.0)
     )
     return make_orbit(shot, values, uncertainty, path)
 
@@ -366,40 +365,6 @@ def prepare(
             )
         )
     return Period(reduction, drive, steps * drive.periods, contact)
-
-
-def _settled(period: Period, frequency: float, state: np.ndarray) -> Shot | None:
-    """Fixed point from where a history of some periods has brought the state: it forgets what Newton's method
-    cannot leave.
-    """
-    driven, done = period.at(frequency), 0
-    for periods in SETTLING:
-        try:
-            for _ in range(periods - done):
-                state = state + driven.run(state).residual
-            done = periods
-            return shoot(period, state, frequency)
-        except SolveError:
-            continue
-    return None
-
-
-def _ramped(period: Period, frequency: float, error: SolveError) -> Shot:
-    """Fixed point at full load, at the end of a branch from a small one."""
-    try:
-        first = shoot(period, period.at(frequency, RAMP).linear_state, frequency, RAMP)
-    except SolveError:
-        raise error from None
-    trace = Trace(
-        period, Station(first, RAMP), "load", 0.0, 1.0, 1, lambda factor: period.at(frequency, factor)
-    )
-    for station in trace:
-        if station.value >= 1.0:
-            # the branch ends at the load itself, not near it
-            return shoot(period, station.shot.state, frequency)
-    raise on_all_ranks(
-        SolveError(f"{error}; a ramp of the load ended as well: {trace.reason} of the full load")
-    )
 
 
 def orbit_stability(

@@ -276,7 +276,12 @@ class Shot:
 
 
 def shoot(
-    period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto"
+    period: Period,
+    state: np.ndarray,
+    frequency: float,
+    factor: float = 1.0,
+    jacobian: str = "auto",
+    iterations: int | None = None,
 ) -> Shot:
     """Fixed point of a period near a state, by SNES.
 
@@ -292,6 +297,8 @@ def shoot(
     jacobian : {"dense", "matrix-free", "differences"}
         Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion
         without contact; or finite differences, an integration for each unknown (the paper's way).
+    iterations : int, optional
+        Newton iterations at most. Default: `ITERATIONS`.
 
     Raises
     ------
@@ -300,7 +307,7 @@ def shoot(
     """
     if jacobian == "auto":
         jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
-    return _Newton(period, jacobian, (), None).solve(
+    return _Newton(period, jacobian, (), None, iterations).solve(
         state, lambda _: period.at(frequency, factor), np.zeros(0)
     )
 
@@ -329,8 +336,16 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
 class _Newton:
     """SNES on the residual of a period and conditions on its free parameters."""
 
-    def __init__(self, period: Period, jacobian: str, parameters: tuple[str, ...], condition):
+    def __init__(
+        self,
+        period: Period,
+        jacobian: str,
+        parameters: tuple[str, ...],
+        condition,
+        iterations: int | None = None,
+    ):
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
+        self.iterations = ITERATIONS if iterations is None else iterations
         self.residuals, self.key = [], None
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> Shot:
@@ -369,7 +384,7 @@ class _Newton:
             rtol=RELATIVE,
             atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300),
             stol=0.0,
-            max_it=ITERATIONS,
+            max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
         snes.setFromOptions()
