@@ -51,7 +51,8 @@ class Backbone:
         (Omega q, q') at t = 0.
     multipliers : (n, k) complex array
         Floquet multipliers by falling modulus, without those that every free motion has: +1 along the motion
-        and, without damping, +1 along the branch. Empty if they were not asked for.
+        and, without damping, +1 along the branch; with damping less what the self-excitation gives to every
+        disturbance. Empty if they were not asked for.
     point_harmonics : (n, points, 2, 21) complex array
         Harmonics 0 to 20 of the displacement of all named points, m.
     point_amplitudes : (n, points) array
@@ -301,5 +302,7 @@ def _row(system: FreeSystem, point: FreeMotion, stability: bool, damped: bool):
     if stability:
         values = np.linalg.eigvals(point.driven.monodromy(point.motion)).astype(complex)
         values = values[np.argsort(np.abs(values - 1.0))][1 if damped else 2 :]
+        # what the self-excitation gives to every disturbance alike is none of its growth
+        values = values * math.exp(-0.5 * point.excitation * point.driven.duration) if damped else values
         values = values[np.argsort(-np.abs(values))]
     return spectrum, 0.5 * np.ptp(u[..., 1], axis=0), values

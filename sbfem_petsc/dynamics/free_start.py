@@ -83,7 +83,7 @@ def _from_opened_gaps(system: FreeSystem, energy: float, sign: float, guess) -> 
             if fall < SLOWEST:
                 raise SolveError(
                     f"backbone: mode {k + 1} could not be followed from an opened crack to the given one "
-                    f"beyond {share:.3g} of the opening in which it moves freely; try more steps or fewer modes"
+                    f"beyond {share:.3g} of the opening in which it moves freely; try more steps or modes"
                 ) from None
             continue
         share, fall = lower, min(FALL, fall**1.5)
