@@ -36,6 +36,8 @@ _HOME = {
     "load_response": "analysis.response",
     "Branch": "dynamics.branch",
     "BranchWarning": "dynamics.branch",
+    "backbone": "analysis.backbone",
+    "Backbone": "analysis.backbone",
     "switch_branch": "analysis.branching",
     "ReducedModel": "reduction.reduced_model",
     "reduce": "reduction.build",

@@ -16,7 +16,7 @@ from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.preparation import PeriodSettings, prepare
 from ..dynamics.shooting import Period, shoot
-from ..dynamics.steady import steady_state
+from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
 from ..parallel import collective
 from ..progress import progress_bar
@@ -108,7 +108,7 @@ def frequency_response(
 
     def begin() -> np.ndarray:
         guess = period.at(start).linear_state if first is None else first.state
-        return steady_state(period, start, guess)[0].state
+        return find_steady_state(period, start, guess, multiples=False)[0].state
 
     return _follow(period, ParameterRange("frequency", start, stop), begin, settings, progress, comm)
 
