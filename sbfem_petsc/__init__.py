@@ -25,7 +25,7 @@ _HOME = {
     "modal": "analysis.modal",
     "Modal": "system.modes",
     "static": "analysis.static",
-    "Static": "analysis.static",
+    "Static": "analysis.static_result",
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",
