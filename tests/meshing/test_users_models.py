@@ -119,7 +119,7 @@ RIGHT = {
     ),
     "meshed by the script itself": (LINES + NAMES + "Mesh 2;\n", {}, 0.005, {}),
     "names with blanks and accents": (LINES + 'Physical Surface("Stahl grün (1)") = {1};\n', {}, 0.005, {}),
-    "a line too small for the mesh around it": (LINES + NAMES, {"size": 0.002}, 0.005, {}),
+    "a smaller size": (LINES + NAMES, {"size": 0.004}, 0.005, {}),
 }
 
 
