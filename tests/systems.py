@@ -13,9 +13,9 @@ from tests.reference import paper_beam
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 
 
-def two_masses(damping: float = 0.03) -> sb.Reduction:
-    """Masses 1, 1 on springs 1 between and 1 to ground, damping `damping` K, a force on the second mass, an
-    elastic stop (100) for the first at a distance of 1: example 03 of NLvib, in rad/s.
+def two_masses(damping: float = 0.03, compliance: float = 0.01, force: float = 1.0) -> sb.Reduction:
+    """Masses 1, 1 on springs 1 between and 1 to ground, damping `damping` K, a load of `force` on the second
+    mass, an elastic stop for the first at a distance of 1: example 03 of NLvib, in rad/s.
     """
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
     return sb.reduce_matrices(
@@ -23,10 +23,10 @@ def two_masses(damping: float = 0.03) -> sb.Reduction:
         stiffness,
         np.array([[1.0, 0.0]]),
         np.array([1.0]),
-        np.array([[0.0], [1.0]]),
+        np.array([[0.0], [force]]),
         {"1": 0, "2": 1},
         damping=damping * stiffness,
-        compliance=np.array([0.01]),
+        compliance=np.array([compliance]),
     )
 
 
