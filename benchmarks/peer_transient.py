@@ -11,7 +11,7 @@ its matrices as well as we could:
   = 2 G (4/h^2 M + K)^-1 G^T. SuperLU solves (symmetric mode, minimum degree ordering; compiled loops over its
   factor, by columns or by blocks of like columns, are no faster), compiled loops do the rest, and x and y
   share one scalar mass matrix;
-- reduced: lowest modes and residual flexibility with massless contact, as `sbfem_petsc.reduction` does it. A
+- reduced: lowest modes and residual flexibility with massless contact, as `sbfem_petsc.reduction.reduced_model` does it. A
   history then costs what ours does for as many pairs, whatever code the matrices are from: only the reduction
   tells the two apart.
 
@@ -58,7 +58,7 @@ from meshing import Beam, VNotch
 from sbfem_petsc.analysis.transient import integrate
 from sbfem_petsc.contact.marching import contact_forces
 from sbfem_petsc.loads import separate
-from sbfem_petsc.reduction import Reduction, reduce
+from sbfem_petsc.reduction.reduced_model import Reduction, reduce
 
 ORDER = 4
 # Meshes and steps of the full models; the smaller step brings the period error down to that of the mesh.

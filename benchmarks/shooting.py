@@ -92,9 +92,9 @@ def orbits(model, reduction, repeats):
 
 def jacobian(reduction, repeats, unknowns):
     """Cost of the exact derivative and of the monodromy in integrations of one period."""
-    from sbfem_petsc.analysis.harmonic import Drive
-    from sbfem_petsc.analysis.shooting import Period, shoot
-    from sbfem_petsc.analysis.stability import multipliers
+    from sbfem_petsc.dynamics.excitation import Drive
+    from sbfem_petsc.dynamics.shooting import Period, shoot
+    from sbfem_petsc.dynamics.stability import multipliers
 
     print(
         "\ncost of the Jacobian\n    Hz   one period, ms   Jacobian, ms   in periods   monodromy and "
@@ -236,7 +236,7 @@ def main() -> None:
     from mpi4py import MPI
 
     from sbfem_petsc.loads import separate
-    from sbfem_petsc.reduction import reduce
+    from sbfem_petsc.reduction.reduced_model import reduce
 
     warnings.simplefilter("ignore", sb.StepWarning)
     model = build(MPI.COMM_WORLD, DAMPING, **REFINED)

@@ -46,7 +46,7 @@ def reduced(model, repeats):
     error.
     """
     from sbfem_petsc.loads import separate
-    from sbfem_petsc.reduction import reduce
+    from sbfem_petsc.reduction.reduced_model import reduce
 
     unit_loads, _ = separate(burst(FORCE))
     seconds, reduction = least(lambda: reduce(model, unit_loads, MODES), min(repeats, 2))

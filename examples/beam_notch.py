@@ -50,8 +50,8 @@ def main():
     own = options()
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
+    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.hdf5 import write_results
-    from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.vtu import write_vtu
 
     comm, out, folder = begin(own.output)

@@ -191,7 +191,7 @@ def half(orbit):
 
 def unstable(curve):
     """Frequencies between which a curve is unstable, in order of its arc length, Hz."""
-    from sbfem_petsc.results.curve_plot import in_order, split
+    from sbfem_petsc.plot.curves import in_order, split
 
     marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
     return [
@@ -205,7 +205,7 @@ def together(curve):
     """Frequencies with two stable motions of the curve, Hz, or None."""
     import numpy as np
 
-    from sbfem_petsc.results.curve_plot import in_order, split
+    from sbfem_petsc.plot.curves import in_order, split
 
     marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
     pieces = []
@@ -395,7 +395,7 @@ def write(folder, found):
 
 def pictures(folder, comm, curves, forces, damping):
     """The figure, and the multipliers along the curve of the largest force."""
-    from sbfem_petsc.results.curve_plot import plot_curves, plot_multipliers
+    from sbfem_petsc.plot.curves import plot_curves, plot_multipliers
 
     plot_curves(
         curves,

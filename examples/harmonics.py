@@ -273,7 +273,7 @@ def write(folder, name, orbits):
 
 def pictures(folder, comm, orbits, figure, title, name):
     """The figure; phase plot, gaps and resultant of the last motion, and its multipliers."""
-    from sbfem_petsc.results.curve_plot import plot_harmonics, plot_multipliers, plot_orbit
+    from sbfem_petsc.plot.curves import plot_harmonics, plot_multipliers, plot_orbit
 
     last = list(orbits)[-1]
     plot_harmonics(orbits, os.path.join(folder, f"{figure}.png"), "A", count=COUNT, title=title, comm=comm)

@@ -50,8 +50,8 @@ def main():
     import sbfem_petsc as sb
     from examples.harmonics import COUNT, table, told, write
     from meshing import Beam, Hole, VNotch
-    from sbfem_petsc.results.curve_plot import plot_harmonics, plot_multipliers, plot_orbit
-    from sbfem_petsc.results.plots import plot_discretisation
+    from sbfem_petsc.plot.curves import plot_harmonics, plot_multipliers, plot_orbit
+    from sbfem_petsc.plot.fields import plot_discretisation
 
     comm, out, folder = begin(own.output)
 

@@ -61,7 +61,7 @@ def main():
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
     from sbfem_petsc import indicators
-    from sbfem_petsc.results.history_plot import plot_spectra
+    from sbfem_petsc.plot.histories import plot_spectra
 
     comm, out, folder = begin(own.output)
     decimation = round(SAMPLING / own.step) if own.step > 0.0 else 0

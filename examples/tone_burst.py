@@ -315,7 +315,7 @@ def write_histories(folder, histories):
 
 def pictures(folder, comm, histories, reference, duration):
     """Figs. 5 and 6: the whole history and its last 3 ms, beside the reference."""
-    from sbfem_petsc.results.history_plot import Panel, plot_histories
+    from sbfem_petsc.plot.histories import Panel, plot_histories
 
     late = LATE if duration > LATE[0] else (0.9 * duration, duration)
     for number, force, scale, unit, times, key in (

@@ -72,24 +72,13 @@ class Parser(argparse.ArgumentParser):
         """
         arguments = sys.argv[1:] if arguments is None else list(arguments)
         own, rest = self.parse_known_args(arguments)
-        known = (*PREFIXES, *GENERAL)
-        for position, word in enumerate(rest):
+        for word in rest:
             if word.startswith("--"):
                 self.error(f"unknown option {word}; --help lists the options of this program")
-            if word.startswith("-") and not _is_number(word) and not word[1:].startswith(known):
-                self.error(
-                    f"option {word} belongs to no solve of this program; PETSc's options start with "
-                    f"{', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view"
-                )
-            if not word.startswith("-") and (position == 0 or not rest[position - 1].startswith("-")):
-                self.error(f"argument {word!r} belongs to no option")
-        import petsc4py
-
-        # PETSc then names, at the end, the options that no solve has asked for: misspelt ones
-        petsc4py.init(
-            [sys.argv[0], *rest]
-            + ([] if any(w.startswith("-options_left") for w in rest) or not rest else ["-options_left"])
-        )
+        wrong = wrong_option(rest)
+        if wrong is not None:
+            self.error(wrong)
+        start_petsc(rest)
         return own
 
     def error(self, message: str) -> None:
@@ -103,6 +92,29 @@ class Parser(argparse.ArgumentParser):
         """Print the help once over all ranks."""
         if _rank() == 0:
             super().print_help(file)
+
+
+def wrong_option(words: list[str]) -> str | None:
+    """What is wrong with words meant for PETSc: a sentence, or None."""
+    known = (*PREFIXES, *GENERAL)
+    for position, word in enumerate(words):
+        if word.startswith("-") and not _is_number(word) and not word[1:].startswith(known):
+            return (
+                f"option {word} belongs to no solve of this program; PETSc's options start with "
+                f"{', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view"
+            )
+        if not word.startswith("-") and (position == 0 or not words[position - 1].startswith("-")):
+            return f"argument {word!r} belongs to no option"
+    return None
+
+
+def start_petsc(words: list[str]) -> None:
+    """Start PETSc with its options; it names, at the end, those that no solve has asked for: "
+    "misspelt ones."""
+    import petsc4py
+
+    told = [] if any(w.startswith("-options_left") for w in words) or not words else ["-options_left"]
+    petsc4py.init([sys.argv[0], *words, *told])
 
 
 def console(comm):

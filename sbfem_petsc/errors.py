@@ -1,5 +1,9 @@
 """Error types with plain sentences."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+
 
 class UnknownName(KeyError):
     """A named point, edge set or material does not exist; the text is a sentence that lists those that do."""
@@ -23,7 +27,10 @@ def on_all_ranks(error: Exception) -> Exception:
 def at_point(table: dict, point: str):
     """The entry of a named point, or an error that lists the points."""
     if point not in table:
-        raise UnknownName(
-            f"point {point!r} does not exist; the model has {', '.join(map(repr, table)) or 'none'}"
-        )
+        raise UnknownName(f"point {point!r} does not exist; the model has {listed(table)}")
     return table[point]
+
+
+def listed(names: Iterable) -> str:
+    """Names for a sentence: "'a', 'b'", or "none"."""
+    return ", ".join(map(repr, names)) or "none"

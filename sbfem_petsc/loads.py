@@ -1,15 +1,87 @@
-"""Loads in the plane, per unit thickness of 1 m."""
+"""Loads in the plane, per unit thickness of 1 m. Each says where it acts and assembles itself."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields, replace
 from numbers import Real
+from typing import Any, Protocol
 
+import numpy as np
+
+from .errors import UnknownName, listed
 from .signals import Signal, as_signal
 
 
+class LoadAssembler(Protocol):
+    """What a structure offers to a load that assembles itself."""
+
+    edge_sets: tuple[str, ...]
+    points: dict[str, Any]
+
+    def point_force(self, point: str, force: tuple[float, float]) -> None:
+        """Add a force (N) on a named point."""
+
+    def edge_traction(self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Add a traction (Pa), a function of the outward normals (..., 2), on the edges of a set."""
+
+    def inertia(self, acceleration: tuple[float, float]) -> None:
+        """Add the force -density * acceleration (m/s^2) on the whole body."""
+
+
+class Load:
+    """A load that acts at one place; loads add up with ``+`` and ``sum``."""
+
+    def __add__(self, other: Load | Loads) -> Loads:
+        return Loads((self,)) + other
+
+    def __radd__(self, other: int) -> Loads:
+        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
+
+    @property
+    def components(self) -> dict[str, float | Signal]:
+        """Numbers or signals by name."""
+        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _PLACES}  # type: ignore[arg-type]
+
+    def units(self) -> list[tuple[Load, float | Signal]]:
+        """A unit load and its amplitude for each component that is not zero."""
+        names = self.components
+        none = {name: 0.0 for name in names}
+        return [
+            (replace(self, **{**none, name: 1.0}), value)  # type: ignore[type-var]
+            for name, value in names.items()
+            if not (isinstance(value, Real) and value == 0)
+        ]
+
+    def check(self, structure: LoadAssembler, constant: bool = True) -> None:
+        """Raise KeyError, TypeError or ValueError if the place does not exist or a component is no finite number
+        (or, unless `constant`, no signal).
+        """
+        self._check_place(structure)
+        for name, value in self.components.items():
+            what = f"{type(self).__name__}: {name} = {value!r}"
+            if isinstance(value, Signal):
+                if constant:
+                    raise TypeError(f"{what} must be a number (signals are for transient and periodic)")
+            elif not isinstance(value, Real) or isinstance(value, bool):
+                raise TypeError(f"{what} must be a number")
+            elif not math.isfinite(value):
+                raise ValueError(f"{what} must be a finite number")
+
+    def _check_place(self, structure: LoadAssembler) -> None:
+        """Raise KeyError if the place of the load does not exist."""
+
+    def assemble(self, structure: LoadAssembler) -> None:
+        """Add the nodal forces of constant components."""
+        raise NotImplementedError
+
+
+_PLACES = ("point", "edge_set")
+
+
 @dataclass(frozen=True)
-class PointForce:
+class PointForce(Load):
     """Concentrated force on a named point.
 
     Parameters
@@ -24,15 +96,19 @@ class PointForce:
     fx: float | Signal = 0.0
     fy: float | Signal = 0.0
 
-    def __add__(self, other: Load | Loads) -> Loads:
-        return Loads((self,)) + other
+    def _check_place(self, structure: LoadAssembler) -> None:
+        if not isinstance(self.point, str) or self.point not in structure.points:
+            raise UnknownName(
+                f"PointForce: point {self.point!r} does not exist; the mesh has {listed(structure.points)}"
+            )
 
-    def __radd__(self, other: int) -> Loads:
-        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
+    def assemble(self, structure: LoadAssembler) -> None:
+        """Add the force."""
+        structure.point_force(self.point, (self.fx, self.fy))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
-class EdgeLoad:
+class EdgeLoad(Load):
     """Uniform traction on a named set of edges.
 
     Parameters
@@ -50,15 +126,20 @@ class EdgeLoad:
     ty: float | Signal = 0.0
     pressure: float | Signal = 0.0
 
-    def __add__(self, other: Load | Loads) -> Loads:
-        return Loads((self,)) + other
+    def _check_place(self, structure: LoadAssembler) -> None:
+        if not isinstance(self.edge_set, str) or self.edge_set not in structure.edge_sets:
+            raise UnknownName(
+                f"EdgeLoad: edge set {self.edge_set!r} does not exist; the mesh has {listed(structure.edge_sets)}"
+            )
 
-    def __radd__(self, other: int) -> Loads:
-        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
+    def assemble(self, structure: LoadAssembler) -> None:
+        """Add the traction's nodal forces."""
+        fixed, pressure = np.array([self.tx, self.ty]), self.pressure
+        structure.edge_traction(self.edge_set, lambda normal: fixed - pressure * normal)
 
 
 @dataclass(frozen=True)
-class SupportMotion:
+class SupportMotion(Load):
     """Acceleration of all supports together: the structure rides on them, and displacements are relative to
     them.
 
@@ -74,14 +155,9 @@ class SupportMotion:
     ax: float | Signal = 0.0
     ay: float | Signal = 0.0
 
-    def __add__(self, other: Load | Loads) -> Loads:
-        return Loads((self,)) + other
-
-    def __radd__(self, other: int) -> Loads:
-        return Loads((self,)) if other == 0 else NotImplemented  # sum([...]) starts with 0
-
-
-Load = PointForce | EdgeLoad | SupportMotion
+    def assemble(self, structure: LoadAssembler) -> None:
+        """Add the inertia forces."""
+        structure.inertia((self.ax, self.ay))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True)
@@ -93,8 +169,11 @@ class Loads:
     def __add__(self, other: Load | Loads) -> Loads:
         return Loads(self.parts + as_loads(other).parts)
 
+    def __radd__(self, other: int) -> Loads:
+        return self if other == 0 else NotImplemented
 
-def as_loads(load) -> Loads:
+
+def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
     """A load, a sum of loads or a sequence of loads as `Loads`.
 
     Raises
@@ -102,27 +181,29 @@ def as_loads(load) -> Loads:
     TypeError
         If an item is no load.
     """
-    if isinstance(load, Loads):
-        return load
-    items = tuple(load) if isinstance(load, (list, tuple)) else (load,)
+    items = (
+        load.parts if isinstance(load, Loads) else tuple(load) if isinstance(load, (list, tuple)) else (load,)
+    )
+    if not isinstance(items, (list, tuple)):
+        raise TypeError(f"Loads: parts = {items!r} must be a sequence of loads")
+    flat: list[Load] = []
     for item in items:
-        if not isinstance(item, (PointForce, EdgeLoad, SupportMotion)):
+        if isinstance(item, Loads):
+            flat += as_loads(item).parts
+        elif isinstance(item, Load):
+            flat.append(item)
+        else:
             raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad nor a SupportMotion")
-    return Loads(items)
+    return Loads(tuple(flat))
 
 
-def separate(load, number=as_signal) -> tuple[list[Load], list[Signal]]:
-    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero;
-    `number` makes a signal of a plain number.
+def separate(load, number: Callable[[float], Signal] = as_signal) -> tuple[list[Load], list[Signal]]:
+    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero; `number`
+    makes a signal of a plain number.
     """
     units, signals = [], []
     for item in as_loads(load).parts:
-        names = [f.name for f in fields(item)]
-        place = {} if isinstance(item, SupportMotion) else {names[0]: getattr(item, names.pop(0))}
-        for name in names:
-            value = getattr(item, name)
-            if isinstance(value, Real) and value == 0:
-                continue
-            units.append(type(item)(**place, **{name: 1.0}))
-            signals.append(number(value) if isinstance(value, Real) else as_signal(value))
+        for unit, value in item.units():
+            units.append(unit)
+            signals.append(number(value) if isinstance(value, Real) else as_signal(value))  # type: ignore[arg-type]
     return units, signals

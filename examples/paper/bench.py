@@ -11,7 +11,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from meshing import Beam, Hole, VNotch
-from sbfem_petsc.reduction import reduce
+from sbfem_petsc.reduction.reduced_model import reduce
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[1] / "reference"
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import sbfem_petsc as sb
-from sbfem_petsc.results.history_plot import Panel, plot_histories
+from sbfem_petsc.plot.histories import Panel, plot_histories
 
 from .bench import REFINED, Bench, burst, distance
 from .findings import Claim, Finding, Part, Table, size

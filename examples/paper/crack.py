@@ -13,8 +13,8 @@ from matplotlib.collections import LineCollection
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import one_pass_tie
-from sbfem_petsc.results.drawing import BLACK, BLUE, CYCLE, GREEN, MARKERS, VERMILION, figure, save, style
-from sbfem_petsc.results.outlines import contact_lengths
+from sbfem_petsc.plot.drawing import BLACK, BLUE, CYCLE, GREEN, MARKERS, VERMILION, figure, save, style
+from sbfem_petsc.plot.outlines import contact_lengths
 from sbfem_petsc.selement.basis import shape_functions
 
 from .bench import CONVERGED, burst, push

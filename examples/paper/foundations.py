@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy import linalg
 
 import sbfem_petsc as sb
-from sbfem_petsc.results.drawing import CYCLE, MARKERS, figure, save, style
+from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save, style
 from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.solution import solve_selement
 

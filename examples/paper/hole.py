@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import sbfem_petsc as sb
-from sbfem_petsc.results.plots import plot_discretisation
+from sbfem_petsc.plot.fields import plot_discretisation
 
 from .bench import Bench
 from .findings import Claim, Finding, Part, Table, percent

@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.results.drawing import BLUE, VERMILION, figure, save, style
+from sbfem_petsc.plot.drawing import BLUE, VERMILION, figure, save, style
 
 from .bench import Bench, closed_frequencies, push
 from .findings import Claim, Finding, Part, Table, percent

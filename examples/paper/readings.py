@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import VNotch
-from sbfem_petsc.results.drawing import CYCLE, MARKERS, figure, save, style
+from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save, style
 
 from .bench import OPENING, Bench
 from .findings import Claim, Finding, Part, Table, percent, size

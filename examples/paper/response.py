@@ -9,7 +9,7 @@ import numpy as np
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
 from sbfem_petsc.analysis.response import find_peak
-from sbfem_petsc.results.drawing import BLACK, CYCLE, figure, save, style
+from sbfem_petsc.plot.drawing import BLACK, CYCLE, figure, save, style
 
 from .bench import Bench, closed_frequencies, push
 from .findings import Claim, Finding, Part, Table, percent

@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.results.history_plot import plot_spectra
+from sbfem_petsc.plot.histories import plot_spectra
 
 from .bench import Bench
 from .findings import Claim, Finding, Part, Table, percent, size

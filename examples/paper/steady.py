@@ -9,7 +9,7 @@ import numpy as np
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
 from sbfem_petsc.analysis.transient import default_modes
-from sbfem_petsc.results.drawing import CYCLE, MARKERS, figure, save, style
+from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save, style
 
 from .bench import REFINED, Bench, push
 from .findings import Claim, Finding, Part, Table, percent, size

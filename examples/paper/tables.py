@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 import sbfem_petsc as sb
-from sbfem_petsc.results.drawing import (
+from sbfem_petsc.plot.drawing import (
     BLACK,
     BLUE,
     GREEN,

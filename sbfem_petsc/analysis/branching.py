@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..dynamics.bifurcations import Bifurcation
+from ..dynamics.branch import Branch
+from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
+from ..dynamics.shooting import Period, shoot_along
 from ..errors import SolveError, on_all_ranks
-from .bifurcations import Bifurcation
-from .periodic import Orbit, make_orbit, orbit_stability
-from .response import Curve
-from .shooting import Period, shoot_along
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
@@ -16,17 +16,17 @@ SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
 TRULY = 0.5
 
 
-def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -> Orbit:
+def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | None = None) -> Orbit:
     """A motion of twice the period near a period doubling.
 
     It is looked for at a given distance from the branch along the critical Floquet direction, with the
-    curve's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows its branch.
+    branch's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows its branch.
 
     Parameters
     ----------
-    curve : Curve
+    branch : Branch
     bifurcation : Bifurcation
-        One of the curve's, of kind "period doubling".
+        One of the branch's, of kind "period doubling".
     size : float, optional
         Distance relative to the state's norm. Default: several are tried, the first that is found counts.
 
@@ -39,16 +39,16 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
     """
     if bifurcation.kind != "period doubling":
         raise ValueError(
-            f"doubled: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "
+            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "
             "only there"
         )
-    old = curve.period
-    period = Period(old.reduction, old.drive.repeated(2), 2 * old.steps, old.pairs > 0)
+    old = branch.period
+    period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
     norm = np.linalg.norm(bifurcation.state)
 
-    def driven(value: float):
-        return period.at(value) if curve.parameter == "frequency" else period.at(curve.fixed_frequency, value)
+    def conditions(value: float) -> tuple[float, float]:
+        return (value, 1.0) if branch.parameter == "frequency" else (branch.fixed_frequency, value)
 
     for share in SIZES if size is None else (size,):
         target = direction @ bifurcation.state + share * norm
@@ -57,25 +57,24 @@ def doubled(curve: Curve, bifurcation: Bifurcation, size: float | None = None) -
             return float(direction @ state - target), direction, 0.0
 
         try:
-            shot = shoot_along(
+            fixed = shoot_along(
                 period,
                 bifurcation.state + share * norm * direction,
                 bifurcation.value,
-                driven,
-                curve.parameter,
+                lambda value: period.at(*conditions(value)),
+                branch.parameter,
                 condition,
             )
         except (SolveError, ValueError):
             continue
-        motion = shot.driven.run(shot.state)
+        motion = fixed.driven.run(fixed.state)
         half = period.steps // 2
         apart = np.linalg.norm(period.weights * (motion.states[half] - motion.states[0]))
         if apart > TRULY * share * norm:
-            value = float(shot.parameters[0])
-            at = (value, 1.0) if curve.parameter == "frequency" else (curve.fixed_frequency, value)
-            return make_orbit(shot, *orbit_stability(period, shot, *at), "period doubling")
+            at = conditions(float(fixed.parameters[0]))
+            return make_orbit(fixed, *orbit_stability(period, fixed, *at), "period doubling")
     raise on_all_ranks(
         SolveError(
-            f"doubled: no motion of twice the period was found near {bifurcation!r}; give another size"
+            f"switch_branch: no motion of twice the period was found near {bifurcation!r}; give another size"
         )
     )

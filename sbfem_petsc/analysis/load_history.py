@@ -1,13 +1,13 @@
 """Static states along a history of the loads, with unilateral contact (prefix ``static_``).
 
 Frictionless contact has no memory: each state is the static solution under the loads of its instant. The
-history shows how faces close and open, and K_I(t) and K_II(t), under loads so slow that inertia plays no part.
+history shows how faces close and open, and K_I(t) and K_II(t), under loads too slow for inertia to matter.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -59,7 +59,7 @@ class LoadHistory:
 
     @property
     def contact_resultant(self) -> np.ndarray:
-        """(n,): sum of the contact forces, N."""
+        """(n,): sum of all contact forces, N."""
         return np.array([state.contact_resultant for state in self.states])
 
     def __repr__(self) -> str:
@@ -117,8 +117,8 @@ def _checked(time) -> np.ndarray:
 def _at(loads: Loads, time: float) -> Loads:
     """The loads of one instant, as constants."""
 
-    def constant(part):
-        values = {field.name: getattr(part, field.name) for field in fields(part)}
-        return replace(part, **{k: float(v(time)) for k, v in values.items() if isinstance(v, Signal)})
+    def constant(load):
+        values = {name: value for name, value in load.components.items() if isinstance(value, Signal)}
+        return replace(load, **{name: float(signal(time)) for name, signal in values.items()})
 
     return Loads(tuple(constant(part) for part in loads.parts))

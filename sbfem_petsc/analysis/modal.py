@@ -2,86 +2,18 @@
 
 from __future__ import annotations
 
-import math
-import numbers
-from dataclasses import dataclass, replace
-
-import numpy as np
-
-from ..errors import SolveError, at_point, on_all_ranks
+from ..checks import flag, integer, real
 from ..parallel import collective
-from ..petsc import MPI, PETSc, SLEPc, solver_name
 from ..system.model import Model
-from ..system.pencil import CondensedSolve, Pencil, top_of_band
-
-# Residual ||K x - w2 M x|| / ||w2 M x|| that a returned pair may have at most. Round-off leaves about
-# 1e-16 cond(K)^(1/2) in the lowest modes of a slender beam; 1e-5 in a residual is 1e-10 in a frequency.
-RESIDUAL_LIMIT = 1e-5
-
-
-@dataclass(frozen=True, eq=False)
-class Modal:
-    """Natural frequencies and modes, lowest first.
-
-    Attributes
-    ----------
-    frequencies : (n,) array
-        Hz.
-    residuals : (n,) array
-        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode).
-    shapes : (owned, n) array
-        This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x =
-        1).
-    point_shapes : dict of str to (n, 2) array
-        Displacement of each named point, on all ranks.
-    auxiliary_inertia : (n, 2) array
-        Share of the auxiliary unknowns in the inertia force of a unit acceleration along x and y, per mode,
-        on all ranks.
-    solver : str
-        Eigensolver and direct solver used.
-    iterations : int
-    unknowns : int
-        Displacement unknowns and those auxiliary ones that the band needed.
-    model : Model
-    """
-
-    frequencies: np.ndarray
-    residuals: np.ndarray
-    shapes: np.ndarray
-    point_shapes: dict[str, np.ndarray]
-    auxiliary_inertia: np.ndarray
-    solver: str
-    iterations: int
-    unknowns: int
-    model: Model
-
-    def displacement(self, point: str) -> np.ndarray:
-        """(n, 2): displacement of a named point in each mode."""
-        return at_point(self.point_shapes, point)
-
-    def nodal(self, mode: int) -> np.ndarray:
-        """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
-        vector = self.model.stiffness.createVecRight()
-        vector.array = self.shapes[:, mode]
-        field = self.model.nodal(vector)
-        vector.destroy()
-        return field
-
-    def __repr__(self) -> str:
-        shown = ", ".join(f"{f:.6g}" for f in self.frequencies[:6]) + (
-            ", ..." if len(self.frequencies) > 6 else ""
-        )
-        return (
-            f"Modal({len(self.frequencies)} frequencies: {shown} Hz; largest residual "
-            f"{self.residuals.max(initial=0):.1e}; {self.solver})"
-        )
+from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
 
 
 def modal(
     model: Model,
     count: int | None = None,
     band: tuple[float, float] | None = None,
-    auxiliary_tolerance: float = 1e-5,
+    *,
+    auxiliary_tolerance: float = TOLERANCE,
     verify: bool = True,
 ) -> Modal:
     """Natural frequencies of the undamped structure, cracks open, no contact.
@@ -115,246 +47,30 @@ def modal(
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {model!r} is not a Model")
     with collective(model.comm):
-        _check_request(model, count, band, auxiliary_tolerance)
+        _check_request(model, count, band, auxiliary_tolerance, verify)
     if band is not None:
-        return _solve_band(model, *band, auxiliary_tolerance, verify)
-    highest = top_of_band(model, count)
-    while True:
-        pencil = Pencil(model, highest, auxiliary_tolerance)
-        try:
-            found = _solve_lowest(pencil, count, verify)
-        finally:
-            pencil.destroy()
-        reached = 2.0 * math.pi * float(found.frequencies[-1])
-        if reached <= highest:
-            return found
-        # The band was estimated too low: what was left out is bounded only up to its top.
-        highest = 1.1 * reached
+        return modes_in_band(model, *band, auxiliary_tolerance, verify)
+    assert count is not None
+    if auxiliary_tolerance == TOLERANCE and verify:
+        return model.modes(count)
+    return lowest_modes(model, count, auxiliary_tolerance, verify)
 
 
-def _check_request(model: Model, count, band, auxiliary_tolerance) -> None:
-    if not (isinstance(auxiliary_tolerance, numbers.Real) and 0.0 <= auxiliary_tolerance < 1.0):
-        raise ValueError(
-            f"modal: auxiliary_tolerance = {auxiliary_tolerance!r} must be between 0 (keep all) and 1"
-        )
+def _check_request(model: Model, count, band, auxiliary_tolerance, verify) -> None:
+    real("modal", "auxiliary_tolerance", auxiliary_tolerance, least=0.0, below=1.0)
+    flag("modal", "verify", verify)
     if (count is None) == (band is None):
         raise ValueError(f"modal: give either count or band (count = {count!r}, band = {band!r})")
     if count is not None:
-        if isinstance(count, bool) or not isinstance(count, numbers.Integral):
-            raise TypeError(f"modal: count = {count!r} must be an integer")
+        integer("modal", "count", count)
         if not 1 <= count <= model.boundary_unknowns // 2:
             raise ValueError(
                 f"modal: count = {count} must be between 1 and half the number of boundary unknowns "
                 f"({model.boundary_unknowns // 2})"
             )
-    elif not (
-        isinstance(band, (tuple, list))
-        and len(band) == 2
-        and all(isinstance(b, numbers.Real) and math.isfinite(b) for b in band)
-        and 0 <= band[0] < band[1]
-    ):
+        return
+    if not isinstance(band, (tuple, list)) or len(band) != 2:
         raise ValueError(f"modal: band = {band!r} must be two frequencies 0 <= low < high in Hz")
-
-
-def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
-    """The `count` lowest eigenpairs, none left out.
-
-    A single-vector Krylov method meets the second vector of a multiple eigenvalue through round-off only and
-    may stop before; the number of eigenvalues below the last ones found tells.
-    """
-    wanted = count
-    for attempt in range(4):
-        found = _solve(pencil, wanted, 0.0, attempt)
-        values = (2.0 * math.pi * found.frequencies) ** 2
-        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual, a
-        # slender beam's is larger
-        last = values[count - 1] * (1.0 - max(1e-6, 30.0 * float(found.residuals[:count].max())))
-        if not verify or values[count - 1] <= _lowest_scale(pencil.model) * 1e-3:
-            break  # below rigid-body modes there is nothing
-        below = pencil.eigenvalues_below(last)
-        if below is None or below <= int((values[:count] < last).sum()):
-            break
-        wanted = min(max(wanted, below) + 4, pencil.unknowns // 2)
-    else:
-        raise on_all_ranks(
-            SolveError(
-                f"modal: {below} frequencies lie below {found.frequencies[count - 1]:.8g} Hz, but the "
-                f"eigensolver found {int((values[:count] < last).sum())} of them; raise -modal_eps_ncv or "
-                "tighten -modal_eps_tol"
-            )
-        )
-    return _selected(found, np.arange(count))
-
-
-def _selected(found: Modal, keep: np.ndarray) -> Modal:
-    """Some of the modes."""
-    points = {name: shape[keep] for name, shape in found.point_shapes.items()}
-    return replace(
-        found,
-        frequencies=found.frequencies[keep],
-        residuals=found.residuals[keep],
-        shapes=found.shapes[:, keep],
-        point_shapes=points,
-        auxiliary_inertia=found.auxiliary_inertia[keep],
-    )
-
-
-def _solve_band(model: Model, low: float, high: float, auxiliary_tolerance: float, verify: bool) -> Modal:
-    """Eigenpairs nearest to the middle of the band, more of them until they reach beyond both of its ends and
-    none is left out.
-    """
-    ends = (2.0 * math.pi * np.array([low, high])) ** 2
-    middle = float(ends.mean())
-    # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
-    pencil = Pencil(model, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
-    count, most = 8, pencil.unknowns // 2
-    try:
-        expected = None
-        if verify and pencil.eigenvalues_below(ends[1]) is not None:
-            expected = pencil.eigenvalues_below(ends[1]) - (
-                pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
-            )
-            count = min(max(count, expected + 4), most)
-        for attempt in range(12):
-            found = _solve(pencil, min(count, most), middle, attempt)
-            values = (2.0 * math.pi * found.frequencies) ** 2
-            keep = np.flatnonzero((found.frequencies >= low) & (found.frequencies <= high))
-            reached = np.abs(values - middle).max() > ends[1] - middle or count >= most
-            # a frequency on an end of the band may be counted on the other side of it
-            near = (found.frequencies >= low * (1.0 - 1e-6)) & (found.frequencies <= high * (1.0 + 1e-6))
-            if reached and (expected is None or near.sum() >= expected):
-                return _selected(found, keep)
-            count = min(2 * count, most)
-    finally:
-        pencil.destroy()
-    raise on_all_ranks(
-        SolveError(
-            f"modal: the band of {low:g} to {high:g} Hz holds {expected} frequencies, but the eigensolver "
-            f"found {len(keep)}; raise -modal_eps_ncv or tighten -modal_eps_tol"
-        )
-    )
-
-
-def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal:
-    """`count` eigenpairs nearest to omega^2 = `target`; a structure without full support is shifted below
-    zero.
-    """
-    model = pencil.model
-    shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
-    solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
-    eps = SLEPc.EPS().create(model.comm)
-    st = eps.getST()
-    outer = st.getKSP()
-    inner = outer.getPC()
-    try:
-        eps.setOptionsPrefix("modal_")
-        eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
-        eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        # 1.75 vectors a pair are mostly enough without a restart. The tolerance is far below what an
-        # eigenvalue needs: it keeps the iteration going until the further vectors of multiple eigenvalues
-        # have come up; each new attempt gives it more room.
-        eps.setDimensions(count, max(count + 15, math.ceil((1.75 + 0.5 * attempt) * count)))
-        eps.setTolerances((1e-12, 1e-14)[min(attempt, 1)], 200)
-        eps.setPurify(False)  # the mass is definite: no infinite eigenvalues to purify from
-        eps.setOperators(pencil.stiffness, pencil.mass)
-        eps.setWhichEigenpairs(SLEPc.EPS.Which.TARGET_MAGNITUDE)
-        eps.setTarget(shift)
-        st.setType(SLEPc.ST.Type.SINVERT)
-        st.setMatMode(SLEPc.ST.MatMode.SHELL)
-        outer.setOptionsPrefix("modal_condensed_")
-        outer.setType(PETSc.KSP.Type.PREONLY)
-        inner.setType(PETSc.PC.Type.PYTHON)
-        inner.setPythonContext(solve)
-        eps.setFromOptions()
-        eps.solve()
-        converged = eps.getConverged()
-        if converged < count:
-            raise on_all_ranks(
-                SolveError(
-                    f"modal: SLEPc found {converged} of {count} eigenpairs (reason "
-                    f"{eps.getConvergedReason()} after {eps.getIterationNumber()} iterations); "
-                    "raise -modal_eps_max_it or -modal_eps_ncv, or choose another "
-                    "-modal_st_pc_factor_mat_solver_type"
-                )
-            )
-        values = np.array([eps.getEigenvalue(i).real for i in range(count)])
-        return _collect(
-            pencil, eps, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
-        )
-    finally:
-        # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
-        for item in (inner, outer, st, eps):
-            item.destroy()
-        solve.release()
-
-
-def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) -> Modal:
-    """Eigenpairs in ascending order with their residuals."""
-    model, count, order = pencil.model, len(values), np.argsort(values)
-    values = values[order]
-    x = pencil.stiffness.createVecRight()
-    array = np.empty((x.getLocalSize(), count), order="F")
-    for k, i in enumerate(order):
-        eps.getEigenvector(int(i), x)
-        array[:, k] = x.array_r
-    vectors = PETSc.Mat().createDense(size=(x.getSizes(), count), array=array, comm=model.comm)
-    vectors.assemble()
-    products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
-    kx, mx = (product.getDenseArray() for product in products)
-    sums = np.stack(
-        [
-            (array * mx).sum(axis=0),
-            (mx * mx).sum(axis=0),
-            ((kx - values * mx) ** 2).sum(axis=0),
-            (array * array).sum(axis=0),
-        ]
-    )
-    model.comm.Allreduce(MPI.IN_PLACE, sums)
-    # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
-    floor = _lowest_scale(model) if not model.supported else 0.0
-    sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
-    residuals = np.sqrt(sums[2]) / sizes
-    # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
-    # first
-    round_off = (
-        1e3
-        * np.finfo(float).eps
-        * pencil.stiffness.norm(PETSc.NormType.NORM_INFINITY)
-        * np.sqrt(sums[3])
-        / sizes
-    )
-    shapes = array[: pencil.owned] / np.sqrt(sums[0])
-    inertia = (array[pencil.owned :] / np.sqrt(sums[0])).T @ pencil.auxiliary_translation()
-    model.comm.Allreduce(MPI.IN_PLACE, inertia)
-    iterations = eps.getIterationNumber()
-    for item in (vectors, x, *products):
-        item.destroy()
-    if not (residuals <= np.maximum(RESIDUAL_LIMIT, round_off)).all():
-        worst = int(np.argmax(residuals / np.maximum(RESIDUAL_LIMIT, round_off)))
-        raise on_all_ranks(
-            SolveError(
-                f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
-                f"{RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another "
-                "-modal_st_pc_factor_mat_solver_type"
-            )
-        )
-    return Modal(
-        np.sqrt(np.maximum(values, 0.0)) / (2.0 * math.pi),
-        residuals,
-        shapes,
-        model.at_points(shapes),
-        inertia,
-        solver,
-        iterations,
-        pencil.unknowns,
-        model,
-    )
-
-
-def _lowest_scale(model: Model) -> float:
-    """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
-    (rad/s)^2.
-    """
-    length = float(np.linalg.norm(model.extent[1] - model.extent[0]))
-    speed2 = min(m.modulus / m.density for m in model.materials)
-    return 1e-4 * speed2 / length**2
+    low, high = (real("modal", f"band[{k}]", value, "Hz", least=0.0) for k, value in enumerate(band))
+    if not low < high:
+        raise ValueError(f"modal: band = {band!r} must be two frequencies 0 <= low < high in Hz")

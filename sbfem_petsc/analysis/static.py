@@ -7,16 +7,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checks import choice, flag
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..contact.delassus import ContactRows, delassus
 from ..errors import SolveError, at_point, on_all_ranks
 from ..loads import Loads, as_loads
-from ..petsc import check_ksp, make_ksp, solver_name
+from ..parallel import collective
+from ..system.equilibrium import equilibrium
 from ..system.model import Model
+from ..writing import write_table
 
 # Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned:
 # displacements are wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
 REFUSED, ROUND_OFF = 1e-2, 1e-5
+
+
+_METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
 class RoundOffWarning(UserWarning):
@@ -36,6 +41,8 @@ class Static:
     gap : (pairs,) array
         m.
     active : (pairs,) bool array
+    contact_resultant : float
+        Sum of all contact forces, those inside the tip elements included, N.
     field : (m, 2) array
         Displacements of this rank's nodes, m.
     iterations : int
@@ -53,6 +60,7 @@ class Static:
     contact_force: np.ndarray
     gap: np.ndarray
     active: np.ndarray
+    contact_resultant: float
     field: np.ndarray
     iterations: int
     solver: str
@@ -65,10 +73,27 @@ class Static:
         """(2,): displacement of a named point, m."""
         return at_point(self.point_displacements, point)
 
-    @property
-    def contact_resultant(self) -> float:
-        """Sum of the contact forces, N."""
-        return float(self.contact_force.sum())
+    def to_csv(self, path: str) -> None:
+        """Write displacements of the named points, stress intensity factors and contact pairs as comma-separated
+        values: quantity, where, number of the pair, value, unit.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        rows: list[tuple[str, str, str, float, str]] = []
+        for point, u in self.point_displacements.items():
+            rows += [(name, point, "", float(value), "m") for name, value in zip(("u_x", "u_y"), u)]
+        for tip, factors in self.stress_intensity.items():
+            rows += [(name, tip, "", float(k), "Pa m^(1/2)") for name, k in zip(("K_I", "K_II"), factors)]
+        rows.append(("contact_resultant", "", "", self.contact_resultant, "N"))
+        crack_of = [self.model.cracks[k].name for k in self.model.pairs.crack]
+        for name, values, unit in (("contact_force", self.contact_force, "N"), ("gap", self.gap, "m")):
+            rows += [(name, at, str(k), float(v), unit) for k, (at, v) in enumerate(zip(crack_of, values), 1)]
+        write_table(path, dict(zip(("quantity", "where", "pair", "value", "unit"), zip(*rows))))
 
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
@@ -78,7 +103,7 @@ class Static:
         )
 
 
-def static(model: Model, load, contact: bool = True, method: str = "active_set") -> Static:
+def static(model: Model, load, *, contact: bool = True, method: str = "active_set") -> Static:
     """Static displacement under constant loads.
 
     Parameters
@@ -100,54 +125,30 @@ def static(model: Model, load, contact: bool = True, method: str = "active_set")
     """
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {model!r} is not a Model")
-    solvers = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
-    if not isinstance(method, str) or method not in solvers:
-        raise ValueError(
-            f"static: method = {method!r} is unknown; use one of {', '.join(map(repr, solvers))}"
-        )
+    with collective(model.comm):
+        flag("static", "contact", contact)
+        solve = _METHODS[choice("static", "method", method, _METHODS)]
     model.require_support("static")
-    forces = model.load_vector(load)
-    ksp = make_ksp(model.stiffness, "static_")
-    rows = ContactRows(model)
-    solution = forces.duplicate()
-    ksp.solve(forces, solution)
-    check_ksp(ksp, "static")
-    gap = rows.gaps(solution) + model.pairs.gap
-    contact_force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
-    right = forces.copy()
-    if contact and (gap < 0.0).any():
-        result = solvers[method](delassus(rows, ksp, "static contact"), gap)
-        contact_force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
-        rows.add_forces(right, contact_force)
-        ksp.solve(right, solution)
-        check_ksp(ksp, "static")
-    residual = forces.duplicate()
-    model.stiffness.mult(solution, residual)
-    residual.axpy(-1.0, right)
-    scale = forces.norm()
-    _judge(residual.norm(), scale)
-    field = model.nodal(solution)
-    answer = Static(
-        model.at_points(solution.array_r),
-        contact_force,
-        gap,
-        active,
-        field,
-        iterations,
-        solver_name(ksp),
-        residual.norm() / scale if scale > 0 else 0.0,
-        model.tips.evaluate(field),
+    found = equilibrium(model, model.load_columns([load]), contact, solve)
+    _judge(found.residual)
+    return Static(
+        model.at_points(found.owned),
+        found.force[: model.gap_operator.pairs],
+        found.gap[: model.gap_operator.pairs],
+        found.active[: model.gap_operator.pairs],
+        float(found.force.sum()),
+        model.nodal(found.owned),
+        found.iterations,
+        model.solver.name,
+        found.residual,
+        found.intensities,
         as_loads(load),
         model,
     )
-    for item in (forces, solution, right, residual, ksp):
-        item.destroy()
-    return answer
 
 
-def _judge(residual: float, scale: float) -> None:
+def _judge(relative: float) -> None:
     """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
-    relative = residual / scale if scale > 0 else 0.0
     if not relative <= REFUSED:
         raise on_all_ranks(
             SolveError(

@@ -1,102 +1,74 @@
-"""Time histories with unilateral contact, in modal coordinates with massless contact."""
+"""Time histories with unilateral contact, in modal coordinates with massless contact or of the unreduced model."""
 
 from __future__ import annotations
 
+import contextlib
 import math
-import numbers
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ..contact.complementarity import solve_complementarity
-from ..contact.marching import march, thin_factors
-from ..errors import SolveError, on_all_ranks
-from ..loads import separate
+from ..checks import choice, flag, integer, positive
+from ..dynamics.history import History
+from ..dynamics.initial import modal_start
+from ..dynamics.integration import Steps, integrate, row_size
+from ..dynamics.loading import Loading, communicator, loading, serving
+from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
+from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
 from ..parallel import collective
+from ..petsc import MPI
 from ..progress import progress_bar
-from ..reduction import Reduction, check_reduction, communicator, reduce
-from ..signals import as_signal
+from ..recording.capacity import KEPT, default_decimation, require_disk, require_memory
+from ..recording.history_file import FormerRun, HistoryFile
+from ..reduction.build import default_modes
+from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from .energy import Energy, Ledger, guard
-from .full_transient import FullTransient, full_transient
-from .initial import modal_start
-from .modal import modal
-from .modal_history import ModalHistory
-from .steps import step_coefficients
 
 # Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega
 # h)^2 / 12 = 3e-5.
 STEPS_A_PERIOD = 320
 # With contact, the default step is at most this share of the highest mode's period: pairs that open and close
-# excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
-# closed, 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3;
-# from 1 on, where modes go through whole periods in a step, up to 1e-3 and 1e-2.
+# excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and closed,
+# 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3; from 1
+# on, where modes go through whole periods in a step, up to 1e-3 and 1e-2.
 CONTACT_STEP = 0.8
 # Fewer steps a period than this, and the user is warned.
 COARSE = 20
-# Modes by default: all up to this multiple of the highest load frequency, and at least so many.
-BAND, LEAST_MODES = 8.0, 80
-CHUNK = 4096
 
 
 class StepWarning(UserWarning):
-    """The time step is coarse for the load's highest frequency, or for contact."""
-
-
-@dataclass(frozen=True, eq=False)
-class Transient(ModalHistory):
-    """A time history; its instants are the kept steps, from t = 0.
-
-    Attributes
-    ----------
-    energy : Energy
-    step : float
-        Time step of the integration, s.
-    exchanges : int
-        Exchanges of active sets in all steps.
-    """
-
-    energy: Energy
-    step: float
-    exchanges: int
-
-    def __repr__(self) -> str:
-        return (
-            f"Transient({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, "
-            f"{len(self.reduction.omega)} modes, "
-            f"{self.contact_force.shape[1]} pairs, peak contact resultant "
-            f"{self.contact_resultant.max(initial=0.0):.6g} N, "
-            f"largest energy error {np.abs(self.energy.balance).max():.2e} J)"
-        )
+    """The time step is coarse for the load's highest frequency or for contact, or not every step is kept."""
 
 
 def transient(
-    model: Model | Reduction,
+    model: Model | ReducedModel,
     load,
     duration: float,
     step: float | None = None,
+    *,
     modes: int | None = None,
     contact: bool = True,
     scheme: str = "exact",
-    start="rest",
-    decimation: int = 1,
-    reduction: Reduction | str | None = "modes",
+    start: Any = "rest",
+    decimation: int | None = None,
+    reduction: str | None = "modes",
     progress: Callable[[float], None] | str | None = "auto",
     file: str | None = None,
     restart: bool = False,
     in_memory: bool = True,
-) -> Transient | FullTransient:
+) -> History:
     """Integrate the equations of motion with unilateral contact.
 
     Parameters
     ----------
-    model : Model or Reduction
+    model : Model or ReducedModel
         Its `damping` is the modal damping ratio of all modes, to which `rayleigh` adds a / (2 omega) + b
-        omega / 2. A Reduction, such as `reduce_matrices` makes, stands for itself.
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a Reduction a number or signal for each of
-    its unit loads
+        omega / 2. A model is reduced once for the places of its loads, and kept so for further analyses.
+    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+        For a system of matrices a number or signal for each of its unit loads.
         Components are numbers (constant from t = 0) or signals.
     duration : float
         s.
@@ -117,17 +89,17 @@ def transient(
         Zero displacement and velocity; static equilibrium, contact included, under the loads at t = 0;
         functions of x and y (m, arrays) that give (u_x, u_y) in m and m/s, None for zero; or modal
         coordinates and their velocities, (m,) arrays, of a reduced model.
-    decimation : int
-        Every so many steps are kept.
-    reduction : "modes", Reduction or None
-        "modes": lowest modes and residual flexibility; a Reduction of the same model and loads, from an
-        earlier history; None: the unreduced model by Newmark's average acceleration with implicit contact
-        (see `full_transient`; a `FullTransient` is returned).
+    decimation : int, optional
+        Every so many steps are kept; the step is shortened so that the last one is among them. Default: every
+        one, unless the history would take more than 1 GB; then the fewest that are left out to stay below, with a
+        warning.
+    reduction : "modes" or None
+        "modes": lowest modes and residual flexibility; None: the unreduced model by Newmark's average
+        acceleration with implicit contact (see `dynamics.unreduced_history`).
     progress : callable, "auto" or None
         Called with the fraction done after each chunk of steps; "auto": a bar on rank 0, on a terminal only.
     file : str, optional
-        HDF5 file that records the history as it runs (`results.history.read_history` reads it, also after
-        Ctrl-C or a kill).
+        HDF5 file that records the history as it runs (`read_history` reads it, also after Ctrl-C or a kill).
     restart : bool
         Continue `file` if it exists, with the same model, loads and settings; the history is that of an
         uninterrupted run. A longer `duration` continues a shorter run, at its step. False: replace it.
@@ -138,7 +110,7 @@ def transient(
     Raises
     ------
     ValueError, TypeError, KeyError
-        For input that makes no sense.
+        For input that makes no sense, and if the history would take more memory or disk than is free.
     SolveError
         If a contact problem is not solved, the energy runs away or `file` cannot be written any more.
 
@@ -146,224 +118,86 @@ def transient(
     -----
     StepWarning
         If the step takes fewer than 20 steps a period of the highest load frequency, or is longer than the
-        period of the highest mode of a reduced model and pairs close.
+        period of the highest mode of a reduced model and pairs close, or if not every step is kept though
+        `decimation` was not given.
     """
     comm = communicator(model)
     with collective(comm):
-        if isinstance(model, Reduction):
-            unit_loads = load if isinstance(load, (list, tuple)) else (load,)
-            signals, reduction = [as_signal(value) for value in unit_loads], model
-            if len(signals) != model.load_modes.shape[1]:
-                raise ValueError(
-                    f"transient: the reduction has {model.load_modes.shape[1]} unit loads, the load has "
-                    f"{len(signals)}; give a number or signal for each"
-                )
-            if scheme == "paper" or (isinstance(start, tuple) and _by_functions(start)):
-                raise ValueError(
-                    "transient: scheme = 'paper' and a start by functions of x and y need the model itself, "
-                    "not a Reduction"
-                )
-        else:
-            model.checked_loads(load, constant=False)
-            unit_loads, signals = separate(load)
-            if isinstance(reduction, Reduction):
-                check_reduction(model, reduction, unit_loads, "transient")
-            elif reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
-                raise TypeError(f"transient: reduction = {reduction!r} must be 'modes', a Reduction or None")
-        highest = max((s.highest_frequency or 0.0 for s in signals), default=0.0)
-        _check(duration, step, modes, scheme, start, decimation)
-        full = reduction is None or scheme == "paper"
+        loads = loading("transient", model, load)
+        _check(duration, step, modes, contact, scheme, start, decimation)
+        _check_reduction(model, reduction)
+        unreduced = reduction is None or scheme == "paper"
+        if unreduced and isinstance(model, ReducedModel):
+            raise ValueError(
+                "transient: reduction = None and scheme = 'paper' need the model itself, not a reduced one"
+            )
+        flag("transient", "restart", restart)
+        flag("transient", "in_memory", in_memory)
         if restart and file is None:
             raise ValueError("transient: restart = True needs the file to continue, file = 'history.h5'")
         if not in_memory and file is None:
             raise ValueError(
                 "transient: in_memory = False needs a file to hold the history, file = 'history.h5'"
             )
-        if full and isinstance(start, tuple) and not _by_functions(start):
+        if unreduced and isinstance(start, tuple) and not _by_functions(start):
             raise ValueError(
                 "transient: start in modal coordinates is for the reduced model; give functions of x and y"
             )
-    touching = contact and len(reduction.initial_gap if isinstance(reduction, Reduction) else model.pairs) > 0
-    if full:
-        needed = bool(model.damping) or (touching and step is None)
-        modes = (modes or default_modes(model, highest)) if needed else 0
-        top = float(modal(model, modes).frequencies[-1]) if touching and step is None else 0.0
-    else:
-        if reduction == "modes":
-            reduction = reduce(model, unit_loads, modes or default_modes(model, highest))
-        top = float(reduction.frequencies[-1]) if touching else 0.0
-        if isinstance(start, tuple) and _by_functions(start):
-            start = modal_start(model, reduction, start)
-    count, step = _steps(comm, duration, step, highest, top, file if restart else None)
-    if highest * step > 1.0 / COARSE:
-        warnings.warn(
-            f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load "
-            f"frequency {highest:g} Hz; at least {COARSE} are advisable",
-            StepWarning,
-            stacklevel=2,
-        )
-    with progress_bar(comm, "transient", progress) as told:
-        if full:
-            return full_transient(
-                model,
-                load,
-                count,
-                step,
-                contact,
-                "paper" if scheme == "paper" else "implicit",
-                decimation,
-                start,
-                modes,
-                told,
-                file,
-                restart,
-                in_memory,
+    highest = loads.highest_frequency
+    with contextlib.ExitStack() as stack:
+        record = None
+        if file is not None:
+            kind = "unreduced" if unreduced else "reduced"
+            record = stack.enter_context(
+                HistoryFile(comm, file, kind=kind, restart=restart, in_memory=in_memory)
             )
-        if file is None:
-            history = integrate(reduction, signals, count, step, contact, scheme, start, decimation, told)
+        if isinstance(model, Model) and unreduced:
+            touching = contact and len(model.gap_operator) > 0
+            needed = bool(model.damping) or (touching and step is None)
+            damped = (modes or default_modes(model, highest)) if needed else 0
+            top = float(model.modes(damped).frequencies[-1]) if touching and step is None else 0.0
+            row = row_size(unreduced_columns(model))
         else:
-            from ..results.history import HistoryFile  # stands above this module
-
-            with HistoryFile(
-                comm,
-                file,
-                restart,
-                reduction,
-                signals,
-                count,
-                step,
-                contact,
-                scheme,
-                start,
-                decimation,
-                in_memory,
-            ) as record:
-                history = integrate(
-                    record.reduction, signals, count, step, contact, scheme, start, decimation, told, record
-                )
-    if step * top > 1.0 and history.contact_force.any():
+            reduced = serving("transient", model, loads, modes, highest)
+            reduced = reduced if record is None else record.adopt(reduced)
+            top = float(reduced.frequencies[-1]) if contact and len(reduced.initial_gap) else 0.0
+            row = row_size(reduced_columns(reduced))
+            if isinstance(start, tuple) and _by_functions(start):
+                start = modal_start(reduced, start)
+        former = record.former if record is not None else None
+        step = _default_step(duration, highest, top) if step is None and former is None else step
+        count, step, every = _plan(duration, step, decimation, row, former)
+        _warn_if_coarse(highest, step)
+        if every > 1 and decimation is None and former is None:
+            warnings.warn(
+                f"transient: of {count:,d} steps every {every} are kept, for all of them would take more than "
+                f"{KEPT / 1e9:g} GB; decimation = 1 keeps all",
+                StepWarning,
+                stacklevel=2,
+            )
+        steps = Steps(count, step, contact, "implicit" if unreduced and scheme != "paper" else scheme, every)
+        _require_room(comm, steps, row, file, in_memory=in_memory, former=former)
+        report = stack.enter_context(progress_bar(comm, "transient", progress))
+        if isinstance(model, Model) and unreduced:
+            integrator = stack.enter_context(
+                UnreducedIntegrator(model, loads.units, loads.signals, steps=steps, start=start, modes=damped)
+            )
+            if record is not None:
+                _begin_unreduced(record, integrator, loads, start)
+            return integrate(integrator, steps, record, report)
+        advanced = ReducedIntegrator(reduced, loads.signals, steps, start)
+        if record is not None:
+            _begin_reduced(record, advanced, loads, start)
+        history = integrate(advanced, steps, record, report)
+    if step * top > 1.0 and history.states.contact.any():
         warnings.warn(
             f"the step of {step:.3g} s is longer than the period of the highest mode ({top:.6g} Hz), and "
             "pairs closed: errors of 1e-3 in displacements and 1e-2 in contact forces, and false spectral "
-            "lines, are likely; "
-            f"use a step of {CONTACT_STEP / top:.2g} s, the default, or fewer modes",
+            f"lines, are likely; use a step of {CONTACT_STEP / top:.2g} s, the default, or fewer modes",
             StepWarning,
             stacklevel=2,
         )
     return history
-
-
-def default_modes(model: Model, highest: float) -> int:
-    """Number of modes up to `BAND` times the highest load frequency, at least `LEAST_MODES`."""
-    most = model.boundary_unknowns // 4
-    count = min(LEAST_MODES, most)
-    while count < most and modal(model, count).frequencies[-1] < BAND * highest:
-        count = min(math.ceil(1.5 * count), most)
-    return count
-
-
-def integrate(
-    reduction: Reduction,
-    signals,
-    count: int,
-    step: float,
-    contact: bool = True,
-    scheme: str = "exact",
-    start="rest",
-    decimation: int = 1,
-    progress: Callable[[float], None] | None = None,
-    record=None,
-) -> Transient:
-    """Integrate a reduced model over `count` steps, recorded in a `HistoryFile` if one is given; see
-    `transient`.
-    """
-    r = reduction
-    coefficients = step_coefficients(r.omega, r.damping, step, scheme)
-    pairs = len(r.initial_gap)
-    rows = r.gap_modes if contact else r.gap_modes[:0]
-    flexibility = (rows * coefficients[4]) @ rows.T + r.gap_flexibility[: len(rows), : len(rows)]
-    factors = thin_factors(rows)
-    amplitude = np.stack([s(np.zeros(1)) for s in signals], axis=-1) if signals else np.zeros((1, 0))
-    q, v, force, active = _start(r, amplitude[0], contact, start)
-    ledger = Ledger(r, step, smooth=scheme != "newmark")
-    keep = {
-        "time": [np.zeros(1)],
-        "q": [q[None].copy()],
-        "v": [v[None].copy()],
-        "s": [amplitude],
-        "force": [_padded(force[None].copy(), pairs)],
-    }
-    energies = [ledger.start(q, v, amplitude[0], _padded(force[None], pairs)[0])]
-    done, exchanges = (
-        record.begin(keep, energies, q, v, force, active, ledger) if record is not None else (0, 0)
-    )
-    while done < count:
-        steps = min(CHUNK, count - done)
-        time = (done + np.arange(steps + 1)) * step
-        amplitude = np.stack([s(time) for s in signals], axis=-1) if signals else np.zeros((steps + 1, 0))
-        states, velocities, forces = (
-            np.empty((steps, len(q))),
-            np.empty((steps, len(q))),
-            np.empty((steps, len(rows))),
-        )
-        reached, exchanged = march(
-            coefficients,
-            *factors,
-            flexibility,
-            amplitude @ r.load_modes.T,
-            amplitude @ r.gap_loads[: len(rows)].T + r.initial_gap[: len(rows)],
-            q,
-            v,
-            force,
-            active,
-            states,
-            velocities,
-            forces,
-        )
-        if reached < steps:
-            raise on_all_ranks(
-                SolveError(
-                    f"transient: the contact problem at t = {time[reached + 1]:.6g} s was not solved; use a "
-                    "smaller step or more pairs of like size"
-                )
-            )
-        forces = _padded(forces, pairs)
-        chunk = ledger.account(states, velocities, amplitude, forces)
-        guard(chunk, ledger, time)
-        chosen = np.flatnonzero((done + 1 + np.arange(steps)) % decimation == 0)
-        for name, values in (
-            ("time", time[1:]),
-            ("q", states),
-            ("v", velocities),
-            ("s", amplitude[1:]),
-            ("force", forces),
-        ):
-            keep[name].append(values[chosen])
-        energies.append(chunk[:, chosen])
-        done, exchanges = done + steps, exchanges + exchanged
-        if record is not None:
-            record.append(done, exchanges, keep, energies, q, v, force, active, ledger)
-        if progress is not None:
-            progress(done / count)
-    if record is None or record.in_memory:
-        # one list after another is given up, so that not everything is held twice
-        whole, energies = (
-            {name: np.concatenate(keep.pop(name)) for name in tuple(keep)},
-            np.concatenate(energies, axis=1),
-        )
-    else:
-        whole, energies = record.history()
-    return Transient(
-        whole["time"],
-        whole["q"],
-        whole["v"],
-        whole["s"],
-        whole["force"],
-        r,
-        Energy(*energies),
-        step,
-        exchanges,
-    )
 
 
 @dataclass(frozen=True)
@@ -382,7 +216,7 @@ class ErrorEstimate:
     modes: float
 
 
-def estimate_error(model: Model, load, history: Transient, **options) -> ErrorEstimate:
+def estimate_error(model: Model, load, history: History, **options) -> ErrorEstimate:
     """Estimate a history's errors by integrating it again, with half of the step and with half as many modes
     again.
 
@@ -390,117 +224,158 @@ def estimate_error(model: Model, load, history: Transient, **options) -> ErrorEs
     ----------
     model : Model
     load : the history's loads
-    history : Transient
+    history : History
+        Of the reduced model.
     options
         Those that the history was made with (`scheme`, `start`, `contact`, `decimation`).
+
+    Raises
+    ------
+    ValueError
+        If the history is that of an unreduced model.
     """
-    duration, decimation = history.time[-1], options.pop("decimation", 1)
-    halved = transient(
-        model,
-        load,
-        duration,
-        step=0.5 * history.step,
-        reduction=history.reduction,
-        decimation=2 * decimation,
-        **options,
-    )
+    if history.reduced is None:
+        raise ValueError(
+            "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
+        )
+    duration, decimation = float(history.time[-1]), round(float(history.time[1]) / history.step)
+    options.pop("decimation", None)
+    modes, step = len(history.reduced.omega), 0.5 * history.step
+    halved = transient(model, load, duration, step, modes=modes, decimation=2 * decimation, **options)
     # at half of the step too: more modes need a finer one where there is contact
     richer = transient(
-        model,
-        load,
-        duration,
-        step=0.5 * history.step,
-        modes=math.ceil(1.5 * len(history.reduction.omega)),
-        decimation=2 * decimation,
-        **options,
+        model, load, duration, step, modes=math.ceil(1.5 * modes), decimation=2 * decimation, **options
     )
 
-    def distance(one: Transient, other: Transient) -> float:
-        found, exact = (np.stack([h.displacement(p) for p in h.reduction.points]) for h in (one, other))
+    def distance(one: History, other: History) -> float:
+        found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
         return float(np.linalg.norm(found - exact) / max(np.linalg.norm(exact), 1e-300))
 
     return ErrorEstimate(distance(history, halved), distance(halved, richer))
 
 
-def _start(r: Reduction, amplitude: np.ndarray, contact: bool, start):
-    """q, v, contact forces and active set at t = 0."""
-    q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
-    balanced = isinstance(start, str) and start == "equilibrium"
-    if not isinstance(start, str):
-        q, v = (np.array(part, dtype=float) for part in start)
-        if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
-            raise on_all_ranks(
-                ValueError(
-                    f"transient: start must be two finite arrays of {len(r.omega)} modal values, not of "
-                    f"shapes {q.shape} and {v.shape}"
-                )
-            )
-    if not contact:
-        if balanced:
-            q = r.load_modes @ amplitude / r.omega**2
-        return q, v, np.zeros(0), np.zeros(0, dtype=bool)
-    flexibility, gap = r.gap_flexibility, r.gap_loads @ amplitude + r.gap_modes @ q + r.initial_gap
-    if balanced:
-        flexibility = flexibility + (r.gap_modes / r.omega**2) @ r.gap_modes.T
-        gap = gap + (r.gap_modes / r.omega**2) @ (r.load_modes @ amplitude)
-    found = solve_complementarity(flexibility, gap)
-    if balanced:
-        q = (r.load_modes @ amplitude + r.gap_modes.T @ found.force) / r.omega**2
-    return q, v, found.force.copy(), found.active.copy()
+def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
+    positive("transient", "duration", duration, "s")
+    if step is not None:
+        positive("transient", "step", step, "s")
+        if step > duration:
+            raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
+    if modes is not None:
+        integer("transient", "modes", modes, least=1)
+    if decimation is not None:
+        integer("transient", "decimation", decimation, least=1)
+    flag("transient", "contact", contact)
+    choice("transient", "scheme", scheme, ("exact", "newmark", "paper"))
+    if not (isinstance(start, tuple) and len(start) == 2):
+        choice("transient", "start", start, ("rest", "equilibrium"))
 
 
-def _padded(forces: np.ndarray, pairs: int) -> np.ndarray:
-    """(n, pairs): zero forces where contact is switched off."""
-    return forces if forces.shape[1] == pairs else np.zeros((len(forces), pairs))
-
-
-def _check(duration, step, modes, scheme, start, decimation) -> None:
-    for name, value in (("duration", duration), ("step", step)):
-        if value is None and name == "step":
-            continue
-        if isinstance(value, bool) or not isinstance(value, numbers.Real):
-            raise TypeError(f"transient: {name} = {value!r} must be a number of seconds")
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"transient: {name} = {value!r} s must be positive and finite")
-    if step is not None and step > duration:
-        raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
-    for name, value in (("modes", modes), ("decimation", decimation)):
-        if value is not None and (
-            isinstance(value, bool) or not isinstance(value, numbers.Integral) or value < 1
-        ):
-            raise ValueError(f"transient: {name} = {value!r} must be a positive integer")
-    for name, value, known in (
-        ("scheme", scheme, ("exact", "newmark", "paper")),
-        ("start", start, ("rest", "equilibrium")),
-    ):
-        if name == "start" and isinstance(value, tuple) and len(value) == 2:
-            continue
-        if value not in known:
-            raise ValueError(
-                f"transient: {name} = {value!r} is unknown; use one of {', '.join(map(repr, known))}"
-            )
+def _check_reduction(model, reduction) -> None:
+    if reduction is not None and reduction != "modes":
+        raise TypeError(
+            f"transient: reduction = {reduction!r} must be 'modes' or None; a reduced model is given in the place of "
+            "the model"
+        )
 
 
 def _by_functions(start: tuple) -> bool:
     return all(part is None or callable(part) for part in start)
 
 
-def _steps(
-    comm, duration: float, step: float | None, highest: float, top: float, file: str | None
-) -> tuple[int, float]:
-    """Number of steps and the step: that of the file which is to be continued if none or the same was asked
-    for, otherwise one that divides `duration`.
-    """
-    if file is not None:
-        from ..results.history_file import recorded_steps  # stands above this module
+def _default_step(duration: float, highest: float, top: float) -> float:
+    """Time step for the highest frequencies of the loads and of the modes, Hz."""
+    step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
+    return min(step, CONTACT_STEP / top) if top > 0.0 else step
 
-        former = recorded_steps(comm, file)
-        if former is not None and (
-            step is None or max(1, math.ceil(math.prod(former) / step * (1.0 - 1e-9))) == former[0]
-        ):
-            return max(1, math.ceil(duration / former[1] * (1.0 - 1e-9))), former[1]
-    if step is None:
-        step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
-        step = min(step, CONTACT_STEP / top) if top > 0.0 else step
-    count = max(1, math.ceil(duration / step * (1.0 - 1e-9)))
-    return count, duration / count
+
+def _plan(
+    duration: float, step: float | None, decimation: int | None, row: int, former: FormerRun | None
+) -> tuple[int, float, int]:
+    """Number of steps, the step, and every how many are kept: with those of the file that is to be continued if
+    none or the same were asked for, otherwise such that they divide `duration`.
+    """
+    if former is not None:
+        decimation = former.decimation if decimation is None else decimation
+        if step is None or _multiple(former.count * former.step / step, decimation) == former.count:
+            return _multiple(duration / former.step, decimation), former.step, decimation
+    assert step is not None
+    count = _multiple(duration / step, 1)
+    decimation = default_decimation(count, row) if decimation is None else decimation
+    count = _multiple(count, decimation)
+    return count, duration / count, decimation
+
+
+def _multiple(steps: float, divisor: int) -> int:
+    """The least multiple of a divisor that reaches a number of steps."""
+    return divisor * max(1, math.ceil(steps / divisor * (1.0 - 1e-9)))
+
+
+def _require_room(
+    comm: MPI.Comm, steps: Steps, row: int, file: str | None, *, in_memory: bool, former: FormerRun | None
+) -> None:
+    """Refuse a history that would take more memory or disk than is free."""
+    needed, what = float(steps.kept * row), f"{steps.kept:,d} instants of {row:,d} bytes"
+
+    def fewer(share: float) -> str:
+        return f"keep every {math.ceil(steps.decimation / share)}th step or fewer (decimation)"
+
+    if in_memory:
+        require_memory(
+            "transient",
+            comm,
+            needed,
+            what,
+            lambda share: f"{fewer(share)}, or leave them in a file (file = 'history.h5', in_memory = False)",
+        )
+    if file is not None:
+        continued = former is not None and former.count == steps.count
+        require_disk("transient", comm, file, needed=needed, what=what, continued=continued, remedy=fewer)
+
+
+def _settings(steps: Steps, start, norms, chunk: int) -> dict[str, Any]:
+    """What a file must have been written with to be continued."""
+    return {
+        "count": steps.count,
+        "step": steps.step,
+        "contact": steps.contact,
+        "scheme": steps.scheme,
+        "start": start,
+        "start_norms": np.array(norms, dtype=float),
+        "decimation": steps.decimation,
+        "chunk": chunk,
+    }
+
+
+def _begin_reduced(record: HistoryFile, integrator: ReducedIntegrator, loads: Loading, start) -> None:
+    """Tell a file what a reduced model's history will hold."""
+    norms = []
+    if not isinstance(start, str):
+        norms = [np.linalg.norm(integrator.reduced.omega * start[0]), np.linalg.norm(start[1])]
+    name = start if isinstance(start, str) else "modal"
+    settings = _settings(integrator.steps, name, norms, integrator.chunk)
+    record.begin(integrator.columns, settings, loads.signals)
+
+
+def _begin_unreduced(record: HistoryFile, integrator: UnreducedIntegrator, loads: Loading, start) -> None:
+    """Tell a file what an unreduced model's history will hold."""
+    model, march = integrator.model, integrator.march
+    norms = np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v])))
+    name = start if isinstance(start, str) else "functions"
+    settings = _settings(integrator.steps, name, norms, integrator.chunk) | {
+        "damping": model.damping,
+        "damped_modes": len(march.omega),
+        "rayleigh": np.array(model.rayleigh),
+        "pairs": model.gap_operator.pairs,
+    }
+    texts = {"points": tuple(model.points), "tips": model.tips.names}
+    record.begin(integrator.columns, settings, loads.signals, texts=texts, fingerprint=march.fingerprint())
+
+
+def _warn_if_coarse(highest: float, step: float) -> None:
+    if highest * step > 1.0 / COARSE:
+        warnings.warn(
+            f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load "
+            f"frequency {highest:g} Hz; at least {COARSE} are advisable",
+            StepWarning,
+            stacklevel=3,
+        )

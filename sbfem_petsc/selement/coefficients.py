@@ -84,7 +84,12 @@ def strain_operators(
 
 
 def coefficient_matrices(
-    coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray
+    coordinates: np.ndarray,
+    order: int,
+    closed: bool,
+    elasticity: np.ndarray,
+    *,
+    density: np.ndarray | None = None,
 ) -> Coefficients:
     """E0, E1, E2 and M0 by Gauss quadrature.
 
@@ -96,8 +101,11 @@ def coefficient_matrices(
         Polynomial order of the edges.
     closed : bool
         Whether the last edge ends on the first node.
-    elasticity : (3, 3) array
-        Plane elasticity matrix D in units of the Young's modulus; the density is 1.
+    elasticity : (3, 3) or (edges, 3, 3) array
+        Plane elasticity matrix D in units of the modulus, or one for each sector that an edge spans with the
+        scaling centre: interfaces run along the radii through vertices.
+    density : (edges,) array, optional
+        Densities of the sectors in units of the S-element's (default: 1).
 
     Raises
     ------
@@ -108,6 +116,8 @@ def coefficient_matrices(
     values, derivatives, weights = tabulated(order, quadrature_points(coordinates, order, connectivity))
     first, second, jacobian = strain_operators(coordinates[connectivity], values, derivatives)
     edges, points, width = *jacobian.shape, order + 1
+    if elasticity.ndim == 3:
+        elasticity = elasticity[:, None]
     # one factor sqrt(weight |J|) in each operator, so that one product gives each matrix
     root = np.sqrt(weights * jacobian)[:, :, None, None, None]
     first, second = root * first, root * second
@@ -116,7 +126,8 @@ def coefficient_matrices(
     stress_second = (elasticity @ second.reshape(edges, points, 3, 2 * width)).reshape(stack)
     first, second = (b.reshape(stack).transpose(0, 2, 1) for b in (first, second))
     mass = np.zeros((edges, width, 2, width, 2))
-    mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * (weights * jacobian)[:, None, :]) @ values
+    weight = weights * jacobian if density is None else weights * jacobian * density[:, None]
+    mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * weight[:, None, :]) @ values
     blocks = (
         first @ stress_first,
         second @ stress_first,

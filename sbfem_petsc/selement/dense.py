@@ -9,6 +9,7 @@ from scipy.linalg import lapack
 
 from .coefficients import SElementError
 
+_BLOCK = 24
 ADVICE = "use a lower order, fewer terms or split the cell"
 
 
@@ -61,10 +62,39 @@ def lyapunov(schur_form: tuple[np.ndarray, np.ndarray], shift: float, right: np.
     triangle, basis = schur_form
     shifted = triangle.copy(order="F")
     shifted.reshape(-1, order="A")[:: len(shifted) + 1] += shift
-    solution, scale, info = lapack.dtrsyl(shifted, shifted, basis.T @ right @ basis, tranb="T")
+    solution = basis.T @ right @ basis
+    _solve_triangular(shifted, solution)
+    return symmetric(basis @ solution @ basis.T)
+
+
+def _solve_triangular(triangle: np.ndarray, right: np.ndarray) -> None:
+    """Symmetric Y with T Y + Y T^T = right in the place of `right`, T quasi upper triangular.
+
+    LAPACK's dtrsyl works entry by entry and knows no symmetry: halves leave it three small blocks and the
+    rest to products.
+    """
+    n = len(triangle)
+    if n <= _BLOCK:
+        right[:] = _sylvester(triangle, triangle, right)
+        return
+    k = n // 2
+    if triangle[k, k - 1] != 0.0:  # not between the rows of a complex pair
+        k += 1
+    upper, lower, mixed = triangle[:k, :k], triangle[k:, k:], triangle[:k, k:]
+    _solve_triangular(lower, right[k:, k:])
+    corner = _sylvester(upper, lower, right[:k, k:] - mixed @ right[k:, k:])
+    right[:k, k:], right[k:, :k] = corner, corner.T
+    product = mixed @ corner.T
+    right[:k, :k] -= product + product.T
+    _solve_triangular(upper, right[:k, :k])
+
+
+def _sylvester(first: np.ndarray, second: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Y with first Y + Y second^T = right, both quasi upper triangular."""
+    solution, scale, info = lapack.dtrsyl(first, second, right, tranb="T")
     if info != 0:
         raise SElementError(f"a Lyapunov equation of the S-element is singular; {ADVICE}")
-    return symmetric(basis @ (solution / scale) @ basis.T)
+    return solution / scale
 
 
 def symmetric_eigen(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -85,7 +115,9 @@ def orthogonal_complement(vectors: np.ndarray) -> np.ndarray:
 
 def symmetric(matrix: np.ndarray) -> np.ndarray:
     """(matrix + matrix^T) / 2."""
-    return 0.5 * (matrix + matrix.T)
+    result = matrix + matrix.T
+    result *= 0.5
+    return result
 
 
 def largest(matrix: np.ndarray) -> float:

@@ -15,10 +15,16 @@ from scipy import linalg
 
 from .basis import shape_functions
 from .coefficients import edge_nodes, strain_operators
+from .face_tractions import FaceTractions
 
 
-def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.ndarray) -> np.ndarray:
-    """xi^A u(1) for several xi.
+def radial_displacement(
+    radial: np.ndarray,
+    boundary: np.ndarray,
+    levels: np.ndarray,
+    faces: tuple[FaceTractions, np.ndarray] | None = None,
+) -> np.ndarray:
+    """Static displacement along the radius for several xi: xi^A u(1), and what tractions on the faces add.
 
     Parameters
     ----------
@@ -29,6 +35,8 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
         Boundary displacements u(1), one column a field, in the frame that A belongs to.
     levels : (l,) array
         xi in [0, 1]; 0 is the scaling centre, where a translation is all that is left.
+    faces : (FaceTractions, (m, c) array), optional
+        Traction modes on the faces of an open S-element, and their forces divided by E and the thickness, m.
 
     Returns
     -------
@@ -39,7 +47,8 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
     Translations are kept apart exactly: on an orthonormal basis [T, P] of translations and the rest, A is
     [[0, a], [0, B]] with Re(eigenvalues of B) > 0. The rest d decays as xi^B d, and the translation becomes
     c - a B^-1 (d - xi^B d). The levels are visited from 1 inwards, so every factor decays and no rounding
-    error grows.
+    error grows. The powers of xi of the tractions are appended to d as states of their own, which holds
+    the logarithms of resonant powers too.
     """
     levels = np.asarray(levels, dtype=float)
     if not ((levels >= 0.0) & (levels <= 1.0)).all():
@@ -50,9 +59,18 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
     n = len(radial)
     translations, rest = _translations(n)
     inner = rest.T @ radial @ rest
-    transfer = linalg.solve(inner.T, (translations.T @ radial @ rest).T).T  # a B^-1
+    outer = translations.T @ radial @ rest
     constant = translations.T @ boundary
     start = rest.T @ boundary
+    if faces is not None:
+        tractions, force = faces
+        m = len(tractions.powers)
+        inner = np.block(
+            [[inner, -rest.T @ tractions.forcing], [np.zeros((m, n - 2)), np.diag(tractions.powers)]]
+        )
+        outer = np.concatenate([outer, -translations.T @ tractions.forcing], axis=1)
+        start = np.concatenate([start, tractions.monomials @ force])
+    transfer = linalg.solve(inner.T, outer.T).T  # a B^-1
     total = constant - transfer @ start  # translation of the scaling centre
     result = np.empty((len(levels), *boundary.shape))
     factors: dict[float, np.ndarray] = {}
@@ -67,7 +85,7 @@ def radial_displacement(radial: np.ndarray, boundary: np.ndarray, levels: np.nda
                 factors[ratio] = linalg.expm(inner * np.log(ratio))
             current = factors[ratio] @ current
         reached = level
-        result[index] = translations @ (total + transfer @ current) + rest @ current
+        result[index] = translations @ (total + transfer @ current) + rest @ current[: n - 2]
     return result
 
 
@@ -93,7 +111,7 @@ class InteriorSampler:
         Reference coordinates about the scaling centre, counter-clockwise, in units of the element's size.
     order : int
     closed : bool
-    elasticity : (3, 3) array
+    elasticity : (3, 3) or (edges, 3, 3) array
         D in units of the modulus, in the reference frame.
     at : (q,) array
         eta in [-1, 1] on every edge.
@@ -112,8 +130,9 @@ class InteriorSampler:
         elasticity: np.ndarray,
         at: np.ndarray,
     ):
-        self._radial, self._shape, self._elasticity = radial, shape, elasticity
+        self._radial, self._shape = radial, shape
         self._connectivity = edge_nodes(len(shape), order, closed)
+        self._elasticity = np.broadcast_to(elasticity, (len(self._connectivity), 3, 3))
         self._values, self._derivatives = shape_functions(order, at)
         self.edges = len(self._connectivity)
 
@@ -137,19 +156,27 @@ class InteriorSampler:
         turned = np.einsum("k,eqi,kij->keqj", sizes, outline, rotations)
         return centres[:, None, None, None] + np.asarray(levels)[None, :, None, None, None] * turned[:, None]
 
-    def radial_fields(self, boundary: np.ndarray, rotations: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    def radial_fields(
+        self,
+        boundary: np.ndarray,
+        rotations: np.ndarray,
+        levels: np.ndarray,
+        faces: tuple[FaceTractions, np.ndarray] | None = None,
+    ) -> np.ndarray:
         """(k, l, nodes, 2): displacements on the rays through the nodes, in the reference frame.
 
         Parameters
         ----------
         boundary : (k, nodes, 2) array
             Boundary displacements of each copy in its own frame, m.
+        faces : (FaceTractions, (m, k) array), optional
+            Traction modes on the faces of open S-elements, and their forces on each copy divided by the
+            modulus and the thickness, m.
         """
         count, nodes, _ = boundary.shape
         columns = np.einsum("kij,knj->nik", rotations, boundary).reshape(2 * nodes, count)
-        return np.moveaxis(radial_displacement(self._radial, columns, levels), 2, 0).reshape(
-            count, len(levels), nodes, 2
-        )
+        fields = radial_displacement(self._radial, columns, levels, faces)
+        return np.moveaxis(fields, 2, 0).reshape(count, len(levels), nodes, 2)
 
     def displacement(self, fields: np.ndarray, rotations: np.ndarray) -> np.ndarray:
         """(k, l, edges, q, 2): displacement in each copy's own frame, m, from `radial_fields`."""
@@ -158,9 +185,16 @@ class InteriorSampler:
         )
 
     def stress(
-        self, fields: np.ndarray, levels: np.ndarray, rotations: np.ndarray, sizes: np.ndarray, modulus: float
+        self,
+        fields: np.ndarray,
+        levels: np.ndarray,
+        rotations: np.ndarray,
+        sizes: np.ndarray,
+        modulus: float,
+        faces: tuple[FaceTractions, np.ndarray] | None = None,
     ) -> np.ndarray:
-        """(k, l, edges, q, 3): stress (xx, yy, xy) in each copy's own frame, Pa, from `radial_fields`.
+        """(k, l, edges, q, 3): stress (xx, yy, xy) in each copy's own frame, Pa, from `radial_fields` with
+        the same tractions on the faces.
 
         Raises
         ------
@@ -178,11 +212,14 @@ class InteriorSampler:
         first, second, _ = strain_operators(self._shape[self._connectivity], self._values, self._derivatives)
         count, depth, nodes, _ = fields.shape
         flat = fields.reshape(count, depth, 2 * nodes)
-        slopes = (flat @ self._radial.T).reshape(fields.shape)  # xi u,xi
+        slopes = flat @ self._radial.T  # xi u,xi
+        if faces is not None:
+            slopes = slopes + np.moveaxis(faces[0].inflow(faces[1], levels), 2, 0)
+        slopes = slopes.reshape(fields.shape)
         strain = np.einsum("eqsai,kleai->kleqs", first, slopes[:, :, self._connectivity], optimize=True)
         strain += np.einsum("eqsai,kleai->kleqs", second, fields[:, :, self._connectivity], optimize=True)
         scale = modulus / (levels[None, :] * np.asarray(sizes)[:, None])
-        stress = strain @ self._elasticity.T * scale[:, :, None, None, None]
+        stress = np.einsum("kleqs,ets->kleqt", strain, self._elasticity) * scale[:, :, None, None, None]
         tensor = stress[..., [0, 2, 2, 1]].reshape(*stress.shape[:-1], 2, 2)
         turned = np.einsum(
             "kai,kleqab,kbj->kleqij", rotations, tensor, rotations, optimize=True

@@ -1,35 +1,24 @@
 """Stiffness, mass and continued fraction of one S-element, non-dimensional and checked.
 
-Lengths are in units of the element's size h, stresses in units of the Young's modulus E, and
-x = -omega^2 is in units of E / (rho h^2), so that similar elements share one solution.
+Lengths are in units of the element's size h, stresses in units of the modulus E, and x = -omega^2 is in units
+of E / (rho h^2), so that similar elements share one solution.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
-from .dense import (
-    ADVICE,
-    cholesky,
-    cholesky_solve,
-    growing_subspace,
-    largest,
-    lower_solve,
-    lyapunov,
-    orthogonal_complement,
-    schur,
-    solve,
-    symmetric,
-    symmetric_eigen,
-)
+from .dense import ADVICE, cholesky, cholesky_solve, largest, symmetric
+from .inertia import Inertia, continued_fraction
+from .rigid_motions import rigid_motions
+from .stiffness import static_stiffness
 from .symmetry import invariant_subspaces
 
-# Round-off of the ordered Schur form and the Lyapunov solves grows with the number of unknowns; up to 400
-# unknowns an element 1e-13 to 1e-11 is met, while a wrong split of the spectrum shows as 1e-6 or more.
+# Round-off of the stiffness and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an
+# element 1e-13 to 1e-11 is met, while a wrong split of the spectrum shows as 1e-6 or more.
 TOLERANCE = 1e-8
 
 
@@ -39,30 +28,91 @@ class SElement:
 
     The dynamic stiffness is ``K - w2 M - w2^2 C (I - w2 diag(J))^-1 C^T`` with w2 = omega^2 rho h^2 / E, that
     is the pencil ``diag(K, I) - w2 [[M, C], [C^T, diag(J)]]``: the continued fraction (16), (17) with its
-    auxiliary unknowns brought to their own modes.
+    auxiliary unknowns brought to their own modes. Statics need the stiffness alone: `mass`, `coupling` and
+    `inertia` are there once `with_inertia` has computed them.
 
     Attributes
     ----------
-    stiffness, mass : (n, n) arrays
-        K and M, symmetric.
-    coupling : (n, a) array
-        C.
-    inertia : (a,) array
-        J > 0, ascending; the auxiliary unknowns alone vibrate at w2 = 1 / J.
+    coordinates : (nodes, 2) array
+        Boundary nodes about the scaling centre, counter-clockwise.
+    order : int
+    closed : bool
+    elasticity : (3, 3) or (edges, 3, 3) array
+        D in units of the modulus, of the S-element or of each edge's sector.
+    isotropic : bool
+        Whether mirror symmetries of the outline are used.
+    stiffness : (n, n) array
+        K, symmetric.
     radial : (n, n) array
         A = E0^-1 (K - E1^T): static displacements along the radius are u(xi) = xi^A u(1).
     riccati_residual, asymmetry, rigid_body_residual : float
         Relative; asymmetry before the symmetrisation.
+    density : (edges,) array or None
+        Densities of the sectors in units of the S-element's.
+    dynamics : Inertia or None
     """
 
+    coordinates: np.ndarray
+    order: int
+    closed: bool
+    elasticity: np.ndarray
+    isotropic: bool
     stiffness: np.ndarray
-    mass: np.ndarray
-    coupling: np.ndarray
-    inertia: np.ndarray
     radial: np.ndarray
     riccati_residual: float
     asymmetry: float
     rigid_body_residual: float
+    density: np.ndarray | None = None
+    dynamics: Inertia | None = None
+
+    @property
+    def mass(self) -> np.ndarray:
+        """(n, n): M, symmetric."""
+        return self._with_dynamics.mass
+
+    @property
+    def coupling(self) -> np.ndarray:
+        """(n, a): C."""
+        return self._with_dynamics.coupling
+
+    @property
+    def inertia(self) -> np.ndarray:
+        """(a,): J > 0, ascending."""
+        return self._with_dynamics.inertia
+
+    @property
+    def _with_dynamics(self) -> Inertia:
+        if self.dynamics is None:
+            raise RuntimeError(
+                "the inertia of this S-element is not computed; take with_inertia(terms) of it"
+            )
+        return self.dynamics
+
+    def with_inertia(self, terms: int) -> SElement:
+        """The S-element with mass and continued fraction.
+
+        Parameters
+        ----------
+        terms : int
+            Order of the continued fraction (Mcf of the paper), 0 for the mass alone.
+
+        Raises
+        ------
+        SElementError
+            If a matrix that is positive definite in exact arithmetic is not.
+        """
+        coefficients = coefficient_matrices(
+            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
+        )
+        bases = _bases(
+            self.coordinates,
+            self.order,
+            self.closed,
+            self.isotropic and _uniform(self.elasticity, self.density),
+        )
+        return replace(
+            self, dynamics=_dynamics(coefficients, _factors(coefficients, bases), self.radial, bases, terms)
+        )
 
 
 def solve_selement(
@@ -70,8 +120,11 @@ def solve_selement(
     order: int,
     closed: bool,
     elasticity: np.ndarray,
-    terms: int,
+    terms: int | None = None,
     isotropic: bool = False,
+    *,
+    density: np.ndarray | None = None,
+    method: str | None = None,
 ) -> SElement:
     """Solve one non-dimensional S-element.
 
@@ -81,32 +134,39 @@ def solve_selement(
         Boundary nodes relative to the scaling centre, counter-clockwise, in units of the element's size.
     order : int
     closed : bool
-    elasticity : (3, 3) array
-        D / E.
-    terms : int
-        Order of the continued fraction (Mcf of the paper), 0 for stiffness and mass alone.
+    elasticity : (3, 3) or (edges, 3, 3) array
+        D / E, of the S-element or of the sector that each edge spans with the scaling centre.
+    terms : int, optional
+        Order of the continued fraction (Mcf of the paper), 0 for stiffness and mass; default: the stiffness
+        alone.
     isotropic : bool
         Whether mirror symmetries of the outline are symmetries of the S-element; its equations then separate.
+    density : (edges,) array, optional
+        Densities of the sectors in units of the one that the inertia is scaled with; default: 1.
+    method : {"doubling", "schur"}, optional
+        How the stiffness is computed (`stiffness.static_stiffness`).
 
     Raises
     ------
     SElementError
         If the boundary is not visible from the scaling centre or a check fails.
     """
-    coefficients = coefficient_matrices(coordinates, order, closed, elasticity)
-    motions = _rigid_motions(coordinates)
+    elasticity = np.asarray(elasticity, dtype=float)
+    coefficients = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
+    motions = rigid_motions(coordinates)
+    bases = _bases(coordinates, order, closed, isotropic and _uniform(elasticity, density))
+    factors = _factors(coefficients, bases)
     parts = [
-        _solve_subspace(coefficients, motions[:, :2], basis, terms)
-        for basis in invariant_subspaces(coordinates, order, closed, isotropic)
+        _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
+        for basis, factor in zip(bases, factors)
     ]
-    stiffness, mass, radial = (sum(basis @ part[k] @ basis.T for basis, part in parts) for k in range(3))
-    coupling = np.concatenate([basis @ part[3] for basis, part in parts], axis=1)
-    inertia = np.concatenate([part[4] for _, part in parts])
+    stiffness = _whole([part[0] for part in parts], bases)
+    radial = _whole([part[1] for part in parts], bases)
+    asymmetry = max(part[2] for part in parts)
     scale = largest(stiffness)
     riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(
         largest(coefficients.e2), scale
     )
-    asymmetry = max(part[5] for _, part in parts)
     rigid = largest(stiffness @ motions) / scale
     for name, value in (
         ("residual of the Riccati equation", riccati),
@@ -118,112 +178,87 @@ def solve_selement(
                 f"{name} {value:.2g} exceeds {TOLERANCE:.0g}: the radial modes could not be separated; "
                 f"{ADVICE}"
             )
-    ascending = np.argsort(inertia, kind="stable")
     return SElement(
+        coordinates,
+        order,
+        closed,
+        elasticity,
+        isotropic,
         symmetric(stiffness),
-        symmetric(mass),
-        coupling[:, ascending],
-        inertia[ascending],
         radial,
         riccati,
         asymmetry,
         rigid,
+        density,
+        None if terms is None else _dynamics(coefficients, factors, radial, bases, terms),
     )
 
 
-def _solve_subspace(coefficients: Coefficients, translations: np.ndarray, basis: np.ndarray, terms: int):
-    """The basis, and K, M, A, C, J and the asymmetry of K in a subspace that E0, E1, E2 and M0 leave
-    invariant.
-    """
-    local = Coefficients(
-        *(
-            basis.T @ matrix @ basis
-            for matrix in (coefficients.e0, coefficients.e1, coefficients.e2, coefficients.m0)
-        )
-    )
-    factor = cholesky(local.e0, "coefficient matrix E0")
-    stiffness, asymmetry = _static_stiffness(local, factor, basis.T @ translations)
+# A basis is None where the whole space is taken: products with an identity would cost as much as others.
+_Bases = list[np.ndarray] | list[None]
+
+
+def _uniform(elasticity: np.ndarray, density: np.ndarray | None) -> bool:
+    """Whether all sectors are of one material, so that the outline's mirrors are the S-element's."""
+    return elasticity.ndim == 2 and density is None
+
+
+def _bases(coordinates: np.ndarray, order: int, closed: bool, mirrored: bool) -> _Bases:
+    """Bases of the subspaces that the S-element's matrices leave invariant."""
+    if not mirrored:
+        return [None]
+    bases = invariant_subspaces(coordinates, order, closed, True)
+    return [None] if len(bases) == 1 else bases
+
+
+def _restricted(matrix: np.ndarray, basis: np.ndarray | None) -> np.ndarray:
+    return matrix if basis is None else basis.T @ matrix @ basis
+
+
+def _whole(parts: list[np.ndarray], bases: _Bases) -> np.ndarray:
+    """Sum of the subspaces' shares of an (n, n) matrix."""
+    if bases[0] is None:
+        return parts[0]
+    return np.sum([basis @ part @ basis.T for basis, part in zip(bases, parts)], axis=0)
+
+
+def _factors(coefficients: Coefficients, bases: _Bases) -> list[np.ndarray]:
+    """Lower Cholesky factors of E0 in the subspaces."""
+    return [cholesky(_restricted(coefficients.e0, basis), "coefficient matrix E0") for basis in bases]
+
+
+def _solve_subspace(
+    coefficients: Coefficients,
+    factor: np.ndarray,
+    translations: np.ndarray,
+    basis: np.ndarray | None,
+    method: str | None,
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """K, A and the asymmetry of K in a subspace that E0, E1 and E2 leave invariant."""
+    if basis is not None:
+        e0, e1, e2 = (_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2))
+        coefficients = Coefficients(e0, e1, e2, coefficients.m0)
+        translations = basis.T @ translations
+    stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
     # K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or something
     # is wrong
-    cholesky(stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness)), "stiffness")
-    radial = cholesky_solve(factor, stiffness - local.e1.T)
-    mass, coupling, inertia = _continued_fraction(local, factor, radial, terms)
-    return basis, (stiffness, mass, radial, coupling, inertia, asymmetry)
+    shifted = stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
+    cholesky(shifted, "stiffness")
+    return stiffness, cholesky_solve(factor, stiffness - coefficients.e1.T), asymmetry
 
 
-def _static_stiffness(
-    coefficients: Coefficients, factor: np.ndarray, translations: np.ndarray
-) -> tuple[np.ndarray, float]:
-    """K from the invariant subspace of the growing radial modes, and its relative asymmetry.
-
-    The translations R are deflated exactly: E1^T R = 0, E2 R = 0 and K R = 0, hence on their complement P the
-    Hamiltonian [[-P'F E1'P, P'F P], [P'(E2 - E1 F E1')P, P'E1 F P]], F = E0^-1, has no zero eigenvalue.
-    """
-    complement = orthogonal_complement(translations)
-    project, m = complement.T, complement.shape[1]
-    inverse = cholesky_solve(factor, complement)  # F P
-    inverse_e1 = cholesky_solve(factor, coefficients.e1.T @ complement)  # F E1' P
-    hamiltonian = np.empty((2 * m, 2 * m), order="F")
-    hamiltonian[:m, :m] = -project @ inverse_e1
-    hamiltonian[:m, m:] = project @ inverse
-    hamiltonian[m:, :m] = project @ (coefficients.e2 @ complement - coefficients.e1 @ inverse_e1)
-    hamiltonian[m:, m:] = inverse_e1.T @ complement
-    vectors, growing = growing_subspace(hamiltonian)
-    if growing != m:
-        raise SElementError(f"{growing} growing radial modes instead of {m}; {ADVICE}")
-    reduced = solve(vectors[:m, :m].T, vectors[m:, :m].T).T
-    return complement @ symmetric(reduced) @ project, largest(reduced - reduced.T) / largest(reduced)
-
-
-def _continued_fraction(
-    coefficients: Coefficients, factor: np.ndarray, radial: np.ndarray, terms: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mass, coupling and inertia of the auxiliary unknowns, (12)-(19) with S0 = I by the scaling X X^T =
-    Z.
-    """
-    n = len(radial)
-    u = radial.T
-    form = schur(u)
-    mass = lyapunov(form, 1.0, coefficients.m0)
-    cholesky(mass, "mass")
-    if terms == 0:
-        return mass, np.zeros((n, 0)), np.zeros(0)
-    identity = np.eye(n)
-    c = cholesky_solve(factor, identity)
-    v = mass @ c
-    a = symmetric(v @ mass)
-    scalings, inertias = [], []
-    for i in range(1, terms + 1):
-        x = cholesky(lyapunov(form, 2.0, a), f"term {i} of the continued fraction")
-        b0 = lower_solve(x, (u + 2.0 * identity) @ x).T  # X^T (U + 2 I)^T X^-T
-        b1 = lower_solve(x, v @ x).T
-        next_c = symmetric(lower_solve(x, lower_solve(x, a).T))  # X^-1 a X^-T
-        next_a = x.T @ c @ x
-        u = b0.T
-        form = schur(u)
-        s1 = lyapunov(form, 1.0, b1 + b1.T)
-        scalings.append(x)
-        inertias.append(s1)
-        v = s1 @ next_c - b1
-        product = s1 @ b1.T
-        a = symmetric(s1 @ next_c @ s1 - product - product.T + next_a)
-        c = next_c
-    pencil = inertias[0] if terms == 1 else linalg.block_diag(*inertias)
-    for i, x in enumerate(scalings[1:], start=1):
-        upper, lower = slice((i - 1) * n, i * n), slice(i * n, (i + 1) * n)
-        pencil[upper, lower], pencil[lower, upper] = -x, -x.T
-    inertia, modes = symmetric_eigen(pencil)
-    if not inertia[0] > 0.0:
-        raise SElementError(
-            "the auxiliary mass of the continued fraction is not positive definite (smallest eigenvalue "
-            f"{inertia[0]:.2g}); {ADVICE}"
-        )
-    return mass, -scalings[0] @ modes[:n], inertia
-
-
-def _rigid_motions(coordinates: np.ndarray) -> np.ndarray:
-    """(n, 3): two translations and the rotation about the scaling centre, each of unit maximum."""
-    motions = np.zeros((len(coordinates), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
-    return motions.reshape(-1, 3)
+def _dynamics(
+    coefficients: Coefficients, factors: list[np.ndarray], radial: np.ndarray, bases: _Bases, terms: int
+) -> Inertia:
+    """Inertia from that of the subspaces."""
+    parts = [
+        continued_fraction(_restricted(coefficients.m0, basis), factor, _restricted(radial, basis), terms)
+        for basis, factor in zip(bases, factors)
+    ]
+    if bases[0] is None:
+        return parts[0]
+    inertia = np.concatenate([part.inertia for part in parts])
+    coupling = np.concatenate([basis @ part.coupling for basis, part in zip(bases, parts)], axis=1)
+    ascending = np.argsort(inertia, kind="stable")
+    mass = _whole([part.mass for part in parts], bases)
+    return Inertia(symmetric(mass), coupling[:, ascending], inertia[ascending])

@@ -33,7 +33,7 @@ def invariant_subspaces(
     if not mirrors:
         return [np.eye(n)]
     # commuting involutions: the eigenvalues of S1 + 2 S2 tell the parities apart
-    values, vectors = symmetric_eigen(sum((k + 1) * s for k, s in enumerate(mirrors)))
+    values, vectors = symmetric_eigen(np.tensordot(np.arange(1.0, len(mirrors) + 1.0), mirrors, axes=1))
     breaks = np.flatnonzero(np.diff(values) > 0.5) + 1
     return np.split(vectors, breaks, axis=1)
 

@@ -4,6 +4,7 @@ what a band needs.
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 
@@ -12,8 +13,8 @@ import numpy as np
 from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import assemble, block_triples, from_rows
-from .model import Model
 from .shapes import Group
+from .structure import Structure
 
 
 class Pencil:
@@ -27,7 +28,7 @@ class Pencil:
 
     Parameters
     ----------
-    model : Model
+    model : Structure
     highest : float
         Top of the band, rad/s.
     tolerance : float
@@ -41,7 +42,7 @@ class Pencil:
     unknowns : int
     """
 
-    def __init__(self, model: Model, highest: float, tolerance: float):
+    def __init__(self, model: Structure, highest: float, tolerance: float):
         self.model = model
         self._pieces = [
             piece for group in model.groups for piece in _pieces(model, group, highest, tolerance)
@@ -91,7 +92,7 @@ class Pencil:
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
-            return self.model.stiffness
+            return copy.copy(self.model.stiffness)  # a reference of its own
         triples = self.model.spring_triples()
         for piece in self._pieces:
             triples.append(block_triples(piece.unknowns, piece.unknowns, piece.condensed(shift)))
@@ -138,19 +139,21 @@ class Pencil:
             return None
         matrix = self.condensed(shift)
         pc = PETSc.PC().create(self.model.comm)
-        pc.setOptionsPrefix("modal_inertia_")
-        pc.setOperators(matrix)
-        pc.setType(PETSc.PC.Type.CHOLESKY)
-        pc.setFactorSolverType("mumps")
-        pc.setFactorSetUpSolverType()
-        factor = pc.getFactorMatrix()
-        factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
-        factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
-        pc.setFromOptions()
-        pc.setUp()
-        negative = factor.getInertia()[0]
-        pc.destroy()
-        if shift != 0.0:
+        try:
+            pc.setOptionsPrefix("modal_inertia_")
+            pc.setOperators(matrix)
+            pc.setType(PETSc.PC.Type.CHOLESKY)
+            pc.setFactorSolverType("mumps")
+            pc.setFactorSetUpSolverType()
+            factor = pc.getFactorMatrix()
+            factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
+            factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
+            pc.setFromOptions()
+            pc.setUp()
+            negative = factor.getInertia()[0]
+            factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
+        finally:
+            pc.destroy()
             matrix.destroy()
         return int(negative) + self.model.comm.allreduce(int((self.auxiliary_diagonal(shift) < 0.0).sum()))
 
@@ -163,7 +166,7 @@ class Pencil:
 class _Piece:
     """S-elements of one group with one size: equal matrices up to rotation."""
 
-    def __init__(self, model: Model, group: Group, rows: np.ndarray, highest: float, tolerance: float):
+    def __init__(self, model: Structure, group: Group, rows: np.ndarray, highest: float, tolerance: float):
         self.group, self.group_rows = group.select(rows), rows
         self.modulus, inertia = model.scales(self.group)
         self._inertia_scale = float(inertia[0])
@@ -193,7 +196,7 @@ class _Piece:
         return self.modulus * self.group.turned_both(matrix)
 
 
-def _pieces(model: Model, group: Group, highest: float, tolerance: float) -> list[_Piece]:
+def _pieces(model: Structure, group: Group, highest: float, tolerance: float) -> list[_Piece]:
     """Split a group by the sizes of its S-elements."""
     sizes = group.sizes
     order = np.argsort(sizes, kind="stable")
@@ -268,13 +271,12 @@ class CondensedSolve:
         """
         if self.shift != 0.0:
             self.auxiliary.destroy()
-            self.matrix.destroy()
-        for item in (self.ksp, self.right, self.left):
+        for item in (self.ksp, self.right, self.left, self.matrix):
             item.destroy()
         self.__dict__.clear()
 
 
-def top_of_band(model: Model, count: int) -> float:
+def top_of_band(model: Structure, count: int) -> float:
     """Estimate of the angular frequency of mode `count` by Weyl's law with its boundary term, rad/s.
 
     It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it

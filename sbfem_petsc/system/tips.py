@@ -1,86 +1,102 @@
-"""Stress intensity factors of all crack tips from nodal displacements."""
+"""Stress intensity factors of all crack tips as linear forms of the displacements."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from ..parallel import collective
-from ..petsc import MPI
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
+from .rows import Rows
+from .shapes import Group
+
+
+class TipPlace(NamedTuple):
+    """A tip whose S-element this rank holds."""
+
+    number: int
+    group: Group
+    member: int
 
 
 @dataclass(frozen=True, eq=False)
-class _TipRow:
-    crack: int
-    nodes: np.ndarray
-    rows: np.ndarray
-
-
 class TipIntensities:
-    """K_I and K_II of every crack with a tip element, linear in the nodal displacements.
+    """K_I and K_II of every tip with a tip element.
 
     Attributes
     ----------
     names : tuple of str
-        Cracks that have a tip element.
-    exponents : (cracks, 2) array
+    exponents : (tips, 2) array
         Exponents lambda of the displacement modes; the unit of K is Pa m^(1 - lambda), Pa m^(1/2) at a crack.
+    rows : Rows
+        Two for each tip.
+    contact : (2 tips, c) array
+        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip elements.
+    faces : dict of int to (2, m) array
+        The same for all traction modes of the tips that this rank holds, by the tip's number.
     """
 
-    def __init__(self, model):
-        self.comm = model.comm
-        cracks = [c for c in model.cracks if c.tip_element >= 0]
-        self.names = tuple(c.name for c in cracks)
-        self._local: list[_TipRow] = []
-        exponents = np.zeros((len(self.names), 2))
-        place = {int(element): row for row, element in enumerate(model.part.elements)}
-        with collective(self.comm):  # the rank that owns a tip must not fail alone
-            for index, crack in enumerate(cracks):
-                row = place.get(int(crack.tip_element), -1)
-                if row < 0:
-                    continue
-                group, member = next(
-                    (g, int(np.flatnonzero(g.elements == row)[0]))
-                    for g in model.groups
-                    if (g.elements == row).any()
-                )
-                rotation, size, material = (
-                    group.rotations[member],
-                    group.sizes[member],
-                    model.materials[group.material],
-                )
-                try:
-                    form = intensity_rows(
-                        group.solution.radial,
-                        group.shape,
-                        group.order,
-                        material.elasticity,
-                        rotation @ np.array(crack.axis),
-                        material.isotropic,
-                    )
-                except SElementError as error:
-                    raise SElementError(f"tip of {crack.name}: {error}") from None
-                # lengths of the form are in units of the size, stresses of the modulus; a reflection turns
-                # the sense of sliding
-                scale = (
-                    material.modulus
-                    * size ** -np.nan_to_num(form.exponents, nan=1.0)
-                    * np.array([1.0, np.linalg.det(rotation)])
-                )
-                turned = form.rows.reshape(2, -1, 2) @ rotation
-                self._local.append(_TipRow(index, group.nodes[member], scale[:, None, None] * turned))
-                exponents[index] = form.exponents
-        self.exponents = self.comm.allreduce(exponents)
+    names: tuple[str, ...]
+    exponents: np.ndarray
+    rows: Rows
+    contact: np.ndarray
+    faces: dict[int, np.ndarray]
 
-    def evaluate(self, field: np.ndarray) -> dict[str, tuple[float, float]]:
-        """K_I and K_II of each tip, on all ranks, from the displacements (m, 2) of this rank's nodes.
-        Collective.
+    def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
+        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions on the
+        faces inside the tip elements add, (2 tips,). Collective.
         """
-        values = np.zeros((len(self.names), 2))
-        for tip in self._local:
-            values[tip.crack] = np.einsum("kni,ni->k", tip.rows, field[tip.nodes])
-        self.comm.Allreduce(MPI.IN_PLACE, values)
-        return {name: (float(a), float(b)) for name, (a, b) in zip(self.names, values)}
+        values = (self.rows(owned) + more).reshape(-1, 2)
+        return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}
+
+
+def tip_places(model) -> list[TipPlace]:
+    """The tip elements that this rank holds."""
+    row_of = {int(element): row for row, element in enumerate(model.part.elements)}
+    places = []
+    for number, tip in enumerate(model.tip_elements):
+        row = row_of.get(int(tip.element), -1)
+        if row >= 0:
+            group = next(g for g in model.groups if (g.elements == row).any())
+            places.append(TipPlace(number, group, int(np.flatnonzero(group.elements == row)[0])))
+    return places
+
+
+def tip_intensities(model) -> TipIntensities:
+    """The forms of a model. Collective."""
+    tips = model.tip_elements
+    exponents = np.zeros((len(tips), 2))
+    contact = np.zeros((2 * len(tips), len(model.gap_operator)))
+    tractions = {faces.number: faces for faces in model.tip_faces}
+    rows, columns = {}, {}
+    with collective(model.comm):  # the rank that owns a tip must not fail alone
+        for number, group, member in model.tip_places:
+            tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
+            material = model.materials[group.material]
+            try:
+                form = intensity_rows(
+                    group.solution.radial,
+                    group.shape,
+                    group.order,
+                    material.elasticity,
+                    rotation @ np.array(tip.axis),
+                    material.isotropic,
+                )
+            except SElementError as error:
+                raise SElementError(f"tip {tip.name}: {error}") from None
+            placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
+            unknowns = model.part.unknowns[group.nodes[member]].ravel()
+            rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
+            exponents[number] = form.exponents
+            if number in tractions:
+                modes = tractions[number].modes
+                faces = tractions[number].tractions
+                columns[number] = form.placed_of_tractions(faces, rotation, size, model.thickness)
+                first = model.gap_operator.pairs + modes * number
+                contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
+    exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))
+    gathered = Rows.gathered(model.comm, model.ranges, rows, 2 * len(tips))
+    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns)

@@ -37,7 +37,7 @@ def _contacting(reduction):
 
 @pytest.fixture(scope="module")
 def orbit(curve):
-    return sb.doubled(curve, _doubling(curve))
+    return sb.switch_branch(curve, _doubling(curve))
 
 
 def _doubling(curve):
@@ -70,7 +70,7 @@ def test_a_history_stays_on_it(reduction, orbit):
         [sb.Harmonic(0.1, orbit.frequency)],
         duration,
         step=1.0 / (STEPS * orbit.frequency),
-        start=(orbit.modal_displacement[0], orbit.modal_velocity[0]),
+        start=(orbit.states.q[0], orbit.states.v[0]),
     )
     u = history.displacement("2")[:, 1]
     late = u[-4 * STEPS - 1 :]
@@ -91,7 +91,7 @@ def test_its_branch_can_be_followed(reduction, orbit):
 def test_only_from_a_period_doubling(curve):
     other = next(item for item in curve.bifurcations if item.kind != "period doubling")
     with pytest.raises(ValueError, match="is no period doubling"):
-        sb.doubled(curve, other)
+        sb.switch_branch(curve, other)
 
 
 def test_orbit_file(orbit, tmp_path):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import continuation
-from sbfem_petsc.analysis.response import find_peak
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics import continuation
+from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import answer, on_ranks
 from tests.systems import case_p, two_masses
 
@@ -22,9 +22,9 @@ def with_a_stop(gap=1.0, zeta=0.05, compliance=2.0):
         np.diag([1.0, 1e6]),
         np.array([[1.0, 0.0]]),
         np.array([gap]),
-        np.array([[1.0], [0.0]]),
-        {"x": 0},
-        1,
+        loads=np.array([[1.0], [0.0]]),
+        sensors={"x": 0},
+        modes=1,
         damping=zeta,
         compliance=np.array([compliance]),
     )
@@ -70,7 +70,7 @@ def test_points_are_periodic_motions(curves):
     up = curves[0]
     for k in (3, 20, 45, len(up.value) - 4):
         orbit = up.orbit(k)
-        again = sb.periodic(up.reduction, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
+        again = sb.periodic(up.reduced, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
         assert (
             np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k])
             and again.iterations <= 1
@@ -206,12 +206,12 @@ def test_response_of_the_beam(case_p):
     assert changes == 2 and curve.stable[[0, -1]].all()
     # light load: the linear curve
     light = sb.frequency_response(
-        case_p, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, reduction=linear.reduction, stability=False
+        linear.reduced, sb.PointForce("A", fy=0.01), 14100.0, 14200.0, stability=False
     )
     exact = [
-        sb.periodic(
-            case_p, sb.PointForce("A", fy=0.01), f, reduction=linear.reduction, contact=False, stability=False
-        ).harmonics("A")[1]
+        sb.periodic(linear.reduced, sb.PointForce("A", fy=0.01), f, contact=False, stability=False).harmonics(
+            "A"
+        )[1]
         for f in light.value[::4]
     ]
     np.testing.assert_allclose(light.harmonics("A")[::4, 1], exact, rtol=1e-10)
@@ -288,7 +288,7 @@ def test_three_motions_with_little_damping():
         ({"load": [sb.Constant(1.0)]}, "no load oscillates"),
         ({"largest_step": 0.0}, "largest_step"),
         ({"periods": 0}, "periods"),
-        ({"load": [0.1, 0.2]}, "the reduction has 1 unit loads, the load has 2"),
+        ({"load": [0.1, 0.2]}, "the reduced model has 1 unit loads, the load has 2"),
     ],
 )
 def test_bad_sweeps(arguments, sentence):
@@ -312,7 +312,7 @@ def test_bad_ramps(arguments, sentence):
 
 
 def test_first_orbit_elsewhere(curves):
-    with pytest.raises(ValueError, match="first is at .* Hz, not at start"):
+    with pytest.raises(ValueError, match="first is at .* Hz, not at"):
         sb.frequency_response(two_masses(), [0.1], 0.09, 0.1, first=curves[0].orbit(3))
 
 
@@ -347,7 +347,7 @@ def test_a_curve_that_stops(monkeypatch):
         "step",
     ) as caught:
         sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1024)
-    curve = caught.value.curve
+    curve = caught.value.branch
     assert (
         not curve.complete
         and 10 < len(curve.value) < 100

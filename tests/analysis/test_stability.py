@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis.periodic import moved_by_half_a_step, prepare, state_at
-from sbfem_petsc.analysis.shooting import shoot
-from sbfem_petsc.analysis.stability import multipliers
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics.orbit import moved_by_half_a_step, state_at
+from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
+from sbfem_petsc.dynamics.shooting import shoot
+from sbfem_petsc.dynamics.stability import multipliers
+from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import ALUMINIUM, case_p, two_masses
 
@@ -20,16 +21,14 @@ TURN = 2 * np.pi
 def beam():
     """Case P, 80 modes."""
     model = case_p(damping=0.002)
-    return model, sb.periodic(model, sb.PointForce("A", fy=1.0), 14000.0, stability=False).reduction
+    return model, sb.periodic(model, sb.PointForce("A", fy=1.0), 14000.0, stability=False).reduced
 
 
 def motion_of(model, reduction, force, frequency, steps=512):
     """Orbit, period map and integrated period."""
     load = sb.PointForce("A", fy=force)
-    orbit = sb.periodic(model, load, frequency, reduction=reduction, steps=steps)
-    driven = prepare(model, load, frequency, None, steps, None, True, reduction, None, "dense", 64).at(
-        frequency
-    )
+    orbit = sb.periodic(reduction, load, frequency, steps=steps)
+    driven = prepare("test", reduction, load, frequency, settings=PeriodSettings(steps=steps)).at(frequency)
     return orbit, driven, driven.run(orbit.state)
 
 
@@ -44,7 +43,13 @@ def test_linear_multipliers():
     omega = np.array([1.0, 2.3, 7.1, 30.0])
     zeta = 0.013
     r = reduce_matrices(
-        np.eye(4), np.diag(omega**2), np.zeros((0, 4)), np.zeros(0), np.ones((4, 1)), {"x": 0}, damping=zeta
+        np.eye(4),
+        np.diag(omega**2),
+        np.zeros((0, 4)),
+        np.zeros(0),
+        loads=np.ones((4, 1)),
+        sensors={"x": 0},
+        damping=zeta,
     )
     orbit = sb.periodic(r, 1.0, 0.21)
     exact = np.repeat(np.exp((-zeta + 1j * np.sqrt(1 - zeta**2)) * omega / 0.21), 2)
@@ -93,19 +98,16 @@ def growth(model, reduction, force, frequency, steps=512, size=1e-3, periods=400
         state = orbit.state + offset * direction
         m = len(reduction.omega)
         history = sb.transient(
-            model,
+            reduction,
             sb.PointForce("A", fy=sb.Harmonic(force, frequency)),
             periods / frequency,
             step=1 / (frequency * steps),
-            reduction=reduction,
             decimation=steps,
             start=(state[:m] / reduction.omega, state[m:]),
             progress=None,
         )
         assert len(history.time) == periods + 1
-        states.append(
-            np.concatenate([reduction.omega * history.modal_displacement, history.modal_velocity], axis=1)
-        )
+        states.append(np.concatenate([reduction.omega * history.states.q, history.states.v], axis=1))
     part = np.abs((states[1] - states[0]) @ left)
     return orbit, np.log(np.abs(found.values[0])), np.polyfit(np.arange(periods + 1), np.log(part), 1)[0]
 
@@ -181,7 +183,7 @@ def test_without_damping_the_steps_are_symplectic():
     located: 1e-6 is asked for, 1e-10 is met.
     """
     model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
-    reduction = sb.periodic(model, sb.PointForce("A", fy=1.0), 2500.0, stability=False, modes=40).reduction
+    reduction = sb.periodic(model, sb.PointForce("A", fy=1.0), 2500.0, stability=False, modes=40).reduced
     for frequency in (433.0, 3000.0):
         orbit, driven, motion = motion_of(model, reduction, 300.0, frequency)
         assert orbit.contact_resultant.max() > 1000
@@ -198,14 +200,14 @@ def test_uncertainty_is_the_jitter_of_the_grid(beam):
     """
     model, reduction = beam
     load = sb.PointForce("A", fy=1500.0)
-    orbit = sb.periodic(model, load, 14254.61, reduction=reduction, steps=512)
-    period = prepare(model, load, 14254.61, None, 512, None, True, reduction, None, "dense", 64)
+    orbit = sb.periodic(reduction, load, 14254.61, steps=512)
+    period = prepare("test", reduction, load, 14254.61, settings=PeriodSettings(steps=512))
     first = shoot(period, orbit.state, 14254.61)
     moved = moved_by_half_a_step(period)
     other = shoot(moved, 0.5 * (state_at(first, 0) + state_at(first, 1)), 14254.61)
     change = abs(np.abs(multipliers(other.driven, other.motion).values[0]) - np.abs(orbit.multipliers[0]))
     assert change <= orbit.multiplier_error < 1e-4
-    middle = 0.5 * (orbit.modal_displacement[:-1] + orbit.modal_displacement[1:])
+    middle = 0.5 * (orbit.states.q[:-1] + orbit.states.q[1:])
     found = (moved.phases @ other.driven.amplitudes).real[:-2] + other.motion.states[:-2]
     assert np.abs(found[:-1] - middle[: len(found) - 1]).max() < 1e-3 * np.abs(middle).max()
 
@@ -254,7 +256,7 @@ def test_verdicts_do_not_flip(up):
     for k in np.flatnonzero(up.stable[1:] != up.stable[:-1]) + 1:
         assert min(abs(b.after - k) for b in up.bifurcations) <= 1
     # the open part is linear: one multiplier's modulus exp(-zeta omega T)
-    r, away = up.reduction, up.contact_peak == 0
+    r, away = up.reduced, up.contact_peak == 0
     exact = np.exp(-(r.damping * r.omega).min() / up.frequency[away])
     np.testing.assert_allclose(np.abs(up.multipliers[away, 0]), exact, rtol=1e-9)
 
@@ -303,7 +305,7 @@ def test_period_doubled_motion(up):
     apart = np.linalg.norm(twice - state)
     again = twice + driven.run(twice).residual
     assert apart > 1e-2 * np.linalg.norm(state) and np.linalg.norm(again - state) < 1e-4 * apart
-    period = prepare(up.reduction, [0.1], frequency, 2, 2048, None, True, "modes", None, "dense", 64)
+    period = prepare("test", up.reduced, [0.1], frequency, settings=PeriodSettings(periods=2, steps=2048))
     shot = shoot(period, state, frequency)
     assert np.linalg.norm(shot.state - state) < 1e-3 * apart
     assert np.abs(multipliers(shot.driven, shot.motion).values[0]) < 1.0

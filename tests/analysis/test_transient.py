@@ -9,8 +9,7 @@ from scipy import linalg
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -21,7 +20,7 @@ REFERENCE = np.load(pathlib.Path(__file__).parents[2] / "examples" / "reference"
 def fine():
     """67 pairs, frequencies 1-10 within 1.4e-6, and the reduction of the paper's load to 80 modes."""
     model = sb.Model(paper_beam().mesh(order=6, grading=1.8, tip_size=5e-6), ALUMINIUM)
-    return model, sb.transient(model, burst(1.0), 1e-5, step=1e-6).reduction
+    return model, sb.transient(model, burst(1.0), 1e-5, step=1e-6).reduced
 
 
 def burst(force, cycles=100):
@@ -45,7 +44,7 @@ def test_paper_bursts(fine, force, key, tolerance):
     """
     model, reduction = fine
     for step in (1e-6, 4e-6):
-        history = sb.transient(model, burst(force), 0.033, step=step, reduction=reduction)
+        history = sb.transient(reduction, burst(force), 0.033, step=step)
         assert distance(history, key) < min(tolerance, 8e-4)
         assert np.abs(history.energy.balance).max() < 1e-6 * np.abs(history.energy.external).max()
     if force > 1:
@@ -69,11 +68,9 @@ def test_default_step(frequency, duration):
     model = sb.Model(paper_beam().mesh(), ALUMINIUM)
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, frequency))
     history = sb.transient(model, load, duration)
-    fine = sb.transient(
-        model, load, duration, step=history.step / 8, decimation=8, reduction=history.reduction
-    )
+    fine = sb.transient(history.reduced, load, duration, step=history.step / 8, decimation=8)
     assert history.step == pytest.approx(
-        min(1 / (320 * frequency), 0.8 / history.reduction.frequencies[-1]), rel=0.01
+        min(1 / (320 * frequency), 0.8 / history.reduced.frequencies[-1]), rel=0.01
     )
     assert history.contact_resultant.max() > 1000
     for found, exact in (
@@ -83,9 +80,7 @@ def test_default_step(frequency, duration):
         assert np.linalg.norm(found - exact) < 3e-4 * np.linalg.norm(exact)
     if frequency == 30.0:
         with pytest.warns(sb.StepWarning):
-            coarse = sb.transient(
-                model, load, duration, step=1 / (320 * frequency), reduction=history.reduction
-            )
+            coarse = sb.transient(history.reduced, load, duration, step=1 / (320 * frequency))
         exact = np.interp(coarse.time, fine.time, fine.contact_resultant)
         assert np.linalg.norm(coarse.contact_resultant - exact) > 1e-3 * np.linalg.norm(exact)
 
@@ -109,7 +104,7 @@ def test_period_error_of_newmark(fine):
     model, reduction = fine
     far = [
         distance(
-            sb.transient(model, burst(1.0), 0.033, step=step, reduction=reduction, scheme="newmark"),
+            sb.transient(reduction, burst(1.0), 0.033, step=step, scheme="newmark"),
             "uA_y_1N_linear",
         )
         for step in (4e-6, 2e-6)
@@ -122,9 +117,7 @@ def test_energy_after_the_load_has_ended(fine):
     """Undamped, 20 cycles of 300 N, then 33 ms without load: the energy stays within 1e-6."""
     model, reduction = fine
     end = 20 / 3000
-    history = sb.transient(
-        model, burst(300.0, 20), end + 0.033, step=0.5e-6, reduction=reduction, decimation=10
-    )
+    history = sb.transient(reduction, burst(300.0, 20), end + 0.033, step=0.5e-6, decimation=10)
     energy = history.energy.total[history.time > end + 1e-5]
     assert abs(energy[-1] / energy[0] - 1.0) < 1e-6
     assert history.contact_resultant[history.time > end].max() > 1000.0
@@ -165,13 +158,13 @@ def test_damped_linear_response_against_closed_form():
         np.diag([omega**2, 100.0]),
         np.zeros((0, 2)),
         np.zeros(0),
-        np.array([[1.0], [0.0]]),
-        {"x": 0},
-        1,
+        loads=np.array([[1.0], [0.0]]),
+        sensors={"x": 0},
+        modes=1,
         damping=zeta,
     )
     for step in (0.01, 0.5):
-        history = module.integrate(r, [sb.Constant(omega**2)], int(10 / step), step)
+        history = sb.transient(r, [sb.Constant(omega**2)], int(10 / step) * step, step)
         wd = omega * np.sqrt(1 - zeta**2)
         exact = 1 - np.exp(-zeta * omega * history.time) * (
             np.cos(wd * history.time) + zeta / np.sqrt(1 - zeta**2) * np.sin(wd * history.time)
@@ -200,17 +193,19 @@ def thrown(elements, length, young, density, area, gap, speed, gravity=0.0):
     row[0, 0] = 1.0
     weight = -gravity * mass.sum(axis=1, keepdims=True)
     modes = elements // 2
-    r = reduce_matrices(mass, stiffness, row, np.array([gap]), weight, {"front": 0}, modes)
+    r = reduce_matrices(
+        mass, stiffness, row, np.array([gap]), loads=weight, sensors={"front": 0}, modes=modes
+    )
     vectors = linalg.eigh(stiffness, mass)[1][:, :modes]
     return r, vectors.T @ mass @ np.full(elements + 1, speed)
 
 
 def fly(r, velocity, duration, step, scheme="exact"):
     """History from a given modal velocity."""
-    return module.integrate(
+    return sb.transient(
         r,
         [sb.Constant(1.0)],
-        round(duration / step),
+        round(duration / step) * step,
         step,
         scheme=scheme,
         start=(np.zeros(len(velocity)), velocity),
@@ -286,16 +281,16 @@ def test_bilinear_oscillator(ratio, mean, second, third):
         np.diag([opened**2, 1e6]),
         np.array([[1.0, 0.0]]),
         np.zeros(1),
-        np.zeros((2, 1)),
-        {"x": 0},
-        1,
+        loads=np.zeros((2, 1)),
+        sensors={"x": 0},
+        modes=1,
         compliance=np.array([1 / stop]),
     )
     bilinear = 2 * closed * opened / (closed + opened)
     period = 2 * np.pi / bilinear
     steps = 4096
-    history = module.integrate(
-        r, [sb.Constant(0.0)], 40 * steps, period / steps, start=(np.zeros(1), np.ones(1))
+    history = sb.transient(
+        r, [sb.Constant(0.0)], 40 * period, period / steps, start=(np.zeros(1), np.ones(1))
     )
     u = history.displacement("x")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
@@ -393,7 +388,9 @@ def test_contact_that_does_work_is_refused():
     mass, stiffness = bar(200, 10.0, 900.0, 1.0, 1.0)
     row = np.zeros((1, 201))
     row[0, 0] = 1.0
-    r = reduce_matrices(mass, stiffness, row, np.array([5.0]), np.zeros((201, 1)), {}, 199)
+    r = reduce_matrices(
+        mass, stiffness, row, np.array([5.0]), loads=np.zeros((201, 1)), sensors={}, modes=199
+    )
     velocity = linalg.eigh(stiffness, mass)[1][:, :199].T @ mass @ np.full(201, -10.0)
     with pytest.raises(sb.SolveError, match="contact forces have done work"):
         fly(r, velocity, 2.0, 1e-3)
@@ -408,7 +405,7 @@ def test_gravity_and_moving_support():
     weight = sb.static(model, sb.SupportMotion(ay=9.81)).displacement("A")[1]
     assert -weight == pytest.approx(2700 * 9.81 * 0.005 * 0.4**4 / (8 * 70e9 * 0.005**3 / 12), rel=5e-4)
     history = sb.transient(model, sb.SupportMotion(ay=sb.Step(9.81, rise=1.0)), 1.5, step=1e-3)
-    translation = history.reduction.translation
+    translation = history.reduced.translation
     assert translation[0, 1] ** 2 / mass == pytest.approx(0.6131, rel=1e-3)
     assert (translation**2).sum(axis=0) == pytest.approx([mass, mass], rel=0.02) and (translation**2).sum(
         axis=0
@@ -425,11 +422,11 @@ def test_support_motion_against_one_degree_of_freedom():
     history = sb.transient(
         model, sb.SupportMotion(ay=sb.Harmonic(1.0, frequency)), 120 / frequency, step=1 / (100 * frequency)
     )
-    r = history.reduction
+    r = history.reduced
     amplitude = np.abs(history.displacement("A")[-200:, 1]).max()
     expected = (
         r.translation[0, 1]
-        * r.sensor_modes[r.points.index("A"), 1, 0]
+        * r.points.modes[r.points.names.index("A"), 1, 0]
         / (2 * 0.02 * (2 * np.pi * frequency) ** 2)
     )
     assert amplitude == pytest.approx(abs(expected), rel=0.01)
@@ -440,7 +437,7 @@ def test_error_estimate():
     model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)
     load = burst(1.0, 5)
     coarse = sb.transient(model, load, 0.002, step=4e-6, scheme="newmark")
-    fine = sb.transient(model, load, 0.002, step=0.25e-6, scheme="newmark", reduction=coarse.reduction)
+    fine = sb.transient(coarse.reduced, load, 0.002, step=0.25e-6, scheme="newmark")
     error = np.linalg.norm(coarse.displacement("A") - fine.displacement("A")[::16]) / np.linalg.norm(
         fine.displacement("A")[::16]
     )

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis.harmonic import Drive
-from sbfem_petsc.analysis.shooting import Period
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.dynamics.excitation import Drive
+from sbfem_petsc.dynamics.shooting import Period
+from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT
 
 
@@ -25,11 +25,11 @@ def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
         k,
         rows,
         np.full(len(stops), gap),
-        np.eye(masses)[:, [1, 4]],
-        {"first": 0, "last": masses - 1},
-        4,
-        damping,
-        np.full(len(stops), 0.05),
+        loads=np.eye(masses)[:, [1, 4]],
+        sensors={"first": 0, "last": masses - 1},
+        modes=4,
+        damping=damping,
+        compliance=np.full(len(stops), 0.05),
     )
 
 
@@ -48,8 +48,8 @@ def chain_motion():
     state[:4] -= (
         0.3
         * np.linalg.norm(state)
-        * period.reduction.gap_modes[1]
-        / np.linalg.norm(period.reduction.gap_modes[1])
+        * period.reduced.gap_modes[1]
+        / np.linalg.norm(period.reduced.gap_modes[1])
     )
     motion = driven.run(state)
     touching = motion.forces > 0
@@ -132,7 +132,7 @@ def test_products_are_the_matrix(chain_motion, located):
 def test_linear_resolvent(chain_motion):
     """(Phi - 1)^-1 of the structure whose stops are away is what it is called."""
     period, driven, state, _ = chain_motion
-    free = Period(period.reduction, period.drive, period.steps, contact=False).at(driven.frequency)
+    free = Period(period.reduced, period.drive, period.steps, contact=False).at(driven.frequency)
     matrix = free.carried(free.run(state), np.eye(len(state))) - np.eye(len(state))
     vector = np.cos(np.arange(len(state)))
     np.testing.assert_allclose(matrix @ driven.linear_resolvent(vector), vector, atol=1e-11)

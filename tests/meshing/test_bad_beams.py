@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from meshing import Beam, BoundaryMesh, Hole, VNotch
+from meshing import Beam, Hole, VNotch
 
 LENGTH, HEIGHT = 0.4, 0.005
 NOTCH = VNotch(0.08, 0.0025, 0.05)
@@ -122,33 +122,6 @@ def test_mesh_options(options, says):
     with pytest.raises(ValueError) as caught:
         Beam(LENGTH, HEIGHT, [NOTCH], [Hole(0.065, 0.0025, 0.002)]).mesh(**options)
     assert says in str(caught.value) and "\n" not in str(caught.value)
-
-
-def test_missing_truncated_and_foreign_files(tmp_path):
-    with pytest.raises(ValueError, match="there is no such file"):
-        BoundaryMesh.load(tmp_path / "none.h5")
-    mesh, path = Beam(LENGTH, HEIGHT).mesh(), tmp_path / "mesh.h5"
-    mesh.save(path)
-    content = path.read_bytes()
-    for size in (0, 100, len(content) // 2, len(content) - 10):
-        path.write_bytes(content[:size])
-        with pytest.raises(ValueError, match="truncated, corrupt or not an HDF5 file"):
-            BoundaryMesh.load(path)
-    h5py = pytest.importorskip("h5py")
-    with h5py.File(path, "w") as file:
-        file["x"] = 1
-    with pytest.raises(ValueError, match="not a boundary mesh"):
-        BoundaryMesh.load(path)
-
-
-def test_places_that_cannot_be_written(tmp_path):
-    mesh = Beam(LENGTH, HEIGHT).mesh()
-    with pytest.raises(ValueError, match="cannot be written"):
-        mesh.save(tmp_path / "none" / "mesh.h5")
-    with pytest.raises(ValueError, match="cannot be exported"):
-        mesh.export(tmp_path / "none" / "mesh.vtu")
-    with pytest.raises(ValueError, match="cannot be exported"):
-        mesh.export(tmp_path / "mesh.unknown")
 
 
 def test_inconsistent_arrays():

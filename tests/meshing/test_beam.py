@@ -85,7 +85,10 @@ class TestPaperCase:
     def test_size(self):
         left = np.unique(self.mesh.edges[self.mesh.edge_sets["left"]])
         assert self.mesh.elements == 79
-        assert 2 * (len(self.mesh.nodes) - len(left)) == 1854
+        # Eighteen edges more where those on the faces are longer than a twelfth of the notch.
+        assert 2 * (len(self.mesh.nodes) - len(left)) == 1854 + 18 * 2 * 5
+        plain = PAPER.mesh(face_edges=1)
+        assert 2 * (len(plain.nodes) - len(left)) == 1854 and len(plain.pairs) == 26
         assert PAPER.mesh(corners=(), size=0.01).elements == 81
 
     def test_gap_of_a_symmetric_notch(self):
@@ -94,14 +97,16 @@ class TestPaperCase:
         along = (self.mesh.nodes[self.mesh.pairs.nodes[:, 0]] - tip)[:, 1]
         assert self.mesh.pairs.gap == pytest.approx(2 * along * math.tan(half), rel=1e-9)
         assert self.mesh.pairs.gap[-1] == pytest.approx(2.0e-6, rel=1e-6)
-        assert len(self.mesh.pairs) == 26
+        assert len(self.mesh.pairs) == 71
         assert (self.mesh.pairs.normal == [1.0, 0.0]).all()
 
     def test_rings_are_congruent(self):
         # Seven shapes serve all: the tip element, the trapezoids and those that end on the two faces
         # (mirrored), two columns and their neighbours with a hanging vertex.
-        assert distinct_shapes(PAPER.mesh(corners=())) <= 7
-        assert distinct_shapes(PAPER.mesh(corners=(), tip_size=1e-6)) <= 7
+        assert distinct_shapes(PAPER.mesh(corners=(), face_edges=1)) <= 7
+        assert distinct_shapes(PAPER.mesh(corners=(), tip_size=1e-6, face_edges=1)) <= 7
+        # Those on the faces differ only in the two outer rings, by the number of their edges.
+        assert distinct_shapes(PAPER.mesh(corners=(), tip_size=1e-6)) <= 9
 
     def test_points_and_tip(self):
         assert self.mesh.nodes[self.mesh.points["A"]] == pytest.approx([LENGTH, HEIGHT], abs=0)
@@ -252,6 +257,6 @@ def test_export(tmp_path):
 
 def test_repr_tells_what_it_is():
     mesh = PAPER.mesh()
-    assert "79 S-elements of order 5" in repr(mesh) and "26 contact pairs" in repr(mesh)
+    assert "79 S-elements of order 5" in repr(mesh) and "71 contact pairs" in repr(mesh)
     assert repr(PAPER).startswith("Beam(length=0.4 m") and "deg" in repr(PAPER)
-    assert "crack1" in repr(mesh.cracks[0]) and "26" in repr(mesh.pairs)
+    assert "crack1" in repr(mesh.cracks[0]) and "71" in repr(mesh.pairs)

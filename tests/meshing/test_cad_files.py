@@ -132,10 +132,10 @@ def test_a_session_of_the_user_keeps_its_unit(folder):
     ("name", "says"),
     [
         ("tilted.step", "not in the plane z = 0"),
-        ("solid.step", "not in the plane z = 0"),
+        ("solid.step", "1 volume, a plane model was expected"),
         ("curve.brep", "has no surfaces"),
-        ("cut.step", "cannot read or mesh it"),
-        ("junk.brep", "has no surfaces"),
+        ("cut.step", "truncated or damaged"),
+        ("junk.brep", "not an OpenCASCADE BREP file"),
     ],
 )
 def test_refused_files(folder, name, says):

@@ -122,8 +122,9 @@ def test_msh(tmp_path, order, error, quads, version):
     mesh = read_gmsh(to_msh(write(tmp_path, PLATE), order, quads, version), order=4)
     check_mesh(mesh, AREA, error)
     assert len(mesh.pairs) > 0 and mesh.cracks[0].tip_element >= 0
-    sides = np.diff(mesh.element_start)[mesh.closed]
-    assert sides.max() == (4 if quads else 3)
+    # Rings around the tip are quadrilaterals; beside the faces there are more edges.
+    apart = np.hypot(*(mesh.scaling_centres - mesh.cracks[0].tip).T) > 0.6
+    assert np.diff(mesh.element_start)[apart].max() == (4 if quads else 3)
 
 
 def test_notch_with_two_faces(tmp_path):
@@ -233,8 +234,8 @@ BENT = [(0, 0), (1, 0), (1, 1), (0, 1), (0.5, 0.98), (0.02, 0.5)]
             msh2(SQUARE, [(3, 1, (1, 2, 3, 4)), (1, 2, (1, 2))], [*STEEL, (1, 2, "crack:c")]),
             "lies on the outline",
         ),
-        ("junk", "hello", "cannot read or mesh it"),
-        ("empty", "", "cannot read or mesh it"),
+        ("junk", "hello", "not a gmsh mesh"),
+        ("empty", "", "it is empty"),
     ],
 )
 def test_refused_meshes(tmp_path, name, text, says):
@@ -252,7 +253,6 @@ def test_refused_meshes(tmp_path, name, text, says):
         (("crack:main", "crack:"), "empty or misnamed"),
         (("crack:main", "crack:main:left"), "give either crack:main alone or both"),
         (("Curve{9} In Surface{1};", ""), "does not lie on cell edges"),
-        (("Line(9)={6,8};", "Point(14)={1,0.3,0,h}; Line(9)={8,14};"), "both ends inside the material"),
         (('Physical Curve("crack:main")={9}', 'Physical Curve("crack:main")={9,5}'), "lies on the outline"),
         (('Physical Point("P")={4}', 'Physical Point("P")={8}'), "point 'P' is a crack tip"),
         (("Point(8)={1,0.5,0,h}", "Point(8)={1,-0.5,0,h}"), "curves of surface 1 cross each other near"),
@@ -266,14 +266,14 @@ def test_refused_geometry(tmp_path, change, says):
         read_gmsh(write(tmp_path, PLATE.replace(*change)), order=3)
     assert says in str(caught.value) and "\n" not in str(caught.value)
     # gmsh's parser keeps what follows an error for the next file; that must not show.
-    assert len(read_gmsh(write(tmp_path, PLATE), order=3).pairs) == 7
+    assert len(read_gmsh(write(tmp_path, PLATE), order=3).tips) == 1
 
 
 def test_faces_that_do_not_match(tmp_path):
     with pytest.raises(
         ValueError,
-        match=r"model.geo: crack 'V': the faces do not match, 13 nodes on the "
-        r"right face and 19 on the left",
+        match=r"model.geo: crack 'V': the faces do not match, 4 edges on the "
+        r"right face and 6 on the left",
     ):
         read_gmsh(write(tmp_path, NOTCHED % (5, 7)), order=3, tip_element=False)
     uneven = (NOTCHED % (5, 5)).replace(
@@ -328,12 +328,13 @@ def test_geometry_that_gmsh_would_hang_on(tmp_path):
 
 
 def test_geometry_files_that_would_lose_a_part(tmp_path):
-    """A last line without newline, of which gmsh drops statements, and a surface in no physical group."""
+    """A last line without newline, of which gmsh by itself drops statements, and a surface in no physical
+    group.
+    """
     (tmp_path / "cut.geo").write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};'
     )
-    with pytest.raises(ValueError, match="does not end with a newline"):
-        read_gmsh(tmp_path / "cut.geo")
+    assert read_gmsh(tmp_path / "cut.geo", order=1).area == pytest.approx(1.0, abs=1e-12)
     (tmp_path / "two.geo").write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\n'
         'Physical Surface("a")={1};\n'

@@ -35,8 +35,8 @@ def build():
 
 def write_all(folder: str) -> None:
     """HDF5, VTU and PNG files."""
+    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.hdf5 import check_output_folder, write_results
-    from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
     from sbfem_petsc.results.vtu import write_vtu
 
     folder = check_output_folder(folder, MPI.COMM_WORLD)

@@ -9,10 +9,7 @@ import math
 import numpy as np
 import pytest
 from matplotlib import image
-
-import sbfem_petsc as sb
-from sbfem_petsc.results import curve_plot
-from sbfem_petsc.results.curve_plot import (
+from sbfem_petsc.plot.curves import (
     amplitude_at,
     in_order,
     plot_curves,
@@ -22,6 +19,9 @@ from sbfem_petsc.results.curve_plot import (
     smooth,
     split,
 )
+
+import sbfem_petsc as sb
+from sbfem_petsc.plot import curves as curve_plot
 from tests.systems import two_masses
 
 

@@ -8,11 +8,11 @@ import warnings
 import h5py
 import numpy as np
 import pytest
+from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import continuation
+from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.results import curves as module
-from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
 from tests.systems import two_masses
 
 TURN = 2 * np.pi

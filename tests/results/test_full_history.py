@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import full_transient as module
+from sbfem_petsc.dynamics import unreduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, RecordedTransient, read_history
 from tests.parallel import ROOT, answer, on_ranks
 
@@ -23,7 +23,7 @@ import json, os, signal, sys, time
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.analysis import full_transient as module
+from sbfem_petsc.dynamics import unreduced_history as module
 from tests.results.test_full_history import make, LOAD, RUN
 module.CHUNK = 64
 path, pause, restart, kill = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart", len(sys.argv) > 4

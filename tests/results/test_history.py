@@ -150,7 +150,7 @@ def test_killed_at_any_moment(small_chunks, tmp_path):
     program = """
 import sys, numpy as np, sbfem_petsc as sb
 from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.reduction import reduce_matrices
+from sbfem_petsc.reduction.reduced_model import reduce_matrices
 module.CHUNK = 4
 stiffness, load = np.diag([1.0, 4.0, 9.0]), np.eye(3)[:, :1]
 r = reduce_matrices(np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), load, {"x": 0}, 2)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from sbfem_petsc.results.outlines import contact_lengths, gather_outline, gather_region, loops
-from sbfem_petsc.results.plots import plot_contact, plot_crack, plot_discretisation, plot_modes
+from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
+from sbfem_petsc.plot.outlines import contact_lengths, gather_outline, gather_region, loops
 
 PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png")
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.results.sampling import normal_stress_row, von_mises
 from sbfem_petsc.results.vtu import write_vtu
+from sbfem_petsc.system.sampling import normal_stress_row, von_mises
 
 GRADIENT = np.array([[1.0e-4, 4.0e-5], [-2.0e-5, -3.0e-5]])
 

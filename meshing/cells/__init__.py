@@ -1,0 +1,1 @@
+"""Shapes to cells, and cells to S-elements."""

@@ -1,0 +1,197 @@
+"""Cells before they become S-elements: polygons over shared vertices, some edges curved, faces of cracks kept
+apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+Curve = Callable[[np.ndarray], np.ndarray]
+_FINE = np.linspace(0.0, 1.0, 65)
+
+
+@dataclass
+class Cell:
+    """One polygon.
+
+    Attributes
+    ----------
+    vertices : list of int
+        Counter-clockwise; the first is not repeated. An open cell is a chain from one face to the other.
+    centre : (x, y) or None
+        Prescribed scaling centre, m; None: to be searched.
+    closed : bool
+        False for the cell around a crack tip, whose scaling centre is the tip.
+    material : int
+    """
+
+    vertices: list[int]
+    centre: tuple[float, float] | None = None
+    closed: bool = True
+    material: int = 0
+
+    def edges(self) -> list[tuple[int, int]]:
+        """Directed edges as pairs of vertices."""
+        following = self.vertices[1:] + (self.vertices[:1] if self.closed else [])
+        return list(zip(self.vertices, following))
+
+
+@dataclass
+class TipCell:
+    """A tip as the cells see it.
+
+    Attributes
+    ----------
+    position : (x, y)
+        m.
+    axis : (x, y)
+        Unit vector from the tip back along the crack.
+    opening : float
+        Radian.
+    cell : int
+        Open cell whose scaling centre is the tip, -1 if there is none.
+    """
+
+    position: tuple[float, float]
+    axis: tuple[float, float]
+    opening: float = 0.0
+    cell: int = -1
+
+
+@dataclass
+class FacePath:
+    """The two faces along one unbranched line, edge beside edge.
+
+    Attributes
+    ----------
+    right, left : list of (int, int)
+        Directed edges from the line's start to its end. The right face is at the right hand of somebody who
+        walks that way.
+    start, end : TipCell or None
+        The tip before the first edge and the one after the last.
+    """
+
+    right: list[tuple[int, int]]
+    left: list[tuple[int, int]]
+    start: TipCell | None = None
+    end: TipCell | None = None
+
+
+@dataclass
+class CrackFaces:
+    """A crack as the cells see it.
+
+    Attributes
+    ----------
+    name : str
+    paths : list of FacePath
+        Its unbranched lines, from a tip where there is one.
+    length : float or None
+        m; None: that of the faces.
+    """
+
+    name: str
+    paths: list[FacePath]
+    length: float | None = None
+
+
+@dataclass
+class CellComplex:
+    """Vertices, cells and what is known about their edges.
+
+    Two vertices may coincide in space (the faces of a closed crack): neighbourhood is decided by vertex
+    numbers alone.
+
+    Attributes
+    ----------
+    vertices : list of (x, y)
+        m.
+    cells : list of Cell
+    curves : dict of (int, int) to callable
+        True shape of curved edges: keyed by the edge's vertices, lower number first; maps (n,) parameters in
+        [0, 1] from the first vertex to the second to (n, 2) points.
+    edge_sets : dict of str to list of (int, int)
+        Named edges, pairs of vertices.
+    points : dict of str to int
+        Named vertices.
+    cracks : list of CrackFaces
+    """
+
+    vertices: list[tuple[float, float]] = field(default_factory=list)
+    cells: list[Cell] = field(default_factory=list)
+    curves: dict[tuple[int, int], Curve] = field(default_factory=dict)
+    edge_sets: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    points: dict[str, int] = field(default_factory=dict)
+    cracks: list[CrackFaces] = field(default_factory=list)
+
+    def add_vertex(self, x: float, y: float) -> int:
+        """Append a vertex and return its number."""
+        self.vertices.append((float(x), float(y)))
+        return len(self.vertices) - 1
+
+    def add_cell(
+        self,
+        vertices: Sequence[int],
+        centre: tuple[float, float] | None = None,
+        closed: bool = True,
+        material: int = 0,
+    ) -> int:
+        """Append a cell (counter-clockwise vertices) and return its number."""
+        self.cells.append(Cell(list(vertices), centre, closed, material))
+        return len(self.cells) - 1
+
+    def curve(self, first: int, second: int) -> Curve | None:
+        """Shape of an edge from its first vertex to its second; None: straight."""
+        curve = self.curves.get(edge_key((first, second)))
+        return curve if curve is None or first < second else reversed_curve(curve)
+
+    def set_curve(self, first: int, second: int, curve: Curve) -> None:
+        """Give an edge the shape of `curve`, which runs from the first vertex to the second."""
+        self.curves[edge_key((first, second))] = curve if first < second else reversed_curve(curve)
+
+    def edge_length(self, first: int, second: int) -> float:
+        """m."""
+        curve = self.curve(first, second)
+        points = np.array([self.vertices[first], self.vertices[second]]) if curve is None else curve(_FINE)
+        return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+    def add_arc(self, first: int, second: int, centre: tuple[float, float], radius: float) -> None:
+        """Make the edge between two vertices the shorter arc of a circle through them."""
+        low, high = sorted((first, second))
+        angle_low, angle_high = (
+            np.arctan2(self.vertices[v][1] - centre[1], self.vertices[v][0] - centre[0]) for v in (low, high)
+        )
+        sweep = (angle_high - angle_low + np.pi) % (2 * np.pi) - np.pi
+
+        def curve(parameter: np.ndarray) -> np.ndarray:
+            angle = angle_low + sweep * np.asarray(parameter)
+            return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
+
+        self.curves[low, high] = curve
+
+    def edge_uses(self) -> dict[tuple[int, int], int]:
+        """How many cells use each edge, keyed by its vertices, lower number first."""
+        uses: dict[tuple[int, int], int] = {}
+        for cell in self.cells:
+            for edge in cell.edges():
+                key = edge_key(edge)
+                uses[key] = uses.get(key, 0) + 1
+        return uses
+
+
+def edge_key(edge: tuple[int, int]) -> tuple[int, int]:
+    """An edge's vertices, lower number first."""
+    return edge if edge[0] < edge[1] else (edge[1], edge[0])
+
+
+def reversed_curve(curve: Curve) -> Curve:
+    """The same curve from its end to its start."""
+    return lambda at: curve(1.0 - np.asarray(at))
+
+
+def part_of_curve(curve: Curve, start: float, stop: float) -> Curve:
+    """The piece of a curve between two of its parameters."""
+    return lambda at: curve(start + (stop - start) * np.asarray(at))

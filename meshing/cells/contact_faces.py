@@ -1,0 +1,189 @@
+"""Contact pairs: nodes beside each other on the two faces of a crack, their normals, gaps and lengths."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from meshing.cells.complex import CrackFaces, FacePath
+from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.mesh_arrays import ContactPairs
+
+FRACTION_TOLERANCE = 1e-6
+# Faces that turn by more in one node (degrees) get a pair for each side of it.
+SHARP_KINK = 10.0
+
+EdgeNodes = Callable[[tuple[int, int]], np.ndarray]
+
+
+def crack_pairs(
+    faces: CrackFaces, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, where: str
+) -> tuple[ContactPairs, float]:
+    """Pairs of all lines of a crack, and its length.
+
+    Parameters
+    ----------
+    faces : CrackFaces
+    edge_nodes : callable
+        Nodes of a directed edge of cells, (p + 1,).
+    nodes : (n_nodes, 2) array
+        m.
+    crack : int
+        Index of the crack.
+    where : str
+        The crack, for messages.
+
+    Returns
+    -------
+    ContactPairs
+        Line by line, from the start; a node that both faces share (a tip) is left out.
+    length : float
+        m.
+
+    Raises
+    ------
+    ValueError
+        The faces carry different numbers of edges, or they overlap.
+    """
+    parts, arc = [], 0.0
+    for path in faces.paths:
+        pairs, arc = _path_pairs(path, edge_nodes, nodes, crack, arc, where)
+        parts += pairs
+    joined = join_pairs(parts)
+    length = arc if faces.length is None else faces.length
+    return (
+        ContactPairs(
+            joined.nodes,
+            joined.normal,
+            joined.gap,
+            joined.crack,
+            joined.arc / arc,
+            joined.arc / arc * length,
+            joined.weight,
+        ),
+        length,
+    )
+
+
+def _path_pairs(
+    path: FacePath, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, arc: float, where: str
+) -> tuple[list[ContactPairs], float]:
+    """Pairs of one line, and the arc coordinate at its end."""
+    right, left = (np.array([edge_nodes(edge) for edge in face]) for face in (path.right, path.left))
+    if right.shape != left.shape:
+        raise ValueError(
+            f"{where}: the faces do not match, {len(right)} edges on the right face and {len(left)} on the "
+            "left; divide both into edges of equal fractions of their lengths."
+        )
+    inside = [
+        0.5 * sum(math.dist(tip.position, nodes[face[i, j]]) for face in (right, left)) if tip else 0.0
+        for tip, i, j in ((path.start, 0, 0), (path.end, -1, -1))
+    ]
+    along = [_distances(face, nodes) for face in (right, left)]
+    places = arc + inside[0] + 0.5 * (along[0] + along[1])
+    normals = _nodal_normals(nodes[right], nodes[left])
+    axis = np.array(path.start.axis) if path.start else None
+    extent = float(places[-1, -1]) - arc
+    parts = []
+    for run in _runs(right, left, nodes):
+        one, other = (np.concatenate([face[run, :-1].ravel(), face[run[-1], -1:]]) for face in (right, left))
+        summed = np.zeros((len(one), 2))
+        order = right.shape[1] - 1
+        for position, edge in enumerate(run):
+            summed[position * order : (position + 1) * order + 1] += normals[edge]
+        weight = np.hypot(*summed.T)
+        normal = summed / weight[:, None]
+        if axis is not None:
+            straight = np.array([axis[1], -axis[0]])
+            if np.abs(normal - straight).max() < 1e-9:
+                normal = np.tile(straight, (len(one), 1))  # free of round-off
+        at = np.concatenate([places[run, :-1].ravel(), places[run[-1], -1:]])
+        gap = np.einsum("ij,ij->i", normal, nodes[one] - nodes[other])
+        separate = one != other
+        if separate.any() and gap[separate].min() < -1e-9 * extent:
+            raise ValueError(
+                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; the right face must lie at the "
+                "right hand of the left one, seen from the tip."
+            )
+        # Faces of a closed crack coincide to round-off; a gap below that is no gap.
+        gap = np.where(gap < 1e-12 * extent, 0.0, gap)
+        pairs = np.stack([one, other], axis=1)
+        parts.append(
+            ContactPairs(
+                pairs[separate],
+                normal[separate],
+                gap[separate],
+                np.full(int(separate.sum()), crack),
+                at[separate],
+                at[separate],
+                weight[separate],
+            )
+        )
+    return parts, float(places[-1, -1]) + inside[1]
+
+
+def _distances(face: np.ndarray, nodes: np.ndarray) -> np.ndarray:
+    """Distance along the face, (edges, p + 1), of the nodes of its edges from its start."""
+    steps = np.hypot(*np.moveaxis(np.diff(nodes[face], axis=1), -1, 0))
+    inside = np.concatenate([np.zeros((len(face), 1)), np.cumsum(steps, axis=1)], axis=1)
+    before = np.concatenate([[0.0], np.cumsum(inside[:, -1])[:-1]])
+    return before[:, None] + inside
+
+
+def _nodal_normals(right: np.ndarray, left: np.ndarray) -> np.ndarray:
+    """Integral of each shape function times the normal along the mean of the two faces, (edges, p + 1, 2), m.
+
+    The normal halves the angle between the faces. These are the nodal forces of a unit pressure.
+    """
+    order = right.shape[1] - 1
+    at, weight = np.polynomial.legendre.leggauss(order + 2)
+    values, slopes = (evaluate(gll_nodes(order), at) for evaluate in (lagrange_values, lagrange_slopes))
+    tangents = [np.einsum("qn,eni->eqi", slopes, face) for face in (right, left)]
+    lengths = [np.hypot(tangent[..., 0], tangent[..., 1])[..., None] for tangent in tangents]
+    mean = tangents[0] / lengths[0] + tangents[1] / lengths[1]
+    mean *= 0.5 * (lengths[0] + lengths[1]) / np.hypot(mean[..., 0], mean[..., 1])[..., None]
+    normal = np.stack([mean[..., 1], -mean[..., 0]], axis=-1)
+    return np.einsum("q,qn,eqi->eni", weight, values, normal)
+
+
+def _runs(right: np.ndarray, left: np.ndarray, nodes: np.ndarray) -> list[list[int]]:
+    """Edges between junctions and sharp kinks."""
+    chords = nodes[right[:, -1]] - nodes[right[:, 0]] + nodes[left[:, -1]] - nodes[left[:, 0]]
+    ends = [nodes[right[:, 1]] - nodes[right[:, 0]], nodes[right[:, -1]] - nodes[right[:, -2]]]
+    runs = [[0]]
+    for edge in range(1, len(right)):
+        broken = right[edge, 0] != right[edge - 1, -1] or left[edge, 0] != left[edge - 1, -1]
+        # Both the chords and the edges' ends turn: a coarse smooth bend is none.
+        turns = min(abs(_turn(chords[edge - 1], chords[edge])), abs(_turn(ends[1][edge - 1], ends[0][edge])))
+        if broken or turns > math.radians(SHARP_KINK):
+            runs.append([])
+        runs[-1].append(edge)
+    return runs
+
+
+def _turn(first: Sequence[float], second: Sequence[float]) -> float:
+    return math.atan2(
+        first[0] * second[1] - first[1] * second[0], first[0] * second[0] + first[1] * second[1]
+    )
+
+
+def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
+    """Pairs of several cracks one after the other."""
+    if not parts:
+        return ContactPairs(
+            np.zeros((0, 2), int),
+            np.zeros((0, 2)),
+            np.zeros(0),
+            np.zeros(0, int),
+            np.zeros(0),
+            np.zeros(0),
+            np.zeros(0),
+        )
+    return ContactPairs(
+        *(
+            np.concatenate([getattr(part, name) for part in parts])
+            for name in ("nodes", "normal", "gap", "crack", "position", "arc", "weight")
+        )
+    )

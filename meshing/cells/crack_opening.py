@@ -1,0 +1,136 @@
+"""Cracks that start open: faces moved apart, the cells around them follow."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+import shapely
+from scipy import sparse
+from scipy.sparse.linalg import spsolve
+
+from meshing.cells.complex import CellComplex, CrackFaces, edge_key
+
+
+def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
+    """Move the faces of cracks apart, in place.
+
+    Parameters
+    ----------
+    cells : CellComplex
+        With its cracks, all closed.
+    openings : mapping of str to float
+        Full angle between the faces of each crack, degrees.
+
+    Raises
+    ------
+    ValueError
+        A crack without a tip, or with branches, is to be open.
+    """
+    moved: dict[int, np.ndarray] = {}
+    for faces in cells.cracks:
+        angle = math.radians(openings.get(faces.name, 0.0))
+        if angle:
+            _add_moves(cells, faces, angle, moved)
+    if not moved:
+        return
+    _follow(cells, moved)
+    for cell in cells.cells:
+        polygon = shapely.Polygon([cells.vertices[v] for v in cell.vertices])
+        if cell.closed and not (polygon.is_valid and polygon.exterior.is_ccw):
+            x, y = np.mean([cells.vertices[v] for v in cell.vertices], axis=0)
+            raise ValueError(
+                f"crack opening: the faces of a crack that opens by up to {max(openings.values()):g} degrees "
+                f"run into the cells near ({x:.6g}, {y:.6g}) m; draw so wide a notch as part of the outline."
+            )
+
+
+def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[int, np.ndarray]) -> None:
+    if len(faces.paths) != 1 or faces.paths[0].start is None:
+        raise ValueError(
+            f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees, but it has no tip to open "
+            "from; give 0."
+        )
+    path = faces.paths[0]
+    rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
+    line = np.array([cells.vertices[v] for v in rights])
+    steps = np.diff(line, axis=0)
+    arc = math.dist(path.start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    if path.end is not None:
+        arc = np.minimum(arc, arc[-1] + math.dist(path.end.position, line[-1]) - arc)
+    unit = steps / np.hypot(*steps.T)[:, None]
+    normal = np.stack([unit[:, 1], -unit[:, 0]], axis=1)
+    for place, (right, left) in enumerate(zip(rights, lefts)):
+        before, after = normal[max(place - 1, 0)], normal[min(place, len(normal) - 1)]
+        # On the bisector of a kink, so that both sides keep their distance.
+        offset = (before + after) / (1.0 + before @ after)
+        shift = arc[place] * math.tan(angle / 2)
+        for vertex, sign in ((right, 1.0), (left, -1.0)):
+            moved[vertex] = moved.get(vertex, np.zeros(2)) + sign * shift * offset
+    if path.end is None:
+        # The last straight piece of each face runs to where it meets the edge.
+        turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12)
+        corner = int(turned[-1]) + 1 if len(turned) else -1
+        for face, sign in ((rights, 1.0), (lefts, -1.0)):
+            mouth = _along_edge(cells, face[-1], sign * arc[-1], unit[-1], angle)
+            start, base = (arc[corner], moved[face[corner]]) if corner >= 0 else (0.0, np.zeros(2))
+            for place in range(corner + 1, len(face)):
+                share = (arc[place] - start) / (arc[-1] - start)
+                moved[face[place]] = (1.0 - share) * base + share * mouth
+    for tip in (path.start, path.end):
+        if tip is not None:
+            tip.opening = angle
+
+
+def _along_edge(
+    cells: CellComplex, vertex: int, length: float, direction: np.ndarray, angle: float
+) -> np.ndarray:
+    """Shift of a mouth's corner along the outline to where the opened face meets it."""
+    faces = {edge_key(e) for crack in cells.cracks for p in crack.paths for e in [*p.right, *p.left]}
+    uses = cells.edge_uses()
+    other = next(
+        (a if b == vertex else b)
+        for (a, b), count in uses.items()
+        if count == 1 and vertex in (a, b) and (a, b) not in faces
+    )
+    here, there = np.array(cells.vertices[vertex]), np.array(cells.vertices[other])
+    along = (there - here) / math.dist(there, here)
+    turn = -math.copysign(angle / 2, length)
+    face = np.array(
+        [
+            math.cos(turn) * direction[0] - math.sin(turn) * direction[1],
+            math.sin(turn) * direction[0] + math.cos(turn) * direction[1],
+        ]
+    )
+    # The face through the point opposite, turned by half the angle: start + s face = here + t along.
+    start = here - abs(length) * direction
+    across = along[0] * face[1] - along[1] * face[0]
+    gap = start - here
+    t = (gap[0] * face[1] - gap[1] * face[0]) / across
+    return t * along
+
+
+def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
+    """Move the other vertices inside by the mean of their neighbours' moves; the outline stays."""
+    uses = cells.edge_uses()
+    count = len(cells.vertices)
+    held = np.zeros(count, bool)
+    first, second = np.array(list(uses)).T
+    for (a, b), times in uses.items():
+        if times == 1:
+            held[[a, b]] = True
+    # Rings around a tip stretch with its faces: neighbours count by the inverse of their distance.
+    places = np.array(cells.vertices)
+    weight = 1.0 / np.hypot(*(places[first] - places[second]).T)
+    graph = sparse.coo_matrix((weight, (first, second)), (count, count))
+    graph = (graph + graph.T).tocsr()
+    laplace = sparse.diags(np.asarray(graph.sum(axis=1)).ravel()) - graph
+    shift = np.zeros((count, 2))
+    for vertex, move in moved.items():
+        shift[vertex], held[vertex] = move, True
+    free = np.flatnonzero(~held & (np.asarray(graph.sum(axis=1)).ravel() > 0))
+    if len(free):
+        right = -laplace[free] @ shift
+        shift[free] = spsolve(laplace[free][:, free].tocsc(), right)
+    cells.vertices[:] = [tuple(map(float, place)) for place in places + shift]

@@ -1,0 +1,1 @@
+"""A user's gmsh model to cells."""

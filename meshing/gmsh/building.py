@@ -1,0 +1,239 @@
+"""A user's model to cells, edge sets, points and lines of cracks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from meshing.cells.complex import CellComplex, Curve, edge_key
+from meshing.cells.planar import polygon_area
+from meshing.gll import gll_nodes, lagrange_values
+from meshing.gmsh.model import Block, FileModel
+from meshing.gmsh.report import right_spelling, warn
+
+Edge = tuple[int, int]
+
+_STRAIGHT = 1e-9  # deviation from the chord, relative to it
+_DEGENERATE = 1e-12  # smallest area of a cell relative to the square of its extent
+
+
+class Builder:
+    """Makes cells of what a file holds.
+
+    Parameters
+    ----------
+    model : FileModel
+    origin : str
+        For messages.
+
+    Attributes
+    ----------
+    cells : CellComplex
+    crack_lines : dict of str to list of (int, int)
+        Edges of each physical curve "crack:...".
+    materials : tuple of str
+    vertex_of : dict of int to int
+        Vertex of a node tag.
+    """
+
+    def __init__(self, model: FileModel, origin: str) -> None:
+        self.cells = CellComplex()
+        self.vertex_of: dict[int, int] = {}
+        self.crack_lines: dict[str, list[Edge]] = {}
+        self._model, self._origin = model, origin
+        surfaces = model.entities(2)
+        self._check_surfaces(surfaces)
+        self.materials = tuple(surfaces)
+        for material, (name, entities) in enumerate(surfaces.items()):
+            count = len(self.cells.cells)
+            for entity in entities:
+                self._add_surface(entity, material)
+            if len(self.cells.cells) == count:
+                self._fail(
+                    f"physical surface {name!r} has no triangles or quadrilaterals; mesh it, or check that "
+                    "the file is complete"
+                )
+        for (first, last), points in zip(model.curved_ends.tolist(), model.curved_points):
+            self._put_on_curve(first, last, points)
+        self._add_curves(model.entities(1))
+        self._add_points(model.entities(0))
+
+    def _fail(self, sentence: str) -> None:
+        raise ValueError(f"{self._origin}: {sentence}.")
+
+    def _check_surfaces(self, surfaces: dict[str, list[int]]) -> None:
+        """Every surface in exactly one group."""
+        if not surfaces:
+            self._fail(
+                "it has no surfaces; export the plane area as a face, and check that the file is complete"
+                if self._model.unnamed
+                else "it has no physical surfaces; put every surface in a physical group, its name is the "
+                "material's"
+            )
+        owner: dict[int, str] = {}
+        for name, entities in surfaces.items():
+            if name.startswith("crack:"):
+                self._fail(f"physical surface {name!r} is named like a crack; a crack is a physical curve")
+            for entity in entities:
+                if owner.setdefault(entity, name) != name:
+                    self._fail(
+                        f"surface {entity} belongs to the physical surfaces {owner[entity]!r} and {name!r}; "
+                        "it can be of one material only"
+                    )
+        nameless = [b.entity for b in self._model.blocks if b.dimension == 2 and b.entity not in owner]
+        if nameless:
+            self._fail(
+                f"surface {nameless[0]} belongs to no physical group and would be left out; add it to one, "
+                "or delete it"
+            )
+
+    def _add_surface(self, entity: int, material: int) -> None:
+        """Cells of one surface; curved edges by interpolation through the elements' own nodes."""
+        blocks = self._model.blocks_of(2, entity)
+        for block in blocks:
+            if block.corners not in (3, 4):
+                self._fail(
+                    f"surface {entity} contains elements of type {block.name!r}; only triangles and "
+                    "quadrilaterals become S-elements"
+                )
+        new = [
+            ([self._vertex(tag) for tag in element[: block.corners]], element, block)
+            for block in blocks
+            for element in block.nodes.tolist()
+        ]
+        corners = [np.array([self.cells.vertices[v] for v in loop]) for loop, *_ in new]
+        areas = [polygon_area(points) for points in corners]
+        # A surface may be oriented downwards as a whole; single cells against the others are inverted.
+        downwards = sum(areas) < 0
+        for (loop, element, block), points, area in zip(new, corners, areas):
+            size = np.ptp(points, axis=0).max()
+            if (-area if downwards else area) <= _DEGENERATE * size**2:
+                x, y = points.mean(axis=0)
+                self._fail(
+                    f"the cell near ({x:.6g}, {y:.6g}) m in surface {entity} is inverted or degenerate; mend "
+                    "the mesh there"
+                )
+            self.cells.add_cell(loop[::-1] if downwards else loop, material=material)
+            if block.order > 1:
+                self._add_sides(loop, element, block)
+
+    def _add_sides(self, loop: list[int], element: list[int], block: Block) -> None:
+        """Curved sides of an element of higher order."""
+        corners, inner = block.corners, block.order - 1
+        for i in range(corners):
+            between = element[corners + i * inner : corners + (i + 1) * inner]
+            tags = [element[i], *between, element[(i + 1) % corners]]
+            points = np.array([self._model.where[tag][:2] for tag in tags])
+            self._add_curve(loop[i], loop[(i + 1) % corners], np.linspace(0, 1, block.order + 1), points)
+
+    def _vertex(self, tag: int) -> int:
+        if tag not in self.vertex_of:
+            x, y, z = self._model.where[tag]
+            if not (math.isfinite(x) and math.isfinite(y)) or z != 0.0:
+                self._fail(
+                    f"node {tag} at ({x:g}, {y:g}, {z:g}) m is not in the plane z = 0; the model must be "
+                    "plane"
+                )
+            self.vertex_of[tag] = self.cells.add_vertex(x, y)
+        return self.vertex_of[tag]
+
+    def _add_curve(self, first: int, last: int, parameters: np.ndarray, points: np.ndarray) -> None:
+        """Give an edge the shape of the polynomial through points (n, 2) at parameters (n,) in [0, 1], unless
+        it is straight.
+        """
+        chord = points[-1] - points[0]
+        straight = points[0] + parameters[:, None] * chord
+        if np.abs(points - straight).max() <= _STRAIGHT * np.hypot(*chord):
+            return
+        if first > last:
+            parameters, points = 1.0 - parameters[::-1], points[::-1]
+        self.cells.curves[edge_key((first, last))] = polynomial_curve(parameters, points)
+
+    def _put_on_curve(self, first: int, last: int, points: np.ndarray) -> None:
+        """GLL nodes of an edge on curved geometry."""
+        if first not in self.vertex_of or last not in self.vertex_of:
+            return
+        ends = self.vertex_of[first], self.vertex_of[last]
+        points = points.copy()
+        # The ends are vertices that other edges share: they stay as they are.
+        points[0], points[-1] = (self.cells.vertices[end] for end in ends)
+        self.cells.curves.pop(edge_key(ends), None)
+        self._add_curve(*ends, _gll_fractions(len(points)), points)
+
+    def _add_curves(self, groups: dict[str, list[int]]) -> None:
+        uses = self.cells.edge_uses()
+        for name, entities in groups.items():
+            edges = [edge for entity in entities for edge in self._line_edges(name, entity, uses)]
+            if not self._model.unnamed:
+                self._check_name(name, edges, uses)
+            if name.startswith("crack:"):
+                self.crack_lines[name] = edges
+            elif edges:
+                self.cells.edge_sets[name] = edges
+            elif not self._model.unnamed:
+                self._fail(f"physical curve {name!r} has no lines; mesh it, or remove it")
+
+    def _check_name(self, name: str, edges: list[Edge], uses: dict[Edge, int]) -> None:
+        """A curve inside the body that is no crack, and names that are nearly those of cracks."""
+        inside = [edge for edge in edges if uses[edge] == 2]
+        spelled = right_spelling(name)
+        if spelled and (inside or ":" in name):  # a misspelt crack would be none, without a word
+            self._fail(f"physical curve {name!r} is not how a crack is named; write {spelled!r}")
+        elif spelled:
+            warn(
+                self._origin,
+                f"physical curve {name!r} lies on the outline and is an edge set without contact; name the "
+                f"two faces of a notch {spelled}:right and {spelled}:left if they shall close.",
+            )
+        elif inside and not name.startswith("crack:") and self._same_material(inside):
+            warn(
+                self._origin,
+                f"physical curve {name!r} lies inside a material and is an edge set, not a crack; name it "
+                f"'crack:{name}' if it is one.",
+            )
+
+    def _same_material(self, edges: list[Edge]) -> bool:
+        """Whether an edge of these has one material on both sides."""
+        beside: dict[Edge, set[int]] = {edge: set() for edge in edges}
+        for cell in self.cells.cells:
+            for edge in cell.edges():
+                if edge_key(edge) in beside:
+                    beside[edge_key(edge)].add(cell.material)
+        return any(len(materials) == 1 for materials in beside.values())
+
+    def _line_edges(self, name: str, entity: int, uses: dict[Edge, int]) -> list[Edge]:
+        """Edges of cells along a physical curve."""
+        edges = []
+        for block in self._model.blocks_of(1, entity):
+            for element in block.nodes.tolist():
+                first, last = (self.vertex_of.get(tag, -1) for tag in element[:2])
+                key = edge_key((first, last))
+                if key not in uses:
+                    what = "crack line" if name.startswith("crack:") else "physical curve"
+                    self._fail(
+                        f"{what} {name!r} does not lie on cell edges (curve {entity}); embed the curve in "
+                        "the surface or make it part of its outline"
+                    )
+                edges.append(key)
+        return edges
+
+    def _add_points(self, groups: dict[str, list[int]]) -> None:
+        for name, entities in groups.items():
+            nodes = [node for entity in entities for node in self._model.points.get(entity, [])]
+            if len(nodes) == 1 and nodes[0] in self.vertex_of:
+                self.cells.points[name] = self.vertex_of[nodes[0]]
+            elif not self._model.unnamed:
+                self._fail(
+                    f"physical point {name!r} is not one vertex of a cell; give one point on the mesh per "
+                    "name"
+                )
+
+
+def _gll_fractions(count: int) -> np.ndarray:
+    return 0.5 * (gll_nodes(count - 1) + 1.0)
+
+
+def polynomial_curve(parameters: np.ndarray, points: np.ndarray) -> Curve:
+    """The polynomial through points (n, 2) at parameters (n,)."""
+    return lambda at: lagrange_values(parameters, at) @ points

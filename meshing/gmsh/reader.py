@@ -1,0 +1,142 @@
+"""A user's gmsh model (.msh, .geo, .step ...) to a boundary mesh."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from meshing.boundary_mesh import BoundaryMesh
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.crack_splitting import add_cracks
+from meshing.cells.s_elements import build_mesh
+from meshing.gmsh.building import Builder
+from meshing.gmsh.files import FOREIGN, IGES, collect
+from meshing.gmsh.isolation import run_child
+from meshing.gmsh.model import from_answer
+from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
+from meshing.input_checks import checked_order, flag, positive
+from meshing.whole_file import checked_path
+
+
+def read_gmsh(
+    path: str | os.PathLike[str],
+    order: int = 5,
+    *,
+    size: float | None = None,
+    scale: float | None = None,
+    tip_element: bool = True,
+    tip_size: float | None = None,
+    grading: float = 2.5,
+    face_size: float | None = None,
+    face_edges: int = 12,
+    max_unknowns: int = 1_000_000,
+    time_limit: float = 120.0,
+    memory_limit: float | None = None,
+) -> BoundaryMesh:
+    """Read a gmsh model; each triangle or quadrilateral becomes an S-element.
+
+    Physical groups say what is what. Physical surfaces are materials, physical curves edge sets, physical
+    points named points (groups without a name are called "surface1", "curve1", "point1" ... by their tags). A
+    crack is
+
+    - one physical curve ``crack:NAME``: a line along cell edges, one end inside the material (the tip), the
+      other on the outline (the mouth); its two faces are made here; or
+    - two physical curves ``crack:NAME:right`` and ``crack:NAME:left``: two existing faces that share the
+      tip's node and match, e.g. the flanks of a notch, or a line along which gmsh's Crack plugin has
+      duplicated the nodes.
+
+    The right face is at the right hand of somebody who looks from the tip to the mouth. The faces become the
+    edge sets ``NAME_right`` and ``NAME_left``, the mouth's corners the points ``NAME_right`` and
+    ``NAME_left`` where there is one mouth; a physical point on an embedded crack line belongs to the left
+    face. The cells around each tip, sharp kink and junction are divided anew into rings.
+
+    The file is read in a process of its own, and nothing in it is executed: statements of a script that start
+    programs, write files or read files outside its folder are refused, and so is content that is not what the
+    file's ending says.
+
+    Parameters
+    ----------
+    path : path
+        ``.msh`` of version 2 or 4, ASCII or binary, straight or curved elements. ``.geo``, ``.step``,
+        ``.brep``, ``.iges`` are meshed here, GLL nodes on the true curves; step, brep and iges carry no
+        groups: all surfaces are one material, parts that touch are joined, every curve and point has its
+        number in its name ("curve5", "point2"); to name them, write a .geo file that merges the file and adds
+        physical groups. Lengths in step and iges files are converted to m. ``.inp`` (Abaqus), ``.vtu`` and
+        ``.vtk`` are read by meshio, see `meshing.gmsh.foreign`.
+    order : int
+        Polynomial order of the S-elements' edges, 1 to 20.
+    size : float, optional
+        Largest cell size when a geometry is meshed, m.
+    scale : float, optional
+        Length of the file's unit, m: 1e-3 for a model drawn in mm. Without it the unit is m, and a model
+        that is larger than 20 m is warned of.
+    tip_element : bool
+        A small open S-element with its scaling centre on each crack tip, and rings around it.
+    tip_size : float, optional
+        Half-size of that S-element, m. Default: 0.02 of the crack's length, or 0.03 of the reach of the cells
+        around the tip if that is less.
+    grading : float
+        Largest size ratio of neighbouring rings, 1.1 to 10.
+    face_size : float, optional
+        Longest edge on the faces of cracks, m. Default: the crack's length divided by `face_edges`.
+    face_edges : int
+        See `face_size`.
+    max_unknowns : int
+        Meshes that would have more displacement unknowns are refused, before they are made where that can be
+        foreseen.
+    time_limit : float
+        Longest time for opening and meshing, s.
+    memory_limit : float, optional
+        Most memory for opening and meshing, bytes; three quarters of the machine's by default.
+
+    Returns
+    -------
+    BoundaryMesh
+
+    Warns
+    -----
+    GmshWarning
+        What gmsh warns of; a model that seems to be drawn in mm; a curve inside a material that is no crack.
+
+    Raises
+    ------
+    TypeError, ValueError
+        One sentence that names the file and the item: missing, truncated or not understood, statements that
+        are refused, no physical groups, groups that hold nothing, a volume, no cells, too many cells, not
+        plane, inverted, degenerate or not star-convex cells, crack lines that do not lie on cell edges, faces
+        that do not match.
+    RuntimeError
+        gmsh cannot be loaded, or no process can be started.
+    """
+    path = checked_path("read_gmsh", path)
+    order = checked_order(order)
+    factor = 1.0 if scale is None else positive("read_gmsh", "scale", scale)
+    if path.suffix.lower() in IGES:
+        factor *= 1e-3  # OpenCASCADE hands lengths over in mm, whatever the file's unit
+    if size is not None:
+        size = positive("read_gmsh", "size", size) / factor
+    tip_element = flag("read_gmsh", "tip_element", tip_element)
+    most = int(positive("read_gmsh", "max_unknowns", max_unknowns, ""))
+    seconds = positive("read_gmsh", "time_limit", time_limit, "s")
+    memory = (
+        None if memory_limit is None else int(positive("read_gmsh", "memory_limit", memory_limit, "bytes"))
+    )
+    origin = str(path)
+    files = collect(path)
+    foreign = path.suffix.lower() in FOREIGN
+    request = {
+        "module": "meshing.gmsh.foreign" if foreign else "meshing.gmsh.extraction",
+        "order": order,
+        "size": size,
+        "most_unknowns": most,
+    }
+    model = from_answer(*run_child(origin, files, request, seconds, memory), factor)
+    refuse_empty_groups(model, origin)
+    pass_on(model, origin)
+    built = Builder(model, origin)
+    check_extent(model, origin, scale, list(built.vertex_of))
+    extent = float(np.ptp(np.array(built.cells.vertices), axis=0).max())
+    meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
+    add_cracks(built.cells, built.crack_lines, meshing, origin)
+    return build_mesh(built.cells, order, built.materials, origin)

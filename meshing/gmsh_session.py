@@ -1,0 +1,52 @@
+"""gmsh through its API: a session that cleans up after itself."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+_OPTIONS = (
+    "General.Terminal",
+    "Mesh.MeshSizeMax",
+    "Mesh.Algorithm",
+    "Mesh.RecombinationAlgorithm",
+    "Mesh.ElementOrder",
+)
+
+
+@contextmanager
+def gmsh_session(name: str) -> Iterator[object]:
+    """A gmsh model of our own, removed afterwards; gmsh itself is ended only if it was started here.
+
+    Raises
+    ------
+    RuntimeError
+        gmsh cannot be loaded.
+    """
+    try:
+        import gmsh
+    except (ImportError, OSError) as error:  # OSError: the wheel's library lacks a system library
+        raise RuntimeError(
+            f"gmsh could not be loaded ({error}); install it with 'pip install gmsh' and the libraries "
+            "libGLU, libXcursor, libXft, libXinerama."
+        ) from error
+    started = not gmsh.isInitialized()
+    if started:
+        # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would
+        # depend on the user's home.
+        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    previous = None if started else gmsh.model.getCurrent()
+    options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
+    gmsh.option.setNumber("General.Terminal", 0)
+    gmsh.model.add(name)
+    try:
+        yield gmsh
+    finally:
+        if started:
+            gmsh.finalize()
+        else:
+            gmsh.model.remove()
+            for option, value in options.items():  # options belong to gmsh, not to a model
+                gmsh.option.setNumber(option, value)
+            if previous:
+                gmsh.model.setCurrent(previous)

@@ -1,0 +1,101 @@
+"""Plates: plane bodies with a polygon as their outline."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from meshing.boundary_mesh import BoundaryMesh
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.plate_cells import plate_cells
+from meshing.cells.s_elements import build_mesh
+from meshing.input_checks import checked_order, positive
+from meshing.shapes.features import corners_of
+from meshing.shapes.plate_shape import PlateShape
+
+_DEFAULT_SIZE = 0.2  # of the square root of the area
+
+
+@dataclass(frozen=True, repr=False)
+class Plate(PlateShape):
+    """A plane body: a polygon with circular holes and cracks.
+
+    Attributes
+    ----------
+    outline : sequence of (x, y)
+        Corners counter-clockwise, the first one not repeated, m.
+    holes : sequence of Hole
+    cracks : sequence of CrackLine
+        They may start at the edge, at a hole or inside, cross, branch from each other, and cut the body.
+    edge_names : sequence of str, optional
+        Edge set of each side in the outline's order; sides may share one. Default: "edge1" from the first
+        corner to the second, "edge2", ...
+    """
+
+    def mesh(
+        self,
+        order: int = 5,
+        size: float | None = None,
+        points: Mapping[str, tuple[float, float]] | None = None,
+        *,
+        tip_size: float | None = None,
+        grading: float = 2.5,
+        face_size: float | None = None,
+        face_edges: int = 12,
+        tip_element: bool = True,
+    ) -> BoundaryMesh:
+        """Divide the plate into S-elements.
+
+        Around each tip stand a small open S-element with its scaling centre on the tip and rings that are
+        scaled copies of each other; kinks of more than 20 degrees and places where cracks meet have rings,
+        too. gmsh fills the rest.
+
+        Parameters
+        ----------
+        order : int
+            Polynomial order of the edges, 1 to 20.
+        size : float, optional
+            Largest edge, m. Default: 0.2 of the square root of the area.
+        points : dict of str to (x, y), optional
+            Named points, m; each becomes a node.
+        tip_size : float, optional
+            Half-size of the S-element on a tip (its largest extent from it), m. Default: 0.02 of the crack's
+            length, or 0.03 of its outermost ring if that is less.
+        grading : float
+            Largest size ratio of neighbouring rings, 1.1 to 10.
+        face_size : float, optional
+            Longest edge on the faces of cracks, m. Default: the crack's length divided by `face_edges`.
+        face_edges : int
+            See `face_size`.
+        tip_element : bool
+            False: no rings and no open S-element around the tips.
+
+        Returns
+        -------
+        BoundaryMesh
+            Edge sets of the sides ("edge1", ... or `edge_names`), "hole1", ..., and the faces "NAME_left" and
+            "NAME_right" of each crack, its right one at the right hand of somebody who looks from the tip to
+            the mouth (from the last point to the first). Inside a tip's S-element the faces carry no edges:
+            `BoundaryMesh.tips` says which sets they belong to. Points: the user's, and the mouth's corners
+            "NAME_left" and "NAME_right" of a crack with one mouth.
+
+        Raises
+        ------
+        ValueError, TypeError
+            One sentence that names the input, its value and what was expected.
+        """
+        order = checked_order(order)
+        size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else positive("mesh", "size", size)
+        if size < 1e-3 * self.diagonal:
+            raise ValueError(
+                f"mesh: size {size:g} m is below 0.1 % of the body's diagonal {self.diagonal:g} m; high "
+                "orders on larger cells cost less."
+            )
+        named = {}
+        for name, point in (points or {}).items():
+            if not isinstance(name, str) or not name:
+                raise TypeError(f"points: the name {name!r} is not a non-empty string.")
+            named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
+        meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
+        return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate")

@@ -1,0 +1,185 @@
+"""Notches and holes as a person describes them, validated; SI units, angles in degrees."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from meshing.input_checks import number, positive
+
+_STEEPEST = 85.0  # degrees between a face and the vertical
+_WIDEST_OPENING = 30.0  # degrees, of a crack
+
+
+@dataclass(frozen=True)
+class VNotch:
+    """A V-notch or crack that runs from a tip in the beam to its top or bottom edge.
+
+    Attributes
+    ----------
+    x : float
+        Position of the tip along the beam, m.
+    depth : float
+        Vertical distance of the tip from that edge, m.
+    opening : float
+        Total angle between the faces, degrees; 0 is a closed crack.
+    tilt : float
+        Angle of the axis from the vertical, degrees, positive with the mouth towards the free end (+x).
+    edge : {"top", "bottom"}
+        Where its mouth is.
+    """
+
+    x: float
+    depth: float
+    opening: float
+    tilt: float = 0.0
+    edge: str = "top"
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", number("VNotch", "x", self.x))
+        object.__setattr__(self, "depth", positive("VNotch", "depth", self.depth))
+        object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
+        object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
+        if self.edge not in ("top", "bottom"):
+            raise ValueError(f'VNotch: edge is {self.edge!r}, "top" or "bottom" was expected.')
+        if self.opening < 0:
+            raise ValueError(
+                f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
+            )
+        if abs(self.tilt) + self.opening / 2 > _STEEPEST:
+            raise ValueError(
+                f"VNotch: with opening {self.opening:g} and tilt {self.tilt:g} degrees a face leans "
+                f"{abs(self.tilt) + self.opening / 2:g} degrees "
+                f"from the vertical; |tilt| + opening / 2 must be at most {_STEEPEST:g} for the faces to "
+                "reach the edge."
+            )
+
+    def __repr__(self) -> str:
+        return (
+            f"VNotch(x={self.x:g} m, depth={self.depth:g} m, opening={self.opening:g} deg, "
+            f"tilt={self.tilt:g} deg{', bottom' if self.edge == 'bottom' else ''})"
+        )
+
+    @property
+    def right_offset(self) -> float:
+        """x of the mouth corner at the free-end side minus x of the tip, m."""
+        return self.depth * math.tan(math.radians(self.tilt + self.opening / 2))
+
+    @property
+    def left_offset(self) -> float:
+        """x of the mouth corner at the clamp side minus x of the tip, m."""
+        return self.depth * math.tan(math.radians(self.tilt - self.opening / 2))
+
+    @property
+    def axis(self) -> tuple[float, float]:
+        """Unit vector from the tip along the axis to the mouth."""
+        upwards = 1.0 if self.edge == "top" else -1.0
+        return math.sin(math.radians(self.tilt)), upwards * math.cos(math.radians(self.tilt))
+
+    @property
+    def length(self) -> float:
+        """Distance from the tip to the mouth along the axis, m."""
+        return self.depth / math.cos(math.radians(self.tilt))
+
+
+@dataclass(frozen=True)
+class Hole:
+    """A circular hole.
+
+    Attributes
+    ----------
+    x, y : float
+        Centre, m; y from the lower edge.
+    diameter : float
+        m.
+    """
+
+    x: float
+    y: float
+    diameter: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "x", number("Hole", "x", self.x))
+        object.__setattr__(self, "y", number("Hole", "y", self.y))
+        object.__setattr__(self, "diameter", positive("Hole", "diameter", self.diameter))
+
+    def __repr__(self) -> str:
+        return f"Hole(x={self.x:g} m, y={self.y:g} m, diameter={self.diameter:g} m)"
+
+    @property
+    def radius(self) -> float:
+        """m."""
+        return self.diameter / 2
+
+
+@dataclass(frozen=True)
+class CrackLine:
+    """A crack along a line of straight segments.
+
+    It may start and end inside the body (a tip), on its edge or on a hole (a mouth), or on another crack; it
+    may cross other cracks.
+
+    Attributes
+    ----------
+    points : sequence of (x, y)
+        Corners of the line, m: from the mouth to the tip, or from tip to tip, or from mouth to mouth.
+    opening : float
+        Full angle between the faces, degrees: at a distance s from the tip the faces stand
+        2 s tan(opening / 2) apart; with two tips s counts from the nearer one. 0 is a closed crack.
+        It must be 0 without a tip.
+    name : str, optional
+        Default: "crack1", "crack2", ... by position among the body's cracks.
+    """
+
+    points: tuple[tuple[float, float], ...]
+    opening: float = 0.0
+    name: str | None = None
+
+    def __post_init__(self) -> None:
+        item = "CrackLine" if self.name is None else f"CrackLine {self.name!r}"
+        if self.name is not None and (not isinstance(self.name, str) or not self.name or ":" in self.name):
+            raise TypeError(f"{item}: name is {self.name!r}, a non-empty string without ':' was expected.")
+        object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
+        object.__setattr__(self, "opening", number(item, "opening", self.opening))
+        if not 0 <= self.opening <= _WIDEST_OPENING:
+            raise ValueError(
+                f"{item}: opening is {self.opening:g} degrees, 0 (closed crack) to {_WIDEST_OPENING:g} was "
+                "expected; draw a wider notch as part of the outline."
+            )
+        for first, second in zip(self.points, self.points[1:]):
+            if first == second:
+                raise ValueError(
+                    f"{item}: the point ({first[0]:g}, {first[1]:g}) m stands twice in a row; leave one out."
+                )
+
+    def __repr__(self) -> str:
+        line = ", ".join(f"({x:g}, {y:g})" for x, y in self.points)
+        name = "" if self.name is None else f", name={self.name!r}"
+        return f"CrackLine([{line}] m, opening={self.opening:g} deg{name})"
+
+
+def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[float, float], ...]:
+    """Points (x, y) as floats, or the error that names what is wrong."""
+    if isinstance(points, str) or not hasattr(points, "__iter__"):
+        raise TypeError(f"{item}: {name} is {points!r}, a list of points (x, y) was expected.")
+    result = []
+    for place, point in enumerate(points, 1):
+        if isinstance(point, str) or not hasattr(point, "__iter__") or len(pair := list(point)) != 2:
+            raise TypeError(f"{item}: point {place} of {name} is {point!r}, a pair (x, y) was expected.")
+        x, y = (number(item, f"{axis} of point {place}", value) for axis, value in zip("xy", pair))
+        result.append((x, y))
+    if len(result) < least:
+        raise ValueError(f"{item}: {name} has {len(result)} points, at least {least} were expected.")
+    return tuple(result)
+
+
+def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
+    """`items` as a tuple of objects of one kind, or the error that says otherwise."""
+    if isinstance(items, kind) or not isinstance(items, Iterable):
+        raise TypeError(f"{owner}: {name} is {items!r}, a list of {kind.__name__} was expected.")
+    result = tuple(items)
+    for item in result:
+        if not isinstance(item, kind):
+            raise TypeError(f"{owner}: {name} contains {item!r}, only {kind.__name__} was expected.")
+    return result

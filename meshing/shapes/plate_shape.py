@@ -1,0 +1,124 @@
+"""The geometry of a plane body with a polygon as its outline, validated."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from meshing.shapes.features import CrackLine, Hole, corners_of, items_of
+
+_CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
+_THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
+
+
+@dataclass(frozen=True)
+class PlateShape:
+    """What describes a plate; `meshing.Plate` adds the mesh."""
+
+    outline: tuple[tuple[float, float], ...]
+    holes: tuple[Hole, ...] = ()
+    cracks: tuple[CrackLine, ...] = ()
+    edge_names: tuple[str, ...] | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "outline", corners_of("Plate", "outline", self.outline, 3))
+        object.__setattr__(self, "holes", items_of("Plate", "holes", self.holes, Hole))
+        object.__setattr__(self, "cracks", items_of("Plate", "cracks", self.cracks, CrackLine))
+        self._check_outline()
+        self._check_names()
+        self._check_holes()
+
+    def __repr__(self) -> str:
+        low, high = np.min(self.outline, axis=0), np.max(self.outline, axis=0)
+        parts = [
+            f"{len(self.outline)} sides in [{low[0]:g}, {high[0]:g}] x [{low[1]:g}, {high[1]:g}] m",
+            *(
+                f"{name}={list(items)!r}"
+                for name, items in (("holes", self.holes), ("cracks", self.cracks))
+                if items
+            ),
+        ]
+        return f"Plate({', '.join(parts)})"
+
+    @property
+    def area(self) -> float:
+        """Area of the material with closed cracks, m2."""
+        return shapely.Polygon(self.outline).area - sum(math.pi * hole.radius**2 for hole in self.holes)
+
+    @property
+    def diagonal(self) -> float:
+        """Of the bounding box, m."""
+        return float(np.hypot(*np.ptp(np.array(self.outline), axis=0)))
+
+    @property
+    def side_names(self) -> tuple[str, ...]:
+        """Edge set of each side of the outline."""
+        return self.edge_names or tuple(f"edge{i}" for i in range(1, len(self.outline) + 1))
+
+    def crack_names(self) -> tuple[str, ...]:
+        """Of all cracks in order."""
+        return tuple(crack.name or f"crack{i}" for i, crack in enumerate(self.cracks, 1))
+
+    def _check_outline(self) -> None:
+        corners = np.array(self.outline)
+        least = 1e-6 * self.diagonal
+        for i, (first, second) in enumerate(zip(corners, np.roll(corners, -1, axis=0)), 1):
+            if math.dist(first, second) <= least:
+                raise ValueError(
+                    f"Plate: corners {i} and {i % len(corners) + 1} of the outline coincide at "
+                    f"({first[0]:g}, {first[1]:g}) m; leave one out (the first corner is not repeated)."
+                )
+        ring = shapely.LinearRing(corners)
+        if not ring.is_simple or not shapely.Polygon(corners).is_valid:
+            reason = shapely.is_valid_reason(shapely.Polygon(corners))
+            where = reason[reason.find("[") :] if "[" in reason else ""
+            raise ValueError(
+                f"Plate: the outline crosses or touches itself {where}; give its corners in order."
+            )
+        if not ring.is_ccw:
+            raise ValueError("Plate: the outline runs clockwise; give its corners counter-clockwise.")
+
+    def _check_names(self) -> None:
+        if self.edge_names is not None:
+            if isinstance(self.edge_names, str) or not isinstance(self.edge_names, Iterable):
+                raise TypeError(f"Plate: edge_names is {self.edge_names!r}, a list of names was expected.")
+            names = tuple(self.edge_names)
+            if len(names) != len(self.outline) or not all(isinstance(n, str) and n for n in names):
+                raise ValueError(
+                    f"Plate: edge_names has {len(names)} entries {list(names)!r}, a name for each of the "
+                    f"{len(self.outline)} sides was expected (sides may share one)."
+                )
+            object.__setattr__(self, "edge_names", names)
+        faces = [f"{crack}_{side}" for crack in self.crack_names() for side in ("left", "right")]
+        holes = [f"hole{i}" for i in range(1, len(self.holes) + 1)]
+        taken = [*self.crack_names(), *dict.fromkeys(self.side_names), *holes, *faces]
+        for name in taken:
+            if taken.count(name) > 1:
+                raise ValueError(f"Plate: the name {name!r} is given twice; choose another.")
+
+    def _check_holes(self) -> None:
+        body = shapely.Polygon(self.outline)
+        edge = body.exterior
+        centres = shapely.points([(hole.x, hole.y) for hole in self.holes] or np.zeros((0, 2)))
+        walls = [max(_CLEARANCE * self.diagonal, _THINNEST_WALL * hole.diameter) for hole in self.holes]
+        for i, (hole, centre, wall) in enumerate(zip(self.holes, centres, walls), 1):
+            if not body.contains(centre) or edge.distance(centre) - hole.radius < wall:
+                raise ValueError(
+                    f"Plate: hole {i} ({hole!r}) leaves or touches the outline or leaves too thin a wall; "
+                    "move it inside or make it smaller."
+                )
+        if len(self.holes) < 2:
+            return
+        tree = shapely.STRtree(centres)
+        reach = max(hole.diameter for hole in self.holes) + max(walls)
+        for i, j in tree.query(centres, predicate="dwithin", distance=reach).T:
+            gap = shapely.distance(centres[i], centres[j]) - self.holes[i].radius - self.holes[j].radius
+            if i < j and gap < max(walls[i], walls[j]):
+                raise ValueError(
+                    f"Plate: holes {i + 1} and {j + 1} overlap or touch ({self.holes[i]!r}, "
+                    f"{self.holes[j]!r}); move them apart."
+                )

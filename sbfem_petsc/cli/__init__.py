@@ -1,0 +1,5 @@
+"""The command `sbfem`."""
+
+from .main import main
+
+__all__ = ["main"]

@@ -1,0 +1,172 @@
+"""What each command does; all return an exit code."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from typing import Any
+
+from ..parallel import on_root
+from ..study.case import Case, read_case
+from ..study.watch import watch_for
+
+Options = argparse.Namespace
+
+
+def _say(options: Options, comm: Any, text: str) -> None:
+    if comm.rank == 0 and not options.quiet:
+        print(text, flush=True)
+
+
+def _answer(comm: Any, value: Any) -> None:
+    if comm.rank == 0:
+        json.dump(value, sys.stdout, indent=1, allow_nan=False)
+        print(flush=True)
+
+
+def _case(options: Options, comm: Any) -> Case:
+    """The case, read on every rank after rank 0 found no fault."""
+    on_root(comm, lambda: read_case(options.case))
+    return read_case(options.case)
+
+
+def new(options: Options, comm: Any) -> int:
+    """Write a starter case."""
+    from ..study.starter import write_starter
+
+    written = on_root(comm, lambda: write_starter(options.kind, options.file, replace=options.replace))
+    if comm.rank == 0:
+        _say(options, comm, f"written: {', '.join(written)}")
+        _say(options, comm, f"next:  sbfem check {options.file}")
+    return 0
+
+
+def check(options: Options, comm: Any) -> int:
+    """Validate a case and say what it takes."""
+    from ..study.estimates import estimate, told
+
+    case = _case(options, comm)
+    facts = estimate(case, comm)
+    if options.json:
+        _answer(comm, facts)
+    else:
+        _say(options, comm, told(case, facts))
+    return 0
+
+
+def mesh(options: Options, comm: Any) -> int:
+    """Draw the discretisation."""
+    from ..study import objects, pictures
+
+    case = _case(options, comm)
+    path = options.output or f"{os.path.splitext(options.case)[0]}.mesh.png"
+    with watch_for(comm, options.quiet) as watch:
+        watch.stage("mesh")
+        found = on_root(comm, lambda: objects.mesh(case))
+        pictures.draw_mesh(found, path, comm)
+    _say(options, comm, f"{found!r}\nwritten: {path}")
+    return 0
+
+
+def run(options: Options, comm: Any) -> int:
+    """Run the analyses."""
+    from ..study.run import run_case
+
+    case = _case(options, comm)
+    output = options.output or os.path.join("output", _stem(options.case))
+    with watch_for(comm, options.quiet) as watch:
+        outcome = run_case(case, output, comm=comm, replace=options.replace, watch=watch)
+    if options.json:
+        _answer(comm, outcome.summary)
+    else:
+        _say(options, comm, f"results are in {outcome.folder}")
+    for name, reason in outcome.failed.items():
+        if comm.rank == 0:
+            sys.stderr.write(f"error: {name}: {reason}\n")
+    return 0 if not outcome.failed else 2 if outcome.wrong_input else 1
+
+
+def sweep(options: Options, comm: Any) -> int:
+    """Run a sweep."""
+    from ..study.sweep import sweep as run_sweep
+
+    case = _case(options, comm)
+    output = options.output or os.path.join("output", f"{_stem(options.case)}_sweep")
+    with watch_for(comm, options.quiet) as watch:
+        found = run_sweep(case, output=output, comm=comm, replace=options.replace, watch=watch)
+    failed = [reason for reason in found.reasons if reason]
+    if options.json:
+        _answer(comm, found.facts())
+    else:
+        _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}")
+    if failed and comm.rank == 0:
+        sys.stderr.write(
+            f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}\n"
+        )
+    return 1 if failed else 0
+
+
+def plot(options: Options, comm: Any) -> int:
+    """Draw the pictures again."""
+    from ..study.revive import draw_again
+
+    with watch_for(comm, options.quiet) as watch:
+        folder = draw_again(options.results, options.output, comm, watch)
+    _say(options, comm, f"pictures are in {folder}")
+    return 0
+
+
+def report(options: Options, comm: Any) -> int:
+    """Write a report."""
+    from ..study.report import write_report
+
+    path = on_root(comm, lambda: write_report(options.results, options.output))
+    if comm.rank == 0:
+        _say(options, comm, f"written: {path}")
+    return 0
+
+
+def info(options: Options, comm: Any) -> int:
+    """Say what a results file holds."""
+    from ..study.revive import described, read_any
+
+    if comm.rank == 0:
+        results = read_any(options.results)
+        if options.case:
+            print(results.text, end="")
+        elif options.json:
+            _answer(comm, results.facts())
+        else:
+            print(described(results))
+    return 0
+
+
+def export(options: Options, comm: Any) -> int:
+    """Write results in other formats."""
+    from ..study.revive import export_results
+
+    wanted = [name for name in ("csv", "vtu", "json") if getattr(options, name)]
+    if not wanted:
+        raise ValueError("export needs a format: give --csv, --vtu or --json, or several of them")
+    with watch_for(comm, options.quiet) as watch:
+        written = export_results(options.results, wanted, options.output, comm, watch)
+    _say(options, comm, "\n".join(f"written: {path}" for path in written))
+    return 0
+
+
+def doctor(options: Options, comm: Any) -> int:
+    """Say versions and what is missing."""
+    from .doctor import examine, told
+
+    findings = examine(comm)
+    if options.json:
+        _answer(comm, findings)
+    else:
+        _say(options, comm, told(findings))
+    return 1 if findings["faults"] else 0
+
+
+def _stem(path: str) -> str:
+    return os.path.splitext(os.path.basename(path))[0]

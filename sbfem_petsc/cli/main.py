@@ -1,0 +1,70 @@
+"""Entry of the command `sbfem`: reads the command line, starts PETSc, turns errors into exit codes."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from types import FrameType
+from typing import NoReturn
+
+from ..command_line import start_petsc, wrong_option
+from .parser import make_parser, split
+
+FAILED, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
+
+
+class _Terminated(BaseException):
+    """The process was asked to end."""
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run a command and exit with its code."""
+    own, rest = split(sys.argv[1:] if arguments is None else list(arguments))
+    parser = make_parser()
+    options = parser.parse_args(own)
+    wrong = wrong_option(rest)
+    if wrong is not None:
+        parser.error(wrong)
+    start_petsc(rest)
+    signal.signal(signal.SIGTERM, _terminate)
+    sys.exit(_guarded(options))
+
+
+def _terminate(number: int, frame: FrameType | None) -> NoReturn:
+    raise _Terminated
+
+
+def _guarded(options) -> int:
+    """Exit code of a command; an error that one rank alone meets ends all ranks."""
+    from mpi4py import MPI
+
+    from . import commands
+
+    comm = MPI.COMM_WORLD
+    try:
+        return int(getattr(commands, options.command)(options, comm))
+    except KeyboardInterrupt:
+        return _ended(
+            comm, "interrupted; the same command goes on where it was", INTERRUPTED, everywhere=False
+        )
+    except _Terminated:
+        return _ended(
+            comm, "ended by a signal; the same command goes on where it was", TERMINATED, everywhere=False
+        )
+    except BrokenPipeError:
+        sys.stderr.close()
+        return 0
+    except (ValueError, TypeError, KeyError, OSError) as error:
+        return _ended(comm, f"error: {error}", WRONG_INPUT, getattr(error, "on_all_ranks", False))
+    except RuntimeError as error:
+        return _ended(comm, f"error: {error}", FAILED, getattr(error, "on_all_ranks", False))
+
+
+def _ended(comm, text: str, code: int, everywhere: bool) -> int:
+    everywhere = everywhere or comm.size == 1
+    if comm.rank == 0 or not everywhere:
+        sys.stderr.write(f"{text}\n")
+        sys.stderr.flush()
+    if not everywhere:
+        comm.Abort(code)
+    return code

@@ -1,0 +1,132 @@
+"""The command line of `sbfem`: its own words before `--`, PETSc's after it."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, NoReturn
+
+import sbfem_petsc as sb
+
+from ..command_line import PREFIXES
+from ..study.starter import KINDS
+
+EXIT_CODES = """exit codes:
+  0    all is well
+  1    an analysis or a row of a sweep failed; summary.json or sweep.csv say why, the others are kept
+  2    input that makes no sense: command line, case file, results file, folder
+  130  interrupted (Ctrl-C); the same command goes on where it was
+  143  ended by a signal; the same command goes on where it was"""
+
+
+class _Parser(argparse.ArgumentParser):
+    """`argparse` that speaks on rank 0 alone and never abbreviates."""
+
+    def __init__(self, **options: Any):
+        options.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        super().__init__(allow_abbrev=False, **options)
+
+    def error(self, message: str) -> NoReturn:
+        if _first():
+            self.print_usage(sys.stderr)
+            sys.stderr.write(f"{self.prog}: error: {message}\n")
+        raise SystemExit(2)
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if message and _first():
+            super()._print_message(message, file)
+
+
+def _first() -> bool:
+    from mpi4py import MPI
+
+    return bool(MPI.COMM_WORLD.rank == 0)
+
+
+def make_parser() -> argparse.ArgumentParser:
+    """Parser of all commands."""
+    prefixes = "\n".join(f"  -{name:9s} {text}" for name, text in PREFIXES.items())
+    parser = _Parser(
+        prog="sbfem",
+        description="Vibration of structures with breathing cracks, from a case file to data and pictures.",
+        epilog=f"A first case:\n  sbfem new beam case.toml\n  sbfem check case.toml\n  sbfem run case.toml "
+        "--output results\n\nOn several ranks: mpiexec -n 4 sbfem run case.toml --output "
+        "results\n\nWords after "
+        f"-- go to PETSc and SLEPc, by the prefix of each solve:\n{prefixes}\n  for example  sbfem "
+        "run case.toml "
+        f"-- -static_ksp_type cg -log_view\n\n{EXIT_CODES}",
+    )
+    parser.add_argument("--version", action="version", version=f"sbfem-petsc {sb.__version__}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+
+    def command(name: str, text: str, more: str = "") -> argparse.ArgumentParser:
+        made = commands.add_parser(name, help=text, description=f"{text[0].upper()}{text[1:]}.", epilog=more)
+        made.add_argument("--quiet", action="store_true", help="tell errors alone")
+        return made
+
+    new = command("new", "write a commented starter case")
+    new.add_argument("kind", metavar="KIND", help=f"one of {', '.join(KINDS)}")
+    new.add_argument("file", metavar="FILE", help="the case file to write")
+    new.add_argument("--replace", action="store_true", help="overwrite existing files")
+
+    check = command(
+        "check",
+        "validate a case; say its extent, unknowns, contact pairs, and what it will take",
+        "Memory, disk and time are estimates from measurements on one core, good to a factor of "
+        "two or three.",
+    )
+    check.add_argument("case", metavar="CASE", help="case file")
+    check.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+
+    mesh = command("mesh", "draw the discretisation of a case")
+    mesh.add_argument("case", metavar="CASE", help="case file")
+    mesh.add_argument("--output", metavar="PNG", help="picture (default: CASE with .mesh.png)")
+
+    run = command(
+        "run",
+        "run the analyses of a case",
+        "Writes DIR/results.h5, DIR/summary.json, DIR/pictures and the files of single analyses. Finished "
+        "analyses are not repeated, interrupted ones go on.\n\n" + EXIT_CODES,
+    )
+    sweep = command(
+        "sweep",
+        "run a case for all values of its [sweep] table",
+        "Writes DIR/sweep.h5 and DIR/sweep.csv. Finished rows are not repeated; failed ones are "
+        "tried again.\n\n" + EXIT_CODES,
+    )
+    for made, folder in ((run, "output/NAME"), (sweep, "output/NAME_sweep")):
+        made.add_argument("case", metavar="CASE", help="case file")
+        made.add_argument(
+            "--output", metavar="DIR", help=f"folder of the results (default: {folder} of the case)"
+        )
+        made.add_argument(
+            "--replace", action="store_true", help="give up what another case left in the folder"
+        )
+        made.add_argument("--json", action="store_true", help="print the summary in JSON on standard output")
+
+    plot = command("plot", "draw the pictures of a run or sweep again")
+    report = command("report", "write a self-contained HTML report of a run or sweep")
+    info = command("info", "say what a results file holds")
+    export = command("export", "write results in other formats")
+    for made in (plot, report, info, export):
+        made.add_argument("results", metavar="RESULTS", help="results.h5, sweep.h5 or the folder of a run")
+    plot.add_argument("--output", metavar="DIR", help="folder (default: pictures/ beside the results)")
+    report.add_argument("--output", metavar="HTML", help="file (default: report.html beside the results)")
+    info.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+    info.add_argument("--case", action="store_true", help="print the case that the results were made from")
+    export.add_argument("--csv", action="store_true", help="tables")
+    export.add_argument("--vtu", action="store_true", help="modes and static displacements for ParaView")
+    export.add_argument("--json", action="store_true", help="all quantities, histories included")
+    export.add_argument("--output", metavar="DIR", help="folder (default: export/ beside the results)")
+
+    doctor = command("doctor", "say versions and what is missing, with remedies")
+    doctor.add_argument("--json", action="store_true", help="answer in JSON on standard output")
+    return parser
+
+
+def split(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Words of `sbfem` and words of PETSc."""
+    if "--" not in arguments:
+        return arguments, []
+    at = arguments.index("--")
+    return arguments[:at], arguments[at + 1 :]

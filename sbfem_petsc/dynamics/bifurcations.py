@@ -1,0 +1,219 @@
+"""Folds, period doublings, Neimark-Sacker and grazing points between the points of a branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from ..errors import SolveError
+from .continuation import Continuation, ContinuationPoint
+from .shooting import shoot_along
+from .stability import Multipliers, multipliers
+
+# How far along the arc between two points a bifurcation is located.
+FINE = 5e-3
+# A multiplier that passes the unit circle without coming near it, relative to its distance at the points on
+# either side, has jumped.
+JUMP = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A point where the number of unstable multipliers changes, or where the branch turns back.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point", "grazing"}
+        "grazing": multipliers jump where a pair begins or ceases to touch.
+    value : float
+        Frequency (Hz) or load factor.
+    multiplier : complex
+        The one that passes the unit circle.
+    state : (2 m,) array
+        x(0).
+    direction : (2 m,) complex array
+        Its Floquet direction.
+    after : int
+        Index of the point of the branch behind it.
+    """
+
+    kind: str
+    value: float
+    multiplier: complex
+    state: np.ndarray
+    direction: np.ndarray
+    after: int
+
+    def __repr__(self) -> str:
+        return f"Bifurcation({self.kind} at {self.value:.7g}, multiplier {self.multiplier:.6g})"
+
+
+def unstable(found: Multipliers, margin: float = 0.0) -> int:
+    """Number of multipliers outside the unit circle by more than a margin."""
+    return int((np.abs(found.values) > 1.0 + margin).sum())
+
+
+def between(
+    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint, fraction: float
+) -> ContinuationPoint:
+    """A point of the branch in the plane across the chord of two others."""
+    size = max(np.linalg.norm(one.fixed.state), np.linalg.norm(other.fixed.state), 1e-300)
+    chord = np.append(
+        (other.fixed.state - one.fixed.state) / size,
+        (other.value - one.value) / continuation.parameter.extent,
+    )
+    heading = chord / np.linalg.norm(chord)
+    guess, value = (
+        one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
+        one.value + fraction * (other.value - one.value),
+    )
+
+    def condition(state, change):
+        return (
+            float(
+                heading[:-1] @ (state - guess) + size / continuation.parameter.extent * heading[-1] * change
+            ),
+            heading[:-1],
+            size / continuation.parameter.extent * heading[-1],
+        )
+
+    fixed = shoot_along(
+        continuation.period, guess, value, continuation.driven, continuation.parameter.name, condition
+    )
+    return ContinuationPoint(fixed, float(fixed.parameters[0]))
+
+
+def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
+    """All bifurcations of a branch in the order of its points.
+
+    Parameters
+    ----------
+    continuation : Continuation
+        Gone through.
+    found : list of Multipliers
+        Of all its points.
+    """
+    result = []
+    points = continuation.points
+    for k in range(1, len(points)):
+        if (
+            k + 1 < len(points)
+            and (points[k].value - points[k - 1].value) * (points[k + 1].value - points[k].value) < 0.0
+        ):
+            result.append(_fold(continuation, k))
+        one, other = unstable(found[k - 1]), unstable(found[k])
+        if one != other:
+            crossing = _crossing(continuation, k, max(one, other) - 1, found[k - 1], found[k])
+            # a real multiplier through +1 at a turning point is the fold itself, which has been found by its
+            # turn
+            if crossing is not None and not (crossing.kind == "branch point" and _turns(points, k)):
+                result.append(crossing)
+    return result
+
+
+def _turns(points: list[ContinuationPoint], k: int) -> bool:
+    steps = np.diff([s.value for s in points[max(0, k - 2) : k + 2]])
+    return bool((steps[1:] * steps[:-1] < 0.0).any())
+
+
+def _fold(continuation: Continuation, k: int) -> Bifurcation:
+    """Where the branch turns: the parameter's extremum between the neighbours of point k."""
+    points = continuation.points
+
+    def slope(point: ContinuationPoint) -> float:
+        """The parameter's part of the branch's direction."""
+        fixed, m2 = point.fixed, len(point.fixed.state)
+        carried = fixed.driven.carried(fixed.motion, np.eye(m2), (continuation.parameter.name,))
+        bordered = np.zeros((m2 + 1, m2 + 1))
+        bordered[:m2] = carried
+        bordered[:m2, :m2] -= np.eye(m2)
+        chord = np.append(points[k + 1].fixed.state - points[k - 1].fixed.state, 0.0)
+        bordered[m2] = chord / np.linalg.norm(chord)
+        # the unit in which the parameter is solved for must not make the border small
+        scale = np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2)
+        bordered[:, m2] /= max(scale, 1e-300)
+        direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
+        return float(direction[m2])
+
+    for first, second in ((points[k - 1], points[k]), (points[k], points[k + 1])):
+        ends = slope(first), slope(second)
+        if ends[0] * ends[1] > 0.0:
+            continue
+        point = _root(continuation, first, second, slope, ends)
+        values = multipliers(point.fixed.driven, point.fixed.motion)
+        nearest = int(np.argmin(np.abs(values.values - 1.0)))
+        return Bifurcation(
+            "fold",
+            point.value,
+            complex(values.values[nearest]),
+            point.fixed.state,
+            values.vectors[:, nearest],
+            k if second is points[k] else k + 1,
+        )
+    values = multipliers(points[k].fixed.driven, points[k].fixed.motion)
+    nearest = int(np.argmin(np.abs(values.values - 1.0)))
+    return Bifurcation(
+        "fold",
+        points[k].value,
+        complex(values.values[nearest]),
+        points[k].fixed.state,
+        values.vectors[:, nearest],
+        k + 1,
+    )
+
+
+def _crossing(
+    continuation: Continuation, k: int, rank: int, before: Multipliers, after: Multipliers
+) -> Bifurcation | None:
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
+    whose multipliers are known.
+    """
+    known = {}
+
+    def excess(point: ContinuationPoint) -> float:
+        known[id(point)] = multipliers(point.fixed.driven, point.fixed.motion)
+        return float(np.abs(known[id(point)].values[rank]) - 1.0)
+
+    first, second = continuation.points[k - 1], continuation.points[k]
+    ends = tuple(float(np.abs(item.values[rank]) - 1.0) for item in (before, after))
+    if ends[0] * ends[1] > 0.0:
+        return None
+    point = _root(continuation, first, second, excess, ends)
+    found = known.get(id(point)) or (before if point is first else after)
+    value = complex(found.values[rank])
+    jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
+    kind = (
+        "grazing"
+        if jump
+        else "Neimark-Sacker"
+        if value.imag != 0.0
+        else "period doubling"
+        if value.real < 0.0
+        else "branch point"
+    )
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k)
+
+
+def _root(
+    continuation: Continuation,
+    first: ContinuationPoint,
+    second: ContinuationPoint,
+    test,
+    ends: tuple[float, float],
+) -> ContinuationPoint:
+    """The point between two others at which a test function of points vanishes."""
+    known = {0.0: (first, ends[0]), 1.0: (second, ends[1])}
+
+    def value(fraction: float) -> float:
+        if fraction not in known:
+            point = between(continuation, first, second, fraction)
+            known[fraction] = point, test(point)
+        return known[fraction][1]
+
+    try:
+        brentq(value, 0.0, 1.0, xtol=FINE, rtol=1e-8)
+    except SolveError:  # the nearer of the points that were found stands for it
+        pass
+    return min(known.values(), key=lambda pair: abs(pair[1]))[0]

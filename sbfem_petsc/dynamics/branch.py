@@ -1,0 +1,254 @@
+"""Branches of periodic motions and what they are asked: amplitudes, harmonics, stability, peaks."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import UnknownName
+from ..reduction.reduced_model import ReducedModel
+from ..writing import write_table
+from .bifurcations import Bifurcation
+from .orbit import FLOOR, Orbit, axis_number, make_orbit
+from .shooting import FixedPoint, Period
+
+
+class BranchWarning(UserWarning):
+    """A curve has not come to the end of its range."""
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """A branch of periodic motions, point by point in order of arc length.
+
+    Attributes
+    ----------
+    parameter : {"frequency", "load"}
+    value : (n,) array
+        Forcing frequency (Hz) or factor on the oscillating loads.
+    states : (n, 2 m) array
+        (Omega q, q') at t = 0.
+    point_harmonics : (n, points, 2, 21) complex array
+        Harmonics 0 to 20 of the displacement of all named points, m.
+    point_amplitudes : (n, points) array
+        Half the peak-to-peak of u_y, m.
+    point_subharmonics : (n, points, 2, periods) complex array
+        Amplitudes at j f / periods.
+    contact_peak : (n,) array
+        Largest contact resultant over the period, N.
+    multipliers : (n, k) complex array
+        By falling modulus; k = 0 for a linear response.
+    multiplier_error : (n,) array
+        Uncertainty of the largest modulus, measured on the points next to a change of the verdict, nan
+        elsewhere.
+    iterations : (n,) int array
+        Newton iterations.
+    bifurcations : tuple of Bifurcation
+    reason : str
+        Why the curve ends.
+    complete : bool
+        Whether it reached the end of the range; a branch may also leave where it began.
+    periods : int
+    period : Period
+        The map whose fixed points these are.
+    fixed_frequency : float or None
+        Hz, if the load is the parameter.
+    """
+
+    parameter: str
+    value: np.ndarray
+    states: np.ndarray
+    point_harmonics: np.ndarray
+    point_amplitudes: np.ndarray
+    point_subharmonics: np.ndarray
+    contact_peak: np.ndarray
+    multipliers: np.ndarray
+    multiplier_error: np.ndarray
+    iterations: np.ndarray
+    bifurcations: tuple[Bifurcation, ...]
+    reason: str
+    complete: bool
+    periods: int
+    period: Period = field(repr=False)
+    fixed_frequency: float | None = None
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """The reduced model whose motions these are."""
+        return self.period.reduced
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def frequency(self) -> np.ndarray:
+        """(n,): forcing frequency, Hz."""
+        return self.value if self.parameter == "frequency" else np.full(len(self.value), self.fixed_frequency)
+
+    @property
+    def stable(self) -> np.ndarray:
+        """(n,) bool, True throughout where stability was not asked for: no multiplier outside the unit circle
+        by more than the uncertainty.
+        """
+        return (
+            np.abs(self.multipliers[:, 0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR)
+            if self.multipliers.shape[1]
+            else np.ones(len(self.value), dtype=bool)
+        )
+
+    @property
+    def converged(self) -> np.ndarray:
+        """(n,) bool: every point that is kept has converged."""
+        return np.ones(len(self.value), dtype=bool)
+
+    def amplitude(self, point: str) -> np.ndarray:
+        """(n,): half the peak-to-peak of the y displacement of a point, m."""
+        return self.point_amplitudes[:, self._index(point)]
+
+    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
+        return self.point_harmonics[:, self._index(point), axis_number(direction)]
+
+    def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
+        return self.point_subharmonics[:, self._index(point), axis_number(direction)]
+
+    def peak(self, point: str) -> Peak:
+        """The curve's highest resonance at a point."""
+        return find_peak(self.value, self.amplitude(point))
+
+    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
+        """Write parameter, verdict, contact and the amplitudes and first harmonics of points (default: all) as
+        comma-separated values.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError, KeyError
+            If it cannot be written, or for an unknown point.
+        """
+        first = (
+            ("frequency_Hz", "load_factor")
+            if self.parameter == "frequency"
+            else ("load_factor", "frequency_Hz")
+        )
+        other = np.ones(len(self.value)) if self.parameter == "frequency" else self.frequency
+        columns = {
+            first[0]: self.value,
+            first[1]: other,
+            "stable": self.stable.astype(int),
+            "contact_peak_N": self.contact_peak,
+        }
+        for point in self.points if points is None else points:
+            columns[f"amplitude_{point}_m"] = self.amplitude(point)
+            for k in (1, 2, 3):
+                columns[f"harmonic{k}_y_{point}_m"] = np.abs(self.harmonics(point)[:, k])
+        write_table(path, columns)
+
+    def orbit(self, k: int) -> Orbit:
+        """The k-th point as an `Orbit`, integrated again from its state."""
+        driven = self._driven(float(self.value[k]))
+        motion = driven.run(self.states[k])
+        fixed = FixedPoint(
+            self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
+        )
+        return make_orbit(fixed, self.multipliers[k], float(self.multiplier_error[k]), "point of a curve")
+
+    def _driven(self, value: float):
+        return (
+            self.period.at(value)
+            if self.parameter == "frequency"
+            else self.period.at(self.fixed_frequency, value)
+        )
+
+    def _index(self, point: str) -> int:
+        if point not in self.points:
+            raise UnknownName(
+                f"point {point!r} does not exist; the model has {', '.join(map(repr, self.points))}"
+            )
+        return self.points.index(point)
+
+    def __repr__(self) -> str:
+        unit = " Hz" if self.parameter == "frequency" else ""
+        asked = self.multipliers.shape[1] or not self.period.pairs
+        verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
+        return (
+            f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
+            f"{self.value.max():.6g}{unit}, {verdict}, "
+            f"{len(self.bifurcations)} bifurcations, {self.reason})"
+        )
+
+
+@dataclass(frozen=True)
+class Peak:
+    """A resonance peak.
+
+    Attributes
+    ----------
+    frequency : float
+        Of the largest amplitude, Hz.
+    amplitude : float
+        m.
+    lower, upper : float
+        Where the amplitude has fallen to 1 / sqrt(2), Hz; nan outside the curve.
+    """
+
+    frequency: float
+    amplitude: float
+    lower: float
+    upper: float
+
+    @property
+    def bandwidth(self) -> float:
+        """Hz."""
+        return self.upper - self.lower
+
+    @property
+    def skewness(self) -> float:
+        """0 for a symmetric peak, towards +1 where it leans to higher frequencies, -1 to lower ones."""
+        return ((self.frequency - self.lower) - (self.upper - self.frequency)) / self.bandwidth
+
+
+def find_peak(value: np.ndarray, amplitude: np.ndarray) -> Peak:
+    """Peak and half-power frequencies of a curve given in order of arc length; parabola through the three
+    highest points.
+    """
+    top = int(np.argmax(amplitude))
+    frequency, height = float(value[top]), float(amplitude[top])
+    if 0 < top < len(value) - 1:
+        arc = np.concatenate(
+            [
+                [0.0],
+                np.cumsum(
+                    np.hypot(
+                        np.diff(value[top - 1 : top + 2]) / np.ptp(value),
+                        np.diff(amplitude[top - 1 : top + 2]) / height,
+                    )
+                ),
+            ]
+        )
+        bend = np.polyfit(arc, amplitude[top - 1 : top + 2], 2)
+        if bend[0] < 0.0:
+            at = -0.5 * bend[1] / bend[0]
+            if arc[0] <= at <= arc[2]:
+                frequency, height = (
+                    float(np.polyval(np.polyfit(arc, value[top - 1 : top + 2], 2), at)),
+                    float(np.polyval(bend, at)),
+                )
+    level = height / math.sqrt(2.0)
+
+    def crossing(indices) -> float:
+        for a, b in zip(indices[:-1], indices[1:]):
+            if amplitude[a] >= level > amplitude[b]:
+                return float(
+                    value[a] + (value[b] - value[a]) * (amplitude[a] - level) / (amplitude[a] - amplitude[b])
+                )
+        return math.nan
+
+    left, right = crossing(range(top, -1, -1)), crossing(range(top, len(value)))
+    return Peak(frequency, height, *((left, right) if not left > right else (right, left)))

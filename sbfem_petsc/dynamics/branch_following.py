@@ -1,0 +1,258 @@
+"""Follows a branch of periodic motions: what is kept of each point, finer points where it bends, its end."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import SolveError, on_all_ranks
+from .bifurcations import between, locate
+from .branch import Branch, BranchWarning
+from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
+from .excitation import one_sided
+from .orbit import modal_motion, multiplier_error
+from .shooting import FixedPoint, Period
+from .stability import Multipliers, multipliers
+
+# Harmonics kept of every point.
+HARMONICS = 20
+# Frequencies of a linear response: so many over the range, and so many about each resonance.
+EVEN, ABOUT = 201, 41
+# A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the
+# shortest chord that is divided, times.
+BEND, SHORT, PASSES = 0.3, 0.01, 3
+
+
+class BranchRecorder(Protocol):
+    """Keeps a branch while it is followed.
+
+    Attributes
+    ----------
+    former : (states (n, 2 m), values (n,), float, str) or None
+        Points of the run that is resumed, the length of its next step, and why it ended.
+    """
+
+    former: tuple[np.ndarray, np.ndarray, float, str] | None
+
+    def update(self, branch: Callable[[], Branch], length: float, last: bool = False) -> None:
+        """Keep the branch as it is and the length of its next step. Collective."""
+
+
+def follow(
+    period: Period,
+    parameter: ParameterRange,
+    first: Callable[[], np.ndarray],
+    *,
+    settings: ContinuationSettings,
+    recorder: BranchRecorder | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Branch:
+    """Follow a branch over a range of its parameter.
+
+    Parameters
+    ----------
+    period : Period
+    parameter : ParameterRange
+    first : callable
+        State of a motion at the start.
+    settings : ContinuationSettings
+    recorder : BranchRecorder, optional
+    report : callable, optional
+        Called with the fraction done.
+
+    Raises
+    ------
+    SolveError
+        If the branch comes to a stop within the range; the points so far are the error's attribute `branch`.
+
+    Warns
+    -----
+    BranchWarning
+        If it ends after the most points that are allowed.
+    """
+    what = f"{parameter.name}_response"
+    if not period.excitation.orders.any():
+        raise on_all_ranks(
+            ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
+        )
+    former = recorder.former if recorder is not None else None
+    known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
+    points = [_point(period, parameter, state, float(value)) for state, value in known]
+    continuation = Continuation(period, points[0], parameter, settings)
+    continuation.points = points
+    if former is not None:
+        continuation.length, continuation.reason = former[2:]
+    rows = PointRows(period, settings.stability)
+    for item in points:
+        rows.add(item)
+    if len(points) == 1 or parameter.holds(points[-1].value):
+        for item in continuation:
+            rows.add(item)
+            if recorder is not None:
+                recorder.update(lambda: _branch(continuation, rows, False), continuation.length)
+            if report is not None:
+                report(min(1.0, abs(item.value - parameter.start) / parameter.extent))
+        if not parameter.holds(continuation.points[-1].value):
+            _refine(continuation, rows)
+    result = _branch(continuation, rows, True)
+    if recorder is not None:
+        recorder.update(lambda: result, continuation.length, last=True)
+    if len(result.value) >= settings.points and not result.complete:
+        warnings.warn(
+            f"{what}: the curve ends at {result.value[-1]:.8g} after {settings.points} points, before "
+            f"{parameter.stop:.8g}; raise points, or take more steps a period if it zigzags",
+            BranchWarning,
+            stacklevel=4,
+        )
+    elif parameter.holds(float(result.value[-1])):
+        error = SolveError(
+            f"{what}: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "
+            f"{continuation.reason}; take more steps a period, or see -shooting_snes_monitor"
+        )
+        error.branch = result  # type: ignore[attr-defined]
+        raise on_all_ranks(error)
+    return result
+
+
+def _point(period: Period, parameter: ParameterRange, state: np.ndarray, value: float) -> ContinuationPoint:
+    driven = parameter.at(period, value)
+    motion = driven.run(state)
+    residual = (float(np.linalg.norm(motion.residual)),)
+    return ContinuationPoint(FixedPoint(state, np.array([value]), driven, motion, residual), value)
+
+
+def _branch(continuation: Continuation, rows: PointRows, finished: bool) -> Branch:
+    """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
+    parameter, points, period = continuation.parameter, continuation.points, continuation.period
+    asked = finished and continuation.settings.stability
+    last = points[-1].value
+    arrived = last >= parameter.stop if parameter.direction > 0 else last <= parameter.stop
+    return Branch(
+        parameter.name,
+        np.array([point.value for point in points]),
+        np.array([point.fixed.state for point in points]),
+        *rows.arrays(),
+        _uncertainty(continuation, rows.found) if asked else np.full(len(points), np.nan),
+        np.array([len(point.fixed.residuals) - 1 for point in points]),
+        tuple(locate(continuation, rows.found)) if asked else (),
+        continuation.reason or "unfinished",
+        len(points) > 1 and arrived,
+        period.excitation.periods,
+        period,
+        parameter.frequency,
+    )
+
+
+class PointRows:
+    """What is kept of each point."""
+
+    def __init__(self, period: Period, stability: bool):
+        self.period, self.stability = period, stability
+        self.rows, self.found = [], []
+
+    def add(self, point: ContinuationPoint, place: int | None = None) -> None:
+        """Note a point, at the end or before another one."""
+        r, fixed = self.period.reduced, point.fixed
+        q, _ = modal_motion(fixed.driven, fixed.motion)
+        forces, pairs = fixed.motion.forces[:-1], self.period.pairs
+        padded = np.zeros((len(forces), len(r.initial_gap)))
+        padded[:, :pairs] = forces
+        u = r.points(q[:-1], fixed.driven.loads[:-1], padded)
+        spectrum, periods = one_sided(u), self.period.excitation.periods
+        found = multipliers(fixed.driven, fixed.motion) if self.stability else None
+        row = (
+            np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
+            0.5 * np.ptp(u[..., 1], axis=0),
+            np.moveaxis(spectrum[:periods], 0, -1),
+            forces.sum(axis=1).max(initial=0.0),
+            found.values if found is not None else np.zeros(0, dtype=complex),
+        )
+        place = len(self.rows) if place is None else place
+        self.rows.insert(place, row)
+        self.found.insert(place, found)
+
+    def arrays(self):
+        """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
+        return tuple(np.array(column) for column in zip(*self.rows))
+
+
+def _refine(continuation: Continuation, rows: PointRows) -> None:
+    """Points between those where the amplitude of a named point bends sharply over the parameter, so that
+    peaks stand where they are.
+    """
+    for _ in range(PASSES):
+        points = continuation.points
+        value, amplitude = (
+            np.array([s.value for s in points]) / continuation.parameter.extent,
+            rows.arrays()[1],
+        )
+        bent = set()
+        for k in range(amplitude.shape[1]):
+            if not amplitude[:, k].any():
+                continue
+            steps = np.diff(np.stack([value, amplitude[:, k] / amplitude[:, k].max()], axis=1), axis=0)
+            angle = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+            length = np.hypot(*steps.T)
+            bent |= {m for i in np.flatnonzero(angle > BEND) for m in (i, i + 1) if length[m] > SHORT}
+        for k in sorted(bent, reverse=True):
+            try:
+                point = between(continuation, points[k], points[k + 1], 0.5)
+            except SolveError:  # a corner of the branch: the curve is left as it is there
+                continue
+            rows.add(point, k + 1)
+            points.insert(k + 1, point)
+        if not bent:
+            break
+
+
+def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
+    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan elsewhere."""
+    stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
+    changes = np.flatnonzero(stable[1:] != stable[:-1])
+    result = np.full(len(found), np.nan)
+    for k in {*changes, *(changes + 1)}:
+        point = continuation.points[k]
+        frequency, factor = continuation.parameter.conditions(point.value)
+        result[k] = multiplier_error(continuation.period, point.fixed, frequency, found[k].values, factor)
+    return result
+
+
+def linear_branch(period: Period, start: float, stop: float) -> Branch:
+    """The response without contact, closed form."""
+    r = period.reduced
+    lower, upper = min(start, stop), max(start, stop)
+    inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
+    # an even number leaves out a resonance without damping
+    near = [
+        f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT if z else ABOUT - 1)))
+        for f, z in inside
+    ]
+    values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
+    values = values[(values >= lower) & (values <= upper)]
+    values = values if stop > start else values[::-1]
+    rows, states = PointRows(period, stability=False), []
+    for value in values:
+        driven = period.at(float(value))
+        motion = driven.run(driven.linear_state)
+        states.append(driven.linear_state)
+        rows.add(
+            ContinuationPoint(
+                FixedPoint(driven.linear_state, np.zeros(0), driven, motion, (0.0,)), float(value)
+            )
+        )
+    return Branch(
+        "frequency",
+        values,
+        np.array(states),
+        *rows.arrays(),
+        np.full(len(values), np.nan),
+        np.zeros(len(values), dtype=int),
+        (),
+        f"end of the range at {values[-1]:g}",
+        True,
+        period.excitation.periods,
+        period,
+    )

@@ -1,0 +1,305 @@
+"""Branches of periodic motions by pseudo-arclength continuation in the frequency or the load, through
+folds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SolveError
+from .shooting import DrivenPeriod, FixedPoint, Period, shoot_along
+
+# Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as
+# squares.
+SPAN = 10.0
+FIRST, LARGEST, SMALLEST = 0.05, 0.35, 1e-5
+# The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
+# its length; radian.
+TURN, TOO_SHARP = 0.35, 1.0
+# Newton iterations a step should take, and more than which is a sign that it has met another branch.
+COMFORT, TOO_MANY = 4, 7
+# Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
+CORNER = 5e-3
+# Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
+# that has been gone through.
+BACK = 0.999
+
+
+@dataclass(frozen=True)
+class ParameterRange:
+    """The parameter of a branch and where it goes.
+
+    Attributes
+    ----------
+    name : {"frequency", "load"}
+        Forcing frequency (Hz), or factor on the oscillating loads.
+    start, stop : float
+    frequency : float or None
+        Hz, where the load is the parameter.
+    """
+
+    name: str
+    start: float
+    stop: float
+    frequency: float | None = None
+
+    @property
+    def lower(self) -> float:
+        """The lesser end."""
+        return min(self.start, self.stop)
+
+    @property
+    def upper(self) -> float:
+        """The greater end."""
+        return max(self.start, self.stop)
+
+    @property
+    def extent(self) -> float:
+        """Length of the range."""
+        return self.upper - self.lower
+
+    @property
+    def direction(self) -> int:
+        """+1 or -1: where the parameter goes at first."""
+        return 1 if self.stop > self.start else -1
+
+    def holds(self, value: float) -> bool:
+        """Whether a value lies inside, the ends excluded."""
+        return self.lower < value < self.upper
+
+    def at(self, period: Period, value: float) -> DrivenPeriod:
+        """The driven period of a value of the parameter."""
+        return period.at(*self.conditions(value))
+
+    def conditions(self, value: float) -> tuple[float, float]:
+        """Forcing frequency (Hz) and load factor of a value of the parameter."""
+        if self.frequency is None:
+            return value, 1.0
+        return self.frequency, value
+
+
+@dataclass(frozen=True)
+class ContinuationSettings:
+    """How a branch is followed.
+
+    Attributes
+    ----------
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the parameter from a point to the next one.
+    stability : bool
+        Whether Floquet multipliers and bifurcations are computed.
+    """
+
+    points: int = 400
+    largest_step: float = math.inf
+    stability: bool = True
+
+
+class ContinuationPoint:
+    """A point of a branch.
+
+    Attributes
+    ----------
+    fixed : FixedPoint
+    value : float
+        The parameter: frequency (Hz) or factor on the oscillating loads.
+    """
+
+    def __init__(self, fixed: FixedPoint, value: float):
+        self.fixed, self.value = fixed, value
+
+    def derivative(self, name: str) -> np.ndarray:
+        """dx(T) along x(0) and the named parameter, (2 m, 2 m + 1)."""
+        if not hasattr(self, "_derivative"):
+            self._derivative = self.fixed.driven.carried(
+                self.fixed.motion, np.eye(len(self.fixed.state)), (name,)
+            )
+        return self._derivative
+
+
+class Continuation:
+    """A branch of fixed points, point by point.
+
+    Iterating gives a `ContinuationPoint` after each accepted step, the end of the range included; afterwards `reason`
+    says why it stopped.
+
+    Parameters
+    ----------
+    period : Period
+    first : ContinuationPoint
+        A converged point.
+    parameter : ParameterRange
+        The branch ends where it leaves the range.
+    settings : ContinuationSettings
+
+    Attributes
+    ----------
+    points : list of ContinuationPoint
+        More of them before the first step resume a branch.
+    length : float
+        Of the next step.
+    reason : str
+        Why it stopped.
+    """
+
+    def __init__(
+        self,
+        period: Period,
+        first: ContinuationPoint,
+        parameter: ParameterRange,
+        settings: ContinuationSettings = ContinuationSettings(),
+    ):
+        self.period, self.parameter, self.settings = period, parameter, settings
+        self.points = [first]
+        # where a branch starts from rest its state has no size of its own
+        ends = (parameter.at(period, value) for value in (parameter.lower, parameter.upper))
+        self.least = 1e-3 * max(np.linalg.norm(end.linear_state) for end in ends)
+        self.length, self.reason = FIRST, ""
+        self.sign: float | None = None
+
+    def driven(self, value: float) -> DrivenPeriod:
+        """The driven period of a value of the parameter."""
+        return self.parameter.at(self.period, value)
+
+    def __iter__(self) -> Iterator[ContinuationPoint]:
+        while True:
+            if len(self.points) >= self.settings.points:
+                self.reason = f"{self.settings.points} points"
+                return
+            point = self._next()
+            if point is None:
+                return
+            yield point
+            if not self.parameter.holds(point.value):
+                self.reason = f"end of the range at {point.value:.8g}"
+                return
+
+    # ------------------------------------------------------------------ one step
+    def _metric(self) -> tuple[float, float]:
+        """Units of the state and of the parameter."""
+        return max(
+            np.linalg.norm(self.points[-1].fixed.state), self.least, 1e-300
+        ), self.parameter.extent / SPAN
+
+    def _tangent(self, derivative: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """Direction in which the linearised residual does not change, in units of the metric; at a converged
+        point the branch's tangent.
+
+        Its sign is such that the determinant of residual and tangent keeps its sign along the branch: so it
+        passes folds and corners, also those that a step has skipped. `near` is a direction not across it.
+        """
+        size, unit = self._metric()
+        m2 = len(derivative)
+        bordered = np.empty((m2 + 1, m2 + 1))
+        bordered[:m2, :m2] = (derivative[:, :m2] - np.eye(m2)) * size
+        bordered[:m2, m2] = derivative[:, m2] * unit
+        # the last row is made as large as the others
+        bordered[m2] = near * np.abs(bordered[:m2]).max()
+        tangent = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
+        sign = np.linalg.slogdet(bordered)[0]
+        if self.sign is None:
+            self.sign = sign
+        return (1.0 if sign == self.sign else -1.0) * tangent / np.linalg.norm(tangent)
+
+    def _secant(self, one: ContinuationPoint, other: ContinuationPoint) -> np.ndarray:
+        size, unit = self._metric()
+        step = np.append((other.fixed.state - one.fixed.state) / size, (other.value - one.value) / unit)
+        return step / np.linalg.norm(step)
+
+    def _next(self) -> ContinuationPoint | None:
+        last = self.points[-1]
+        heading = self._heading()
+        length = min(
+            self.length, self.settings.largest_step / (self._metric()[1] * max(abs(heading[-1]), 1e-12))
+        )
+        while length >= SMALLEST:
+            point = self._step(heading, length)
+            if point is None and length < CORNER:
+                point = self._around(heading, length)
+            if point is not None:
+                self.points.append(point)
+                return point
+            length *= 0.5
+        self.reason = f"no further point within a step of {SMALLEST:g} at {last.value:.8g}"
+        return None
+
+    def _heading(self) -> np.ndarray:
+        """Tangent at the last point; at the first one the parameter goes where it is to go."""
+        last = self.points[-1]
+        near = np.zeros(len(last.fixed.state) + 1)
+        near[-1] = self.parameter.direction
+        if len(self.points) > 1:
+            near = self._secant(*self.points[-2:])
+        return self._tangent(last.derivative(self.parameter.name), near)
+
+    def _around(self, heading: np.ndarray, length: float) -> ContinuationPoint | None:
+        """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
+        the derivative on the corner's far side.
+        """
+        size, unit = self._metric()
+        last = self.points[-1]
+        try:
+            driven = self.driven(last.value + length * unit * heading[-1])
+            motion = driven.run(last.fixed.state + length * size * heading[:-1])
+            beyond = self._tangent(
+                driven.carried(motion, np.eye(len(last.fixed.state)), (self.parameter.name,)), heading
+            )
+        except (SolveError, ValueError):
+            return None
+        # a stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner
+        # gets there
+        for reach in (1.0, 8.0, 64.0):
+            point = self._step(beyond, min(reach * length, CORNER), behind=-heading)
+            if point is not None:
+                return point
+        return None
+
+    def _step(
+        self, heading: np.ndarray, length: float, behind: np.ndarray | None = None
+    ) -> ContinuationPoint | None:
+        """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the
+        length of the step after it.
+        """
+        size, unit = self._metric()
+        last = self.points[-1]
+        target = last.value + length * unit * heading[-1]
+        outside = not self.parameter.holds(target)
+        if outside:  # land on the end of the range: the condition is then the parameter's value
+            end = self.parameter.upper if target >= self.parameter.upper else self.parameter.lower
+            length = (end - last.value) / (unit * heading[-1])
+        guess, value = last.fixed.state + length * size * heading[:-1], end if outside else target
+
+        def condition(state, change):
+            if outside:
+                return size / unit * change, np.zeros(len(state)), size / unit
+            return (
+                float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change),
+                heading[:-1],
+                size / unit * heading[-1],
+            )
+
+        try:
+            fixed = shoot_along(self.period, guess, value, self.driven, self.parameter.name, condition)
+        except (SolveError, ValueError):
+            return None
+        point = ContinuationPoint(fixed, end if outside else float(fixed.parameters[0]))
+        chord = self._secant(last, point)
+        if behind is not None and chord @ behind > BACK:
+            return None
+        onward = self._tangent(point.derivative(self.parameter.name), chord)
+        turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
+        iterations = len(fixed.residuals) - 1
+        if length > CORNER and (turn > TOO_SHARP or iterations > TOO_MANY):
+            return None
+        if onward @ chord < 0.0:  # a branch point: the determinant has changed its sign on a smooth branch
+            self.sign = -self.sign
+        self.length = min(
+            LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(iterations, 1) + 0.25)) * length
+        )
+        return point

@@ -1,0 +1,129 @@
+"""Energies of a history, their account for a reduced model, and the guard that refuses a history in which
+contact does work.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import SolveError, on_all_ranks
+from ..reduction.reduced_model import ReducedModel
+
+# Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
+WORK_LIMIT = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Energy:
+    """Energies and work since the start, (n,) arrays, J.
+
+    Attributes
+    ----------
+    kinetic, strain : (n,) arrays
+        The strain energy includes a reduced model's residual flexibility.
+    external, damping, contact : (n,) arrays
+        Work of the loads, energy dissipated by damping, work of the contact forces (zero but for the steps in
+        which pairs close or open).
+    """
+
+    kinetic: np.ndarray
+    strain: np.ndarray
+    external: np.ndarray
+    damping: np.ndarray
+    contact: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """(n,): kinetic and strain energy."""
+        return self.kinetic + self.strain
+
+    @property
+    def balance(self) -> np.ndarray:
+        """(n,): what kinetic and strain energy gained beyond the work done; zero but for the integrator's
+        error.
+        """
+        gained = self.total - self.total[0]
+        return gained - (self.external + self.contact - self.damping)
+
+
+class Ledger:
+    """Energies and work, carried from chunk to chunk."""
+
+    def __init__(self, reduction: ReducedModel, step: float, smooth: bool):
+        # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
+        # work
+        self.r, self.step, self.smooth = reduction, step, smooth
+        self.flexibility = np.block(
+            [
+                [reduction.load_flexibility, reduction.gap.loads.T],
+                [reduction.gap.loads, reduction.gap.contact],
+            ]
+        )
+
+    def start(self, q, v, amplitude, force) -> np.ndarray:
+        """(5, 1) energies and work at t = 0."""
+        self.work = np.zeros(3)
+        self.last = self._instants(q[None], v[None], amplitude[None], force[None])
+        self.supplied = float(self.last[2].sum())
+        return np.concatenate([self.last[2].T, np.zeros((3, 1))])
+
+    def account(self, states, velocities, amplitudes, forces) -> np.ndarray:
+        """(5, n): kinetic, strain, external, damping, contact after each step; `amplitudes` (n + 1, loads)
+        begins with the step before.
+        """
+        now = self._instants(states, velocities, amplitudes[1:], forces)
+        drives, moves, _, losses, rates = (np.concatenate(pair) for pair in zip(self.last, now))
+        loads = amplitudes.shape[1]
+        # integral of the force over the displacement: the displacement's mean over a step from its ends and
+        # the rates there
+        increments = 0.5 * (drives[1:] + drives[:-1]) * np.diff(moves, axis=0)
+        if self.smooth:
+            increments[:, :loads] += (
+                np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (self.step / 12.0)
+            )
+        steps = np.stack(
+            [
+                increments[:, :loads].sum(axis=1),
+                0.5 * self.step * (losses[1:] + losses[:-1]),
+                increments[:, loads:].sum(axis=1),
+            ]
+        )
+        work = self.work[:, None] + np.cumsum(steps, axis=1)
+        self.work, self.last = work[:, -1], tuple(part[-1:] for part in now)
+        return np.concatenate([now[2].T, work])
+
+    def _instants(self, q, v, amplitudes, forces):
+        """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,),
+        velocities at the loads.
+        """
+        r = self.r
+        drive = np.concatenate([amplitudes, forces], axis=1)
+        flexible = drive @ self.flexibility
+        moved = q @ np.concatenate([r.load_modes, r.gap.modes.T], axis=1) + flexible
+        stored = np.stack(
+            [
+                0.5 * (v**2).sum(axis=1),
+                0.5 * ((r.omega * q) ** 2).sum(axis=1) + 0.5 * (drive * flexible).sum(axis=1),
+            ],
+            axis=1,
+        )
+        return drive, moved, stored, (2.0 * r.damping * r.omega * v**2).sum(axis=1), v @ r.load_modes
+
+
+def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
+    """Stop where contact has fed or taken energy: it may do no work, and what it does in steps that switch is
+    the integration's error.
+    """
+    total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
+    ledger.supplied = max(ledger.supplied, float(external.max()))
+    if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
+        raise on_all_ranks(
+            SolveError(
+                f"transient: by t = {time[-1]:.6g} s the contact forces have done work of {contact[-1]:.3g} "
+                f"J beside {ledger.supplied:.3g} J supplied: "
+                "the history is wrong; use a smaller step, or fewer modes if hardly any flexibility is left "
+                "to the contact"
+            )
+        )

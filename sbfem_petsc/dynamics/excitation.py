@@ -1,0 +1,193 @@
+"""Periodic loads and the linear steady state of a reduced model, closed form in modal coordinates."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from ..reduction.reduced_model import ReducedModel
+from ..signals import Harmonic, Signal, Sum
+
+# Harmonics of a load below this share of its largest one are rounding.
+ROUND_OFF = 1e-12
+# Relative distance of a tone from a harmonic of the base frequency that rounding explains.
+SAME = 1e-9
+# Harmonics of f that are kept of a signal whose band is not known.
+UNKNOWN_BAND = 128
+# An undamped mode this near to a harmonic of the load, relative, is at resonance.
+RESONANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Excitation:
+    """Load amplitudes with a common period T = `periods` / f: s(t) = Re sum_k amplitude_k exp(i k 2 pi t /
+    T).
+
+    Attributes
+    ----------
+    orders : (k,) int array
+        Multiples of 1 / T, 0 for the constant part.
+    amplitudes : (k, loads) complex array
+    periods : int
+        Forcing periods 1 / f in the common period.
+    """
+
+    orders: np.ndarray
+    amplitudes: np.ndarray
+    periods: int
+
+    @classmethod
+    def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:
+        """Excitation of load signals, in which a `Constant` stands for itself.
+
+        Parameters
+        ----------
+        signals : sequence of Signal
+            Tones (`Harmonic`), constants and sums of them, or any signal that is periodic in T.
+        frequency : float
+            Forcing frequency f, Hz.
+        periods : int or None
+            None: the fewest in which all tones fit.
+        bound : int
+            Most periods that are looked for.
+
+        Raises
+        ------
+        ValueError
+            If the signals have no common period; the message names neighbouring frequencies that have one.
+        """
+        tones = [
+            part.frequency for signal in signals for part in _parts(signal) if isinstance(part, Harmonic)
+        ]
+        if periods is None:
+            periods = next(
+                (n for n in range(1, bound + 1) if all(_whole(n * tone / frequency) for tone in tones)), None
+            )
+            if periods is None:
+                raise ValueError(_no_common_period(tones, frequency, bound))
+        for tone in tones:
+            if not _whole(periods * tone / frequency):
+                raise ValueError(
+                    f"periodic: the tone of {tone:g} Hz makes {periods * tone / frequency:.6g} cycles in "
+                    f"{periods} period{'s' * (periods > 1)} of {frequency:g} Hz; "
+                    f"a steady state needs a whole number: {_neighbours(tone, frequency, (periods,))}"
+                )
+        bands = [s.highest_frequency for s in signals]
+        highest = UNKNOWN_BAND * frequency if None in bands else max(bands, default=0.0)
+        count = 2 ** math.ceil(math.log2(max(128.0, 8.0 * periods * highest / frequency)))
+        time = np.arange(2 * count) * (periods / frequency / count)
+        values = np.array([s(time) for s in signals]).reshape(len(signals), 2 * count)
+        first, second = values[:, :count], values[:, count:]
+        if np.abs(second - first).max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
+            worst = int(np.argmax(np.abs(second - first).max(axis=1)))
+            raise ValueError(
+                f"periodic: the signal {signals[worst]!r} does not repeat after {periods} "
+                f"period{'s' * (periods > 1)} of {frequency:g} Hz; give a periodic signal, or use transient"
+            )
+        found = np.fft.rfft(first, axis=1).T * (2.0 / count)
+        found[0] *= 0.5
+        noise = ROUND_OFF * np.abs(found).max(initial=0.0)
+        found = np.where(np.abs(found.real) > noise, found.real, 0.0) + 1j * np.where(
+            np.abs(found.imag) > noise, found.imag, 0.0
+        )
+        orders = np.flatnonzero(np.abs(found).any(axis=1))
+        return cls(orders, found[orders], periods)
+
+    def repeated(self, times: int) -> Excitation:
+        """The same loads with `times` their common period."""
+        return Excitation(self.orders * times, self.amplitudes, self.periods * times)
+
+    def scaled(self, factor: float) -> Excitation:
+        """The oscillating part times a factor; the constant part stays."""
+        return Excitation(
+            self.orders, np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes, self.periods
+        )
+
+    @property
+    def oscillating(self) -> Excitation:
+        """Without the constant part."""
+        keep = self.orders > 0
+        return Excitation(self.orders[keep], self.amplitudes[keep], self.periods)
+
+    def phases(self, count: int) -> np.ndarray:
+        """(count + 1, k): exp(i k 2 pi t / T) at equal steps from 0 to T, both ends."""
+        return np.exp(2j * np.pi * (np.arange(count + 1)[:, None] * self.orders % count) / count)
+
+    def response(self, reduction: ReducedModel, frequency: float) -> tuple[np.ndarray, np.ndarray]:
+        """Complex modal amplitudes of the linear steady state and their derivative with `frequency`, (k, m)
+        each.
+
+        Raises
+        ------
+        ValueError
+            If an undamped mode is driven at its own frequency: there is no steady state without contact to
+            start from.
+        """
+        r = reduction
+        unit = 2.0 * np.pi * self.orders[:, None] / self.periods
+        omega = unit * frequency
+        forces = self.amplitudes @ r.load_modes.T
+        dynamic = r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega
+        at_resonance = (np.abs(dynamic) <= RESONANCE * np.maximum(r.omega, omega) ** 2) & (
+            np.abs(forces) > ROUND_OFF * np.abs(forces).max(initial=0.0)
+        )
+        if at_resonance.any():
+            order, mode = np.argwhere(at_resonance)[0]
+            if r.omega[mode] == 0.0 and self.orders[order] == 0:
+                raise ValueError(
+                    f"periodic: the constant load pushes the rigid-body motion of mode {mode + 1}; hold the "
+                    "structure or leave the constant load out"
+                )
+            raise ValueError(
+                f"periodic: mode {mode + 1} at {r.frequencies[mode]:.6g} Hz has no damping and is driven at "
+                "its own frequency, so that the linear response is infinite; give the model a damping "
+                "ratio or move the frequency"
+            )
+        dynamic = np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
+        amplitude = forces / dynamic
+        return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
+
+
+def one_sided(values: np.ndarray) -> np.ndarray:
+    """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
+    result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
+    result[0] *= 0.5
+    if len(values) % 2 == 0:  # the highest frequency stands for itself alone
+        result[-1] *= 0.5
+    return result
+
+
+def _parts(signal: Signal):
+    return signal.parts if isinstance(signal, Sum) else (signal,)
+
+
+def _whole(value: float) -> bool:
+    return abs(value - round(value)) <= SAME * max(value, 1.0)
+
+
+def _neighbours(tone: float, frequency: float, periods) -> str:
+    """Frequencies next to a tone that make a whole number of cycles in one of the numbers of periods of
+    `frequency`.
+    """
+    below, above = (
+        max(Fraction(math.floor(n * tone / frequency), n) for n in periods),
+        min(Fraction(math.ceil(n * tone / frequency), n) for n in periods),
+    )
+    # with digits enough to be accepted when they are copied
+    return "for instance " + " or ".join(
+        f"{float(part) * frequency:.12g} Hz ({part} of {frequency:g} Hz)"
+        for part in (below, above)
+        if part > 0
+    )
+
+
+def _no_common_period(tones, frequency: float, bound: int) -> str:
+    bad = next(t for t in tones if not any(_whole(n * t / frequency) for n in range(1, bound + 1)))
+    return (
+        f"periodic: the tone of {bad:g} Hz has no common period with {frequency:g} Hz within {bound} "
+        f"periods; choose {_neighbours(bad, frequency, range(1, min(bound, 16) + 1))}, "
+        "raise longest, or use transient with a coherent record"
+    )

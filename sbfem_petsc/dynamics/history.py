@@ -1,0 +1,138 @@
+"""Motions of a structure, reduced or not: time histories, and what they share with steady states."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..checks import real
+from ..errors import UnknownName
+from ..writing import write_table
+from .energy import Energy
+from .states import ModalStates, SampledStates
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """Instants of a motion.
+
+    Attributes
+    ----------
+    time : (n,) array
+        s.
+    states : ModalStates or SampledStates
+        How they are kept: of a reduced or of an unreduced model.
+    """
+
+    time: np.ndarray
+    states: ModalStates | SampledStates
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.states.points
+
+    @property
+    def reduced(self):
+        """The reduced model that moves, None for an unreduced one."""
+        return self.states.reduced if isinstance(self.states, ModalStates) else None
+
+    @property
+    def contact_force(self) -> np.ndarray:
+        """(n, pairs): forces of the contact pairs, N, compression positive."""
+        return self.states.contact[:, : self.states.pairs]
+
+    @property
+    def contact_resultant(self) -> np.ndarray:
+        """(n,): sum of all contact forces, those inside the tip elements included, N."""
+        return self.states.contact.sum(axis=1)
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, pairs): gaps of the contact pairs, m."""
+        return self.states.gap[:, : self.states.pairs]
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n, 2): displacement of a named point, m."""
+        return self.states.displacement(point)
+
+    def velocity(self, point: str) -> np.ndarray:
+        """(n, 2): velocity of a named point, m/s; that of a reduced model's modes."""
+        return self.states.velocity(point)
+
+    def acceleration(self, point: str) -> np.ndarray:
+        """(n, 2): acceleration of a named point, m/s^2; that of a reduced model's modes."""
+        return self.states.acceleration(point)
+
+    def stress_intensity(self, tip: str | None = None) -> np.ndarray:
+        """(n, 2): K_I and K_II of a crack tip, the first one by default, Pa m^(1/2)."""
+        if tip is None:
+            if not self.states.tips:
+                raise UnknownName("stress_intensity: the model has no crack tip with a tip element")
+            tip = self.states.tips[0]
+        return self.states.stress_intensity(tip)
+
+    def field(self, time: float) -> np.ndarray:
+        """Displacements (nodes, 2), m, of this rank's nodes at the kept instant next to a time (s). Collective.
+
+        Raises
+        ------
+        SolveError
+            For the motion of an unreduced model, which keeps no fields.
+        """
+        end = float(self.time[-1])
+        at = real("field", "time", time, "s", least=float(self.time[0]), most=end * (1.0 + 1e-9))
+        return self.states.field(int(np.argmin(np.abs(self.time - at))))
+
+    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
+        """Write time, displacements of points (default: all) and the contact resultant as comma-separated values.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError, KeyError
+            If it cannot be written, or for an unknown point.
+        """
+        chosen = self.points if points is None else points
+        columns = {"time_s": self.time}
+        for point in chosen:
+            u = self.displacement(point)
+            columns |= {f"ux_{point}_m": u[:, 0], f"uy_{point}_m": u[:, 1]}
+        columns["contact_resultant_N"] = self.contact_resultant
+        write_table(path, columns)
+
+
+@dataclass(frozen=True, eq=False)
+class History(Motion):
+    """A time history; its instants are the kept steps, from t = 0.
+
+    Attributes
+    ----------
+    energy : Energy
+    step : float
+        Time step of the integration, s.
+    exchanges : int
+        Exchanges of active sets in all steps; 0 for an unreduced model, which does not count them.
+    damped_modes : int
+        Modes in which the model's damping ratio is met: all of a reduced model's, the computed ones of an
+        unreduced one.
+    complete : bool
+        Whether the run that made it has reached its end; False only for one read from an unfinished file.
+    """
+
+    energy: Energy
+    step: float
+    exchanges: int = 0
+    damped_modes: int = 0
+    complete: bool = True
+
+    def __repr__(self) -> str:
+        kind = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        return (
+            f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "
+            f"{self.states.pairs} pairs, peak contact resultant "
+            f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
+            f"{np.abs(self.energy.balance).max():.2e} J)"
+        )

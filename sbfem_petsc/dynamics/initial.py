@@ -1,0 +1,105 @@
+"""Initial displacement and velocity given as functions of position."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import on_all_ranks
+from ..parallel import collective
+from ..petsc import MPI
+from ..reduction.reduced_model import ReducedModel
+from ..system.model import Model
+from ..system.modes import Modal
+from ..system.pencil import Pencil
+
+
+def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarray:
+    """(m, 2): values at this rank's nodes of a function of x and y, zero for None.
+
+    Raises
+    ------
+    ValueError
+        If it does not give two finite values a place; on all ranks.
+    """
+    places = model.part.coordinates
+    field = np.zeros(places.shape)
+    if function is None:
+        return field
+    with collective(model.comm):
+        values = function(places[:, 0].copy(), places[:, 1].copy())
+        try:
+            field[:, 0], field[:, 1] = values
+            right = bool(np.isfinite(field).all())
+        except (TypeError, ValueError):
+            right = False
+        if not right:
+            raise ValueError(
+                f"transient: the {what} of start must be a function of arrays x and y that gives two finite "
+                "values or arrays, u_x and u_y"
+            )
+    return field
+
+
+def owned_values(model: Model, field: np.ndarray) -> np.ndarray:
+    """This rank's displacement unknowns of a field (m, 2) at its nodes."""
+    first, last = model.ranges[model.comm.rank], model.ranges[model.comm.rank + 1]
+    unknowns = model.part.unknowns
+    mine = (unknowns >= first) & (unknowns < last)
+    values = np.zeros(last - first)
+    values[unknowns[mine] - first] = field[mine]
+    return values
+
+
+def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
+    """(local unknowns of the pencil, n): modes with their auxiliary unknowns, by the lower half of (K -
+    omega^2 M) phi = 0.
+    """
+    upper, lower = pencil.coupling.createVecs()[::-1]
+    shapes = np.zeros((pencil.owned + lower.getLocalSize(), len(found.frequencies)), order="F")
+    shapes[: pencil.owned] = found.shapes
+    for k, value in enumerate((2.0 * np.pi * found.frequencies) ** 2):
+        upper.array = found.shapes[:, k]
+        pencil.coupling.multTranspose(upper, lower)
+        shapes[pencil.owned :, k] = value * lower.array_r / pencil.auxiliary_diagonal(value)
+    upper.destroy()
+    lower.destroy()
+    return shapes
+
+
+def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.ndarray]:
+    """Modal coordinates and velocities Phi^T M u of functions of position.
+
+    Auxiliary unknowns start from zero: inside the S-elements that is the static displacement of what their
+    boundaries do.
+
+    Raises
+    ------
+    ValueError
+        If the reduced model has no model behind it; on all ranks.
+    """
+    model, found = reduced.model, reduced.modal
+    if model is None or found is None:
+        raise on_all_ranks(
+            ValueError(
+                "transient: a start by functions of x and y needs a model; give modal coordinates (q, v)"
+            )
+        )
+    pencil = Pencil(model, 1.0, 0.0)
+    try:
+        shapes, (field, product) = full_shapes(pencil, found), pencil.mass.createVecs()
+        result = []
+        for function, what in zip(start, ("displacement", "velocity")):
+            values = nodal_field(model, function, what)
+            field.set(0.0)
+            field.array[: pencil.owned] = owned_values(model, values)
+            pencil.mass.mult(field, product)
+            q = shapes.T @ product.array_r
+            model.comm.Allreduce(MPI.IN_PLACE, q)
+            result.append(q)
+        field.destroy()
+        product.destroy()
+    finally:
+        pencil.destroy()
+    return result[0], result[1]

@@ -1,0 +1,139 @@
+"""Integration of a motion in chunks of steps, kept in memory or by a recorder."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from ..petsc import MPI
+from .history import History
+
+Rows = dict[str, np.ndarray]
+
+
+class Column(NamedTuple):
+    """What a row holds under a name."""
+
+    shape: tuple[int, ...]
+    unit: str
+    description: str
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Equal steps of a history.
+
+    Attributes
+    ----------
+    count : int
+    step : float
+        s.
+    contact : bool
+    scheme : str
+    decimation : int
+        Every so many steps are kept.
+    """
+
+    count: int
+    step: float
+    contact: bool
+    scheme: str
+    decimation: int
+
+    @property
+    def kept(self) -> int:
+        """Instants that are kept, the first one included."""
+        return 1 + self.count // self.decimation
+
+
+class Integrator(Protocol):
+    """A system that can be advanced: reduced or not."""
+
+    comm: MPI.Comm
+    chunk: int
+    columns: dict[str, Column]
+
+    def first(self) -> Rows:
+        """The row of t = 0, each array of length 1."""
+
+    def advance(self, done: int, steps: int, decimation: int) -> Rows:
+        """Take some steps after `done` ones; the rows of those that are kept."""
+
+    def checkpoint(self) -> np.ndarray:
+        """All that the further steps depend on, a flat array of constant length: this rank's part of it."""
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a checkpoint."""
+
+    def history(self, rows: Rows) -> History:
+        """The motion of all rows."""
+
+
+class Recorder(Protocol):
+    """Keeps rows and checkpoints while a motion is integrated."""
+
+    in_memory: bool
+
+    def resume(self) -> tuple[int, Rows, np.ndarray] | None:
+        """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new one.
+        Collective.
+        """
+
+    def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
+        """Keep the rows of a chunk and the state after it. Collective."""
+
+    def recorded(self) -> Rows:
+        """All rows. Collective."""
+
+
+def integrate(
+    integrator: Integrator,
+    steps: Steps,
+    recorder: Recorder | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> History:
+    """Advance a system over all steps."""
+    done, former = 0, recorder.resume() if recorder is not None else None
+    if former is not None:
+        done, rows, checkpoint = former
+        integrator.restore(checkpoint)
+    else:
+        rows = integrator.first()
+        if recorder is not None:
+            recorder.append(0, rows, integrator.checkpoint())
+    kept: Rows | None = None
+    if recorder is None or recorder.in_memory:  # made at once, so that nothing is held twice
+        kept = {name: np.empty((steps.kept, *column.shape)) for name, column in integrator.columns.items()}
+    filled = _fill(kept, rows, 0)
+    while done < steps.count:
+        size = min(integrator.chunk, steps.count - done)
+        rows = integrator.advance(done, size, steps.decimation)
+        done += size
+        filled = _fill(kept, rows, filled)
+        if recorder is not None:
+            recorder.append(done, rows, integrator.checkpoint())
+        if progress is not None:
+            progress(done / steps.count)
+    if kept is None:
+        assert recorder is not None
+        kept = recorder.recorded()
+    return integrator.history(kept)
+
+
+def _fill(kept: Rows | None, rows: Rows, first: int) -> int:
+    """Put rows in their place; the number of rows so far."""
+    if kept is None:
+        return 0
+    last = first + len(rows["time"])
+    for name, values in rows.items():
+        kept[name][first:last] = values
+    return last
+
+
+def row_size(columns: dict[str, Column]) -> int:
+    """Bytes of a row."""
+    return 8 * sum(math.prod(column.shape) for column in columns.values())

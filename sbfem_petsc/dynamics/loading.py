@@ -1,0 +1,133 @@
+"""From a user's loads to unit loads with signals, and to the reduced model that serves them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from numbers import Real
+
+from ..checks import integer
+from ..errors import on_all_ranks
+from ..loads import Load, separate
+from ..parallel import collective
+from ..petsc import MPI
+from ..reduction.build import default_modes, reduced
+from ..reduction.reduced_model import ReducedModel
+from ..signals import Constant, Signal, as_signal
+from ..system.model import Model
+
+
+def communicator(system: Model | ReducedModel) -> MPI.Comm:
+    """Ranks that work on a model together.
+
+    Raises
+    ------
+    TypeError
+        If it is neither a model nor a reduced one.
+    """
+    if not isinstance(system, (Model, ReducedModel)):
+        raise TypeError(f"model = {system!r} must be a Model or a ReducedModel")
+    return system.comm
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """Unit loads and their signals.
+
+    Attributes
+    ----------
+    units : tuple of Load
+        Empty for a system of matrices, which has unit loads of its own.
+    signals : tuple of Signal
+        One for each unit load of the system.
+    """
+
+    units: tuple[Load, ...]
+    signals: tuple[Signal, ...]
+
+    @property
+    def highest_frequency(self) -> float:
+        """Hz; 0 where no signal has one."""
+        return max((s.highest_frequency or 0.0 for s in self.signals), default=0.0)
+
+
+def loading(
+    owner: str, system: Model | ReducedModel, load, number: Callable[[float], Signal] = as_signal
+) -> Loading:
+    """The loads of an analysis on a model, checked. Not collective.
+
+    Parameters
+    ----------
+    owner : str
+        The analysis, for messages.
+    system : Model or ReducedModel
+    load : loads; for a system of matrices a number or signal for each of its unit loads
+    number : callable
+        Makes a signal of a plain number.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        If a load makes no sense, or a reduced model was not made for it.
+    """
+    if isinstance(system, Model):
+        system.checked_loads(load, constant=False)
+        units, signals = separate(load, number)
+        return Loading(tuple(units), tuple(signals))
+    count = system.load_modes.shape[1]
+    values = load if isinstance(load, (list, tuple)) else (load,)
+    if all(isinstance(value, (Real, Signal)) for value in values):
+        if len(values) != count:
+            raise ValueError(
+                f"{owner}: the reduced model has {count} unit loads, the load has {len(values)}; give a number or "
+                "signal for each"
+            )
+        given = tuple(number(v) if isinstance(v, Real) else as_signal(v) for v in values)  # type: ignore[arg-type]
+        return Loading(system.loads, given)
+    if system.model is None:
+        raise TypeError(
+            f"{owner}: load = {load!r} must be a number or signal for each of the {count} unit loads"
+        )
+    system.model.checked_loads(load, constant=False)
+    units, signals = separate(load, number)
+    known: list[Signal] = [Constant(0.0)] * count
+    for unit, signal in zip(units, signals):
+        if unit not in system.loads:
+            raise ValueError(
+                f"{owner}: the reduced model was made for other loads than {unit!r}; reduce the model again with it"
+            )
+        place = system.loads.index(unit)
+        # the same place twice: the signals add up
+        known[place] = (
+            signal
+            if isinstance(known[place], Constant) and known[place](0.0) == 0.0
+            else known[place] + signal
+        )
+    return Loading(system.loads, tuple(known))
+
+
+def serving(
+    owner: str, system: Model | ReducedModel, loads: Loading, modes: int | None, highest: float
+) -> ReducedModel:
+    """The reduced model for an analysis: the system itself, or one made of the model and kept there. Collective.
+
+    Parameters
+    ----------
+    modes : int or None
+        None: by default all modes up to 8 times `highest`, at least 80.
+    highest : float
+        Highest load frequency, Hz.
+    """
+    if isinstance(system, ReducedModel):
+        if modes is not None:
+            raise on_all_ranks(
+                ValueError(
+                    f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many modes"
+                )
+            )
+        return system
+    with collective(system.comm):
+        if modes is not None:
+            integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
+    system.require_support(f"{owner} of the reduced model")
+    return reduced(system, loads.units, modes or default_modes(system, highest))

@@ -1,0 +1,182 @@
+"""Steady states: periodic motions and what they are asked."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..checks import choice
+from ..errors import SolveError
+from .excitation import one_sided
+from .history import Motion
+from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot
+from .stability import multipliers
+from .states import ModalStates
+
+# Uncertainty of multipliers below which rounding is all there is.
+FLOOR = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit(Motion):
+    """A periodic motion; its instants are the equal steps of one period, the end left out.
+
+    Attributes
+    ----------
+    frequency : float
+        Forcing frequency f, Hz.
+    periods : int
+        Forcing periods in one period of the motion.
+    multipliers : (k,) complex array
+        Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for, and for
+        an unreduced model.
+    multiplier_error : float
+        Uncertainty of their largest modulus: its change with the time grid moved by half a step.
+    state : (2 m,) array
+        (Omega q, q') at t = 0; empty for an unreduced model.
+    residuals : tuple of float
+        Norm of x(T) - x(0) at each Newton iterate.
+    path : str
+        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
+        "ramp of the damping", "neighbouring frequency", "point of a curve" or "period doubling".
+    converged : bool
+    products : int
+        Linearised periods integrated for the linear solves of an unreduced model.
+    step_error : float
+        Relative change of the displacements from half as many steps; nan unless a tolerance was given.
+    """
+
+    frequency: float
+    periods: int
+    residuals: tuple[float, ...]
+    path: str
+    state: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    multiplier_error: float = math.nan
+    products: int = 0
+    converged: bool = True
+    step_error: float = math.nan
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of the last solve."""
+        return len(self.residuals) - 1
+
+    @property
+    def period(self) -> float:
+        """s."""
+        return self.periods / self.frequency
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether small disturbances die out: no multiplier outside the unit circle, by more than the
+        uncertainty; None if the multipliers were not asked for.
+        """
+        return (
+            bool(np.abs(self.multipliers[0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR))
+            if len(self.multipliers)
+            else None
+        )
+
+    def spectrum(self, point: str, direction: str = "y") -> np.ndarray:
+        """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
+        periods), a_0 the mean.
+        """
+        return one_sided(self.displacement(point)[:, axis_number(direction)])
+
+    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
+        m.
+        """
+        return self.spectrum(point, direction)[:: self.periods]
+
+    def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(periods,) complex amplitudes at j f / periods, j = 0 .. periods - 1; beside the mean, zero unless
+        the motion truly takes several forcing periods.
+        """
+        return self.spectrum(point, direction)[: self.periods]
+
+    def amplitude(self, point: str) -> float:
+        """Half the peak-to-peak of the y displacement of a point, m."""
+        return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
+
+    def __repr__(self) -> str:
+        verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
+        if len(self.multipliers):
+            verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
+        model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        return (
+            f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
+            f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton iterations, "
+            f"{verdict}, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)"
+        )
+
+
+def orbit_stability(
+    period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
+) -> tuple[np.ndarray, float]:
+    """Multipliers of an orbit and the uncertainty of the largest modulus."""
+    found = multipliers(fixed.driven, fixed.motion).values
+    return found, multiplier_error(period, fixed, frequency, found, factor)
+
+
+def multiplier_error(
+    period: Period, fixed: FixedPoint, frequency: float, found: np.ndarray, factor: float = 1.0
+) -> float:
+    """Change of the largest modulus with the time grid moved by half a step: pairs then close and open
+    elsewhere in their steps; nan if there is no motion on that grid.
+    """
+    moved = moved_by_half_a_step(period)
+    first, second = (state_at(fixed, k) for k in (0, 1))
+    try:
+        other = shoot(moved, 0.5 * (first + second), frequency, factor)
+    except SolveError:
+        return math.nan
+    return max(FLOOR, abs(np.abs(multipliers(other.driven, other.motion).values[0]) - np.abs(found[0])))
+
+
+def moved_by_half_a_step(period: Period) -> Period:
+    """The same period on a time grid between the first one's instants."""
+    excitation = period.excitation
+    turned = excitation.amplitudes * np.exp(1j * np.pi * excitation.orders[:, None] / period.steps)
+    return Period(period.reduced, replace(excitation, amplitudes=turned), period.steps, period.pairs > 0)
+
+
+def state_at(fixed: FixedPoint, k: int) -> np.ndarray:
+    """x at the k-th instant."""
+    q, v = modal_motion(fixed.driven, fixed.motion)
+    return np.concatenate([fixed.driven.period.weights * q[k], v[k]])
+
+
+def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Modal displacement and velocity, (n + 1, m) each: the linear steady state and what contact adds."""
+    phases = driven.period.phases
+    return (phases @ driven.amplitudes).real + motion.states, (
+        phases @ (driven.speeds * driven.amplitudes)
+    ).real + motion.velocities
+
+
+def make_orbit(fixed: FixedPoint, values: np.ndarray, uncertainty: float, path: str) -> Orbit:
+    """An `Orbit` from a fixed point."""
+    driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
+    q, v = modal_motion(driven, motion)
+    forces = np.zeros((p.steps, len(p.reduced.initial_gap)))
+    forces[:, : p.pairs] = motion.forces[:-1]
+    return Orbit(
+        np.arange(p.steps) * driven.step,
+        ModalStates(q[:-1], v[:-1], driven.loads[:-1], forces, p.reduced),
+        driven.frequency,
+        p.excitation.periods,
+        fixed.residuals,
+        path,
+        fixed.state,
+        values,
+        uncertainty,
+    )
+
+
+def axis_number(direction: str) -> int:
+    """0 for "x", 1 for "y"; ValueError otherwise."""
+    return "xy".index(choice("harmonics", "direction", direction, ("x", "y")))

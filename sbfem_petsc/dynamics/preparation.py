@@ -1,0 +1,130 @@
+"""From a user's periodic loads to the period map of a reduced model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..checks import choice, flag, integer, positive
+from ..errors import on_all_ranks
+from ..parallel import collective
+from ..reduction.reduced_model import ReducedModel
+from ..signals import Harmonic
+from ..system.model import Model
+from .excitation import Excitation
+from .loading import communicator, loading, serving
+from .orbit import Orbit
+from .shooting import JACOBIANS, Period
+
+# Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
+STEPS, LONGEST = 512, 64
+# With contact, the default step is at most this share of the highest mode's period, see `analysis.transient`.
+CONTACT_STEP = 0.8
+# Bytes that the arrays of one period may take.
+MEMORY = 8e9
+
+
+@dataclass(frozen=True)
+class PeriodSettings:
+    """How the period of a steady state is integrated and shot at.
+
+    Attributes
+    ----------
+    periods : int or None
+        Forcing periods in one period of the motion; None: the fewest in which all tones fit.
+    steps : int or None
+        Time steps a forcing period; None: 512, or as many as keep the step below 0.8 of the shortest modal period.
+    modes : int or None
+        None: all modes up to 8 times the loads' highest frequency, at least 80.
+    contact : bool
+    jacobian : {"auto", "dense", "matrix-free", "differences"}
+    longest : int
+        Most forcing periods in a common period of tones.
+    """
+
+    periods: int | None = None
+    steps: int | None = None
+    modes: int | None = None
+    contact: bool = True
+    jacobian: str = "auto"
+    longest: int = LONGEST
+
+    def check(self, owner: str) -> None:
+        """Raise TypeError or ValueError for values that make no sense."""
+        for name, least in (("periods", 1), ("steps", 48), ("modes", 1)):
+            value = getattr(self, name)
+            if value is not None:
+                integer(owner, name, value, least=least)
+        integer(owner, "longest", self.longest, least=1)
+        flag(owner, "contact", self.contact)
+        choice(owner, "jacobian", self.jacobian, JACOBIANS)
+
+
+def prepare(
+    owner: str,
+    system: Model | ReducedModel,
+    load,
+    frequency: float,
+    *,
+    settings: PeriodSettings,
+    first: Orbit | None = None,
+    band: float | None = None,
+) -> Period:
+    """The period map of checked input. Collective.
+
+    Parameters
+    ----------
+    owner : str
+        The analysis, for messages.
+    first : Orbit, optional
+        A motion to start from, of the same reduced model.
+    band : float, optional
+        Highest forcing frequency that the modes are to serve, Hz; default `frequency`.
+    """
+    with collective(communicator(system)):
+        positive(owner, "frequency", frequency, "Hz")
+        settings.check(owner)
+        loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
+        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+    highest = float(excitation.orders.max(initial=0)) / excitation.periods * (band or frequency)
+    modes = settings.modes
+    if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
+        modes = len(first.reduced.omega)
+    reduced = serving(owner, system, loads, modes, highest)
+    with collective(communicator(system)):
+        if first is not None:
+            _check_first(owner, first, reduced)
+    steps = settings.steps
+    if steps is None:
+        steps = STEPS
+        if settings.contact and len(reduced.initial_gap):
+            steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
+    size = 8.0 * steps * excitation.periods * (6 * len(reduced.omega) + 3 * len(reduced.initial_gap))
+    if size > MEMORY:
+        raise on_all_ranks(
+            ValueError(
+                f"{owner}: {steps * excitation.periods:,d} steps a period of {len(reduced.omega)} modes at "
+                f"{frequency:g} Hz would take {size / 1e9:.0f} GB; give fewer steps or modes, or use static "
+                "for so slow a load"
+            )
+        )
+    return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def _check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
+    """A motion's state has a meaning in the modes of its own model alone."""
+    if not isinstance(first, Orbit):
+        raise TypeError(f"{owner}: the motion to start from is {first!r}, an Orbit was expected")
+    if first.reduced is None:
+        raise ValueError(f"{owner}: the motion to start from is that of an unreduced model")
+    same = first.reduced is reduced or (
+        first.reduced.model is not None
+        and first.reduced.model is reduced.model
+        and len(first.reduced.omega) == len(reduced.omega)
+    )
+    if not same:
+        raise ValueError(
+            f"{owner}: the motion to start from belongs to another model or another number of modes "
+            f"({len(first.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its reduced model "
+            "in the place of the model"
+        )

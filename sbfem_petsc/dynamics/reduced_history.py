@@ -1,0 +1,192 @@
+"""Integration of a reduced model with unilateral contact (`contact.marching`)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..contact.complementarity import solve_complementarity
+from ..contact.marching import march, thin_factors
+from ..errors import SolveError, on_all_ranks
+from ..reduction.reduced_model import ReducedModel
+from ..signals import Signal
+from .energy import Energy, Ledger, guard
+from .history import History
+from .integration import Column, Rows, Steps
+from .states import ModalStates
+from .steps import step_coefficients
+
+CHUNK = 4096
+
+
+class ReducedIntegrator:
+    """A reduced model on its way; an `integration.Integrator`.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    signals : sequence of Signal
+        One for each unit load.
+    steps : Steps
+        Their scheme is "exact" or "newmark".
+    start : "rest", "equilibrium" or (q, v)
+        Zero; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and rates.
+    """
+
+    def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, start):
+        r = self.reduced = reduced
+        self.comm, self.chunk, self.signals, self.steps = r.comm, CHUNK, signals, steps
+        self.coefficients = step_coefficients(r.omega, r.damping, steps.step, steps.scheme)
+        self.size = len(r.initial_gap)
+        self.rows = self.size if steps.contact else 0
+        gap_modes = r.gap.modes[: self.rows]
+        self.flexibility = (gap_modes * self.coefficients[4]) @ gap_modes.T + r.gap.contact[
+            : self.rows, : self.rows
+        ]
+        self.factors = thin_factors(gap_modes)
+        self.q, self.v, self.force, self.active = _start(
+            r, self._amplitudes(np.zeros(1))[0], steps.contact, start
+        )
+        self.ledger = Ledger(r, steps.step, smooth=steps.scheme != "newmark")
+        self.exchanges = 0
+        self.columns = reduced_columns(r)
+
+    def _amplitudes(self, time: np.ndarray) -> np.ndarray:
+        if not self.signals:
+            return np.zeros((len(time), 0))
+        return np.stack([signal(time) for signal in self.signals], axis=-1)
+
+    def _padded(self, forces: np.ndarray) -> np.ndarray:
+        """(n, c): zero forces where contact is switched off."""
+        return forces if self.rows == self.size else np.zeros((len(forces), self.size))
+
+    def first(self) -> Rows:
+        """The row of t = 0."""
+        amplitude, force = self._amplitudes(np.zeros(1)), self._padded(self.force[None].copy())
+        energies = self.ledger.start(self.q, self.v, amplitude[0], force[0])
+        values = (np.zeros(1), self.q[None].copy(), self.v[None].copy(), amplitude, force, energies.T)
+        return dict(zip(self.columns, values))
+
+    def advance(self, done: int, steps: int, decimation: int) -> Rows:
+        """Take some steps; the rows of those that are kept.
+
+        Raises
+        ------
+        SolveError
+            If a contact problem is not solved, or the energy runs away.
+        """
+        r, n = self.reduced, self.rows
+        time = (done + np.arange(steps + 1)) * self.steps.step
+        amplitude = self._amplitudes(time)
+        states, velocities = np.empty((steps, len(self.q))), np.empty((steps, len(self.q)))
+        forces = np.empty((steps, n))
+        reached, exchanged = march(
+            self.coefficients,
+            *self.factors,
+            self.flexibility,
+            amplitude @ r.load_modes.T,
+            amplitude @ r.gap.loads[:n].T + r.initial_gap[:n],
+            self.q,
+            self.v,
+            self.force,
+            self.active,
+            states,
+            velocities,
+            forces,
+        )
+        if reached < steps:
+            raise on_all_ranks(
+                SolveError(
+                    f"transient: the contact problem at t = {time[reached + 1]:.6g} s was not solved; use a "
+                    "smaller step or more pairs of like size"
+                )
+            )
+        forces = self._padded(forces)
+        energies = self.ledger.account(states, velocities, amplitude, forces)
+        guard(energies, self.ledger, time)
+        self.exchanges += exchanged
+        kept = np.flatnonzero((done + 1 + np.arange(steps)) % decimation == 0)
+        values = (time[1:], states, velocities, amplitude[1:], forces, energies.T)
+        return {name: value[kept] for name, value in zip(self.columns, values)}
+
+    def checkpoint(self) -> np.ndarray:
+        """State, contact set and the energies' account; the number of exchanges comes first."""
+        ledger = self.ledger
+        parts = [[self.exchanges, ledger.supplied], ledger.work, self.q, self.v, self.force, self.active]
+        return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a checkpoint."""
+        modes, drives = len(self.q), self.reduced.load_modes.shape[1] + self.size
+        loads = self.reduced.load_modes.shape[1]
+        sizes = (2, 3, modes, modes, self.rows, self.rows, drives, drives, 2, 1, loads)
+        head, work, q, v, force, active, drive, moved, stored, loss, rates = np.split(
+            checkpoint, np.cumsum(sizes)[:-1]
+        )
+        self.exchanges = int(head[0])
+        self.q[:], self.v[:], self.force[:], self.active[:] = q, v, force, active != 0.0
+        self.ledger.supplied, self.ledger.work = float(head[1]), work.copy()
+        self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
+
+    def history(self, rows: Rows) -> History:
+        """The motion of all rows."""
+        return reduced_history(rows, self.reduced, self.steps.step, self.exchanges)
+
+
+def reduced_columns(reduced: ReducedModel) -> dict[str, Column]:
+    """What is kept of each instant."""
+    modes, loads = reduced.load_modes.shape
+    return {
+        "time": Column((), "s", "instants"),
+        "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
+        "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
+        "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
+        "contact_force": Column(
+            (len(reduced.initial_gap),), "N", "forces of the contact rows, compression positive"
+        ),
+        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+    }
+
+
+def recorded_exchanges(checkpoint: np.ndarray) -> int:
+    """Exchanges of active sets up to a checkpoint."""
+    return int(checkpoint[0])
+
+
+def reduced_history(
+    rows: Rows, reduced: ReducedModel, step: float, exchanges: int, complete: bool = True
+) -> History:
+    """A history from its rows by the names of `ReducedIntegrator.columns`."""
+    states = ModalStates(
+        rows["modal_displacement"], rows["modal_velocity"], rows["amplitudes"], rows["contact_force"], reduced
+    )
+    energy = Energy(*rows["energies"].T)
+    return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)
+
+
+def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
+    """q, v, contact forces and active set at t = 0."""
+    q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
+    balanced = isinstance(start, str) and start == "equilibrium"
+    if not isinstance(start, str):
+        q, v = (np.array(part, dtype=float) for part in start)
+        if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
+            raise on_all_ranks(
+                ValueError(
+                    f"transient: start must be two finite arrays of {len(r.omega)} modal values, not of "
+                    f"shapes {q.shape} and {v.shape}"
+                )
+            )
+    if not contact:
+        if balanced:
+            q = r.load_modes @ amplitude / r.omega**2
+        return q, v, np.zeros(0), np.zeros(0, dtype=bool)
+    flexibility, gap = r.gap.contact, r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
+    if balanced:
+        flexibility = flexibility + (r.gap.modes / r.omega**2) @ r.gap.modes.T
+        gap = gap + (r.gap.modes / r.omega**2) @ (r.load_modes @ amplitude)
+    found = solve_complementarity(flexibility, gap)
+    if balanced:
+        q = (r.load_modes @ amplitude + r.gap.modes.T @ found.force) / r.omega**2
+    return q, v, found.force.copy(), found.active.copy()

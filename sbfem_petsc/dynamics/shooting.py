@@ -1,0 +1,505 @@
+"""One period of a reduced model as a map, its exact derivative, and its fixed points by SNES (prefix
+``shooting_``).
+
+The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
+is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
+motion without contact is exact whatever the step.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.marching import contact_forces, march, thin_factors
+from ..contact.tangent import carry, contact_operators, located_operators
+from ..errors import SolveError, on_all_ranks
+from ..petsc import PETSc
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
+from .steps import step_coefficients
+
+# SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
+RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
+PREFIX = "shooting_"
+JACOBIANS = ("auto", "dense", "matrix-free", "differences")
+# Unknowns up to which matrices of the period map are made whole.
+WHOLE = 1200
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMotion:
+    """One period from a given state.
+
+    Attributes
+    ----------
+    residual : (2 m,) array
+        x(T) - x(0).
+    states, velocities : (n + 1, m) arrays
+        Difference z of modal displacement and velocity to the linear steady state.
+    forces : (n + 1, pairs) array
+    """
+
+    residual: np.ndarray
+    states: np.ndarray
+    velocities: np.ndarray
+    forces: np.ndarray
+
+
+class Period:
+    """The period of a driven reduced model, in equal steps.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    excitation : Excitation
+    steps : int
+        Steps in the common period of the loads.
+    contact : bool
+    """
+
+    def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
+        self.reduced, self.excitation, self.steps = reduced, excitation, steps
+        r = reduced
+        rows = r.gap.modes if contact else r.gap.modes[:0]
+        self.pairs, self.modes = len(rows), len(r.omega)
+        self.rows = rows
+        self.left, self.right = thin_factors(rows)
+        self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
+        # a rigid-body motion has no frequency of its own to be weighed with
+        self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
+        self.phases = excitation.phases(steps)
+        self._prepared = {}
+
+    def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
+        """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
+        key = (frequency, factor)
+        if key not in self._prepared:
+            if len(self._prepared) > 4:
+                self._prepared.clear()
+            self._prepared[key] = DrivenPeriod(self, frequency, factor)
+        return self._prepared[key]
+
+
+class DrivenPeriod:
+    """A `Period` at one frequency and load: all that its steps need."""
+
+    def __init__(self, period: Period, frequency: float, factor: float):
+        self.period, self.frequency, self.factor = period, frequency, factor
+        p, r = period, period.reduced
+        self.duration = p.excitation.periods / frequency
+        self.step = self.duration / p.steps
+        self.coefficients = step_coefficients(r.omega, r.damping, self.step, "exact")
+        self.flexibility = (p.rows * self.coefficients[4]) @ p.rows.T + p.residual_flexibility
+        self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
+        self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
+        self.loads = (p.phases @ p.excitation.scaled(factor).amplitudes).real
+        self.free_gap = (
+            (p.phases @ (self.amplitudes @ p.right)).real @ p.left.T
+            + self.loads @ r.gap.loads[: p.pairs].T
+            + r.initial_gap[: p.pairs]
+        )
+        self.linear_state = self._state(
+            self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
+        )
+
+    def _state(self, q, v) -> np.ndarray:
+        return np.concatenate([self.period.weights * q, v])
+
+    def run(self, state: np.ndarray) -> PeriodMotion:
+        """Integrate one period from a state x."""
+        p, m, steps = self.period, self.period.modes, self.period.steps
+        difference = state - self.linear_state
+        q, v = difference[:m] / p.weights, difference[m:].copy()
+        force, active = np.zeros(p.pairs), np.zeros(p.pairs, dtype=bool)
+        states, velocities, forces = (
+            np.empty((steps + 1, m)),
+            np.empty((steps + 1, m)),
+            np.zeros((steps + 1, p.pairs)),
+        )
+        gap = self.free_gap[0] + p.left @ (p.right.T @ q)
+        reached, settled = 0, 0
+        if (gap < 0.0).any():
+            active[:] = gap < 0.0
+            settled = contact_forces(
+                p.residual_flexibility,
+                gap,
+                active,
+                np.empty((p.pairs, p.pairs)),
+                np.empty(p.pairs, dtype=np.int64),
+                -1,
+                force,
+            )[1]
+        states[0], velocities[0], forces[0] = q, v, force
+        if settled >= 0:
+            reached, _ = march(
+                self.coefficients,
+                p.left,
+                p.right,
+                self.flexibility,
+                np.zeros((steps + 1, m)),
+                self.free_gap,
+                q,
+                v,
+                force,
+                active,
+                states[1:],
+                velocities[1:],
+                forces[1:],
+            )
+        if reached < steps:
+            raise on_all_ranks(
+                SolveError(
+                    f"periodic: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
+                    "was not solved; use more steps, or pairs of like size"
+                )
+            )
+        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces)
+
+    def carried(
+        self,
+        motion: PeriodMotion,
+        columns: np.ndarray,
+        parameters: tuple[str, ...] = (),
+        located: bool = False,
+    ) -> np.ndarray:
+        """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters,
+        "frequency" or "load", at fixed x(0).
+
+        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
+        a step (see `located_operators`); without parameters.
+        """
+        p, m, steps = self.period, self.period.modes, self.period.steps
+        sources, speed_sources = np.zeros((steps, m, len(parameters))), np.zeros((steps, m, len(parameters)))
+        gap_rates, starts, ends = (
+            np.zeros((steps + 1, p.pairs, len(parameters))),
+            np.zeros((2 * m, len(parameters))),
+            np.zeros((2 * m, len(parameters))),
+        )
+        for k, name in enumerate(parameters):
+            gap_rates[:, :, k], shift = (
+                self._frequency_rates(motion, sources[:, :, k], speed_sources[:, :, k])
+                if name == "frequency"
+                else self._load_rates()
+            )
+            starts[:, k], ends[:, k] = -shift, shift
+        if located:
+            gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+            runs, operators, shifts = located_operators(
+                p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces
+            )
+        else:
+            runs, operators, shifts = contact_operators(
+                p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates
+            )
+        columns = np.concatenate([columns, starts], axis=1)
+        q, v = columns[:m] / p.weights[:, None], np.ascontiguousarray(columns[m:])
+        carry(self.coefficients, p.right, runs, operators, shifts, sources, speed_sources, q, v)
+        result = np.concatenate([p.weights[:, None] * q, v])
+        result[:, result.shape[1] - len(parameters) :] += ends
+        return result
+
+    def monodromy(self, motion: PeriodMotion) -> np.ndarray:
+        """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
+        return self.carried(motion, np.eye(2 * self.period.modes), located=True)
+
+    def _frequency_rates(self, motion: PeriodMotion, sources: np.ndarray, speed_sources: np.ndarray):
+        """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose
+        length changes, are filled in.
+        """
+        p, r = self.period, self.period.reduced
+        aqq, aqv, _, _, cq, avq, avv, _, _, cv = self.coefficients
+        stiffness, friction = r.omega**2, 2.0 * r.damping * r.omega
+        rate = -self.step / self.frequency
+        q, v = motion.states[:-1], motion.velocities[:-1]
+        pull = (motion.forces[:-1] + motion.forces[1:]) @ p.left @ p.right.T
+        # the coefficients follow the equation of motion in the step's length
+        sources[:] = rate * (avq * q + avv * v + cv * pull)
+        speed_sources[:] = rate * (
+            (-stiffness * aqq - friction * avq) * q
+            + (-stiffness * aqv - friction * avv) * v
+            + (0.5 - stiffness * cq - friction * cv) * pull
+        )
+        gaps = (p.phases @ (self._slopes @ p.right)).real @ p.left.T
+        linear = self._state(
+            self._slopes.sum(axis=0).real,
+            (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
+        )
+        return gaps, linear
+
+    def _load_rates(self):
+        """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
+        p, r = self.period, self.period.reduced
+        part = p.excitation.oscillating
+        amplitudes, _ = part.response(r, self.frequency)
+        phases = part.phases(p.steps)
+        gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (
+            phases @ part.amplitudes
+        ).real @ r.gap.loads[: p.pairs].T
+        return gaps, self._state(
+            amplitudes.sum(axis=0).real,
+            (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,
+        )
+
+    def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
+        """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of
+        matrix-free shooting.
+        """
+        p, r, m = self.period, self.period.reduced, self.period.modes
+        a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
+        w = p.weights
+        a, b, c, d = a - 1.0, w * b, c / w, d - 1.0
+        determinant = a * d - b * c
+        x, y = vectors[:m], vectors[m:]
+        return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant])
+
+
+@dataclass(frozen=True, eq=False)
+class FixedPoint:
+    """A fixed point of a period.
+
+    Attributes
+    ----------
+    state : (2 m,) array
+        x(0).
+    parameters : (e,) array
+        Values of the free parameters.
+    driven : DrivenPeriod
+    motion : PeriodMotion
+    residuals : tuple of float
+        Norm of x(T) - x(0), and of the conditions on the parameters, at each Newton iterate.
+    """
+
+    state: np.ndarray
+    parameters: np.ndarray
+    driven: DrivenPeriod
+    motion: PeriodMotion
+    residuals: tuple[float, ...]
+
+
+def shoot(
+    period: Period,
+    state: np.ndarray,
+    frequency: float,
+    factor: float = 1.0,
+    jacobian: str = "auto",
+    iterations: int | None = None,
+) -> FixedPoint:
+    """Fixed point of a period near a state, by SNES.
+
+    Parameters
+    ----------
+    period : Period
+    state : (2 m,) array
+        First guess of x(0).
+    frequency : float
+        Hz.
+    factor : float
+        On the oscillating loads.
+    jacobian : {"dense", "matrix-free", "differences"}
+        Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion
+        without contact; or finite differences, an integration for each unknown (the paper's way).
+
+    iterations : int, optional
+        Newton iterations at most. Default: `ITERATIONS`.
+
+    Raises
+    ------
+    SolveError
+        If Newton's method does not converge; the message gives the residual.
+    """
+    if jacobian == "auto":
+        jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
+    return _Newton(period, jacobian, (), None, iterations).solve(
+        state, lambda _: period.at(frequency, factor), np.zeros(0)
+    )
+
+
+def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: str, condition) -> FixedPoint:
+    """Fixed point with one free parameter and one condition.
+
+    Parameters
+    ----------
+    period : Period
+    state : (2 m,) array
+        First guess of x(0).
+    value : float
+        First guess of the parameter.
+    driven : callable
+        DrivenPeriod of a parameter's value.
+    name : {"frequency", "load"}
+    condition : callable
+        (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
+    """
+    return _Newton(period, "dense", (name,), condition).solve(
+        state, lambda p: driven(float(p[0])), np.array([value])
+    )
+
+
+class _Newton:
+    """SNES on the residual of a period and conditions on its free parameters."""
+
+    def __init__(
+        self,
+        period: Period,
+        jacobian: str,
+        parameters: tuple[str, ...],
+        condition,
+        iterations: int | None = None,
+    ):
+        self.iterations = ITERATIONS if iterations is None else iterations
+        self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
+        self.residuals, self.key = [], None
+
+    def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
+        m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
+        # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
+        # all unknowns of one order
+        self.driven, self.first = driven, values
+        self.scale = (
+            max(np.linalg.norm(state), np.linalg.norm(driven(values).linear_state), 1e-300)
+            / max(abs(float(values[0])), 1e-300)
+            if len(values)
+            else 1.0
+        )
+        snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        snes.setOptionsPrefix(PREFIX)
+        x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
+        x.array = np.concatenate([state, np.zeros(len(values))])
+        snes.setFunction(self._function, f)
+        ksp = snes.getKSP()
+        if self.jacobian == "matrix-free":
+            matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.GMRES)
+            ksp.setGMRESRestart(min(size, 200))
+            ksp.setTolerances(rtol=1e-11, max_it=2 * size)
+            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+            ksp.getPC().setPythonContext(_Uncoupled(self))
+        else:
+            matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.LU)
+        snes.setJacobian(self._jacobian, matrix)
+        size_of_state = np.linalg.norm(driven(values).linear_state)
+        snes.setTolerances(
+            rtol=RELATIVE,
+            atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300),
+            stol=0.0,
+            max_it=self.iterations,
+        )
+        snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
+        snes.setFromOptions()
+        try:
+            try:
+                snes.solve(None, x)
+            except PETSc.Error as error:
+                raise on_all_ranks(
+                    SolveError(
+                        "periodic: the linear system of Newton's method cannot be solved (PETSc's error "
+                        f"{error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the "
+                        "periodic motion undetermined"
+                    )
+                ) from None
+            self._check(snes, size_of_state)
+            state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
+            driven, motion = self._motion(x.array_r)
+        finally:
+            for item in (snes, x, f, matrix):
+                item.destroy()
+        return FixedPoint(state, values, driven, motion, tuple(self.residuals))
+
+    def _motion(self, array: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
+        key = array.tobytes()
+        if key != self.key:
+            m2 = 2 * self.period.modes
+            driven = self.driven(self.first + array[m2:] / self.scale)
+            self.key, self.kept = key, (driven, driven.run(array[:m2]))
+        return self.kept
+
+    def _function(self, snes, x, f) -> None:
+        m2 = 2 * self.period.modes
+        _, motion = self._motion(x.array_r)
+        f.array[:m2] = motion.residual
+        if self.condition is not None:
+            f.array[m2] = self.condition(x.array_r[:m2], float(x.array_r[m2] / self.scale))[0]
+
+    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+        driven, motion = self._motion(x.array_r)
+        if self.jacobian == "matrix-free":
+            matrix.getPythonContext().at = driven, motion
+            matrix.assemble()
+            return
+        m2 = 2 * self.period.modes
+        array = matrix.getDenseArray()
+        if self.jacobian == "differences":
+            state = x.array_r.copy()
+            step = np.sqrt(np.finfo(float).eps) * max(
+                np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300
+            )
+            for k, unit in enumerate(np.eye(m2)):
+                array[:, k] = (driven.run(state + step * unit).residual - motion.residual) / step
+            matrix.assemble()
+            return
+        array[:m2] = driven.carried(motion, np.eye(m2), self.parameters)
+        array[:m2, :m2] -= np.eye(m2)
+        array[:m2, m2:] /= self.scale
+        if self.condition is not None:
+            _, row, slope = self.condition(x.array_r[:m2], float(x.array_r[m2] / self.scale))
+            array[m2, :m2], array[m2, m2] = row, slope / self.scale
+        matrix.assemble()
+
+    def _check(self, snes, size: float) -> None:
+        reason = snes.getConvergedReason()
+        if reason > 0:
+            return
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): x(T) - x(0) is at "
+                f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from "
+                f"{(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take "
+                f"more steps, or see -{PREFIX}snes_..."
+            )
+        )
+
+
+def snes_reason(reason: int) -> str:
+    """PETSc's name of a reason for which SNES stopped."""
+    return next(
+        (
+            name
+            for name, value in vars(PETSc.SNES.ConvergedReason).items()
+            if isinstance(value, int) and value == reason
+        ),
+        str(reason),
+    )
+
+
+class _Products:
+    """Phi - 1 as products: one linearised period each."""
+
+    def __init__(self, newton: _Newton):
+        self.newton = newton
+
+    def mult(self, matrix, x, y) -> None:
+        driven, motion = self.at
+        vector = x.array_r[:, None]
+        y.array[:] = (driven.carried(motion, vector) - vector)[:, 0]
+
+
+class _Uncoupled:
+    """Preconditioner: the motion without contact, closed form."""
+
+    def __init__(self, newton: _Newton):
+        self.newton = newton
+
+    def setUp(self, pc) -> None:
+        pass
+
+    def apply(self, pc, x, y) -> None:
+        driven, _ = self.newton.kept
+        y.array[:] = driven.linear_resolvent(x.array_r)

@@ -1,0 +1,190 @@
+"""How the instants of a motion are kept: in modal coordinates, or as samples of an unreduced model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from ..errors import SolveError, UnknownName, listed, on_all_ranks
+from ..reduction.reduced_model import ReducedModel
+
+
+class States(Protocol):
+    """What every motion can be asked, (n, ...) over its instants."""
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+
+    @property
+    def pairs(self) -> int:
+        """Number of contact rows that are node pairs."""
+
+    @property
+    def contact(self) -> np.ndarray:
+        """(n, c): forces of all contact rows, N."""
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, c): gaps of all contact rows, m."""
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n, 2), m."""
+
+    def velocity(self, point: str) -> np.ndarray:
+        """(n, 2), m/s."""
+
+    def acceleration(self, point: str) -> np.ndarray:
+        """(n, 2), m/s^2."""
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+
+    def field(self, instant: int) -> np.ndarray:
+        """(nodes, 2): displacements of this rank's nodes, m. Collective."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalStates:
+    """Instants of a reduced model's motion.
+
+    Attributes
+    ----------
+    q, v : (n, m) arrays
+        Modal coordinates and their rates.
+    amplitudes : (n, l) array
+        Of the unit loads.
+    contact : (n, c) array
+        N, compression positive.
+    reduced : ReducedModel
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    amplitudes: np.ndarray
+    contact: np.ndarray
+    reduced: ReducedModel
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+        return self.reduced.tips.names
+
+    @property
+    def pairs(self) -> int:
+        """Number of contact rows that are node pairs."""
+        return self.reduced.pairs
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, c): gaps of all contact rows, m."""
+        return self.reduced.gap(self.q, self.amplitudes, self.contact) + self.reduced.initial_gap
+
+    @property
+    def modal_acceleration(self) -> np.ndarray:
+        """(n, m): second derivative of q, from the equations of motion."""
+        r = self.reduced
+        forces = self.amplitudes @ r.load_modes.T + self.contact @ r.gap.modes
+        return forces - 2.0 * r.damping * r.omega * self.v - r.omega**2 * self.q
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n, 2), m."""
+        return self.reduced.points.of(point, "point")(self.q, self.amplitudes, self.contact)
+
+    def velocity(self, point: str) -> np.ndarray:
+        """(n, 2), m/s, of the modes: the residual flexibility moves without inertia and is left out."""
+        return self.reduced.points.of(point, "point").rates(self.v)
+
+    def acceleration(self, point: str) -> np.ndarray:
+        """(n, 2), m/s^2, of the modes (see `velocity`)."""
+        return self.reduced.points.of(point, "point").rates(self.modal_acceleration)
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+        return self.reduced.tips.of(tip, "crack tip")(self.q, self.amplitudes, self.contact)
+
+    def field(self, instant: int) -> np.ndarray:
+        """(nodes, 2): displacements of this rank's nodes, m, residual flexibility included. Collective."""
+        return self.reduced.field(self.q[instant], self.amplitudes[instant], self.contact[instant])
+
+
+@dataclass(frozen=True, eq=False)
+class SampledStates:
+    """Instants of an unreduced model's motion: what was sampled while it ran.
+
+    Attributes
+    ----------
+    displacements, velocities, accelerations : dict of str to (n, 2) array
+        Of the named points, m, m/s, m/s^2.
+    contact, gap : (n, c) arrays
+        N (mean of the step that ends at the instant) and m.
+    pairs : int
+    intensities : dict of str to (n, 2) array
+        Pa m^(1/2).
+    """
+
+    displacements: dict[str, np.ndarray]
+    velocities: dict[str, np.ndarray]
+    accelerations: dict[str, np.ndarray]
+    contact: np.ndarray
+    gap: np.ndarray
+    pairs: int
+    intensities: dict[str, np.ndarray]
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return tuple(self.displacements)
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+        return tuple(self.intensities)
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n, 2), m."""
+        return _of(self.displacements, point, "point")
+
+    def velocity(self, point: str) -> np.ndarray:
+        """(n, 2), m/s."""
+        return _of(self.velocities, point, "point")
+
+    def acceleration(self, point: str) -> np.ndarray:
+        """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the first step."""
+        return _of(self.accelerations, point, "point")
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+        return _of(self.intensities, tip, "crack tip")
+
+    def field(self, instant: int) -> np.ndarray:
+        """Not kept.
+
+        Raises
+        ------
+        SolveError
+            Always, on all ranks.
+        """
+        raise on_all_ranks(
+            SolveError(
+                "field: an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; "
+                "name further points, or use the reduced model"
+            )
+        )
+
+
+def _of(table: dict[str, np.ndarray], name: str, kind: str) -> np.ndarray:
+    if not isinstance(name, str) or name not in table:
+        raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(table)}")
+    return table[name]

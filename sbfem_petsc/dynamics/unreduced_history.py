@@ -1,0 +1,213 @@
+"""Time histories of the unreduced model: average acceleration on PETSc (prefix ``newmark_``), contact implicit.
+
+A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix
+factorised once (`unreduced_steps`). Nodes on crack faces have mass here. The contact force is that of the step
+alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's acceleration,
+so contact dissipates and never feeds energy in.
+
+The model's damping ratio is that of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T; everything
+above them is undamped but for Rayleigh's a M + b K.
+
+Scheme "paper" is that of eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension
+allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds energy
+in without bound, the sooner the smaller the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..loads import Load
+from ..signals import Signal
+from ..system.equilibrium import equilibrium
+from ..system.model import Model
+from ..system.modes import lowest_modes
+from ..system.pencil import Pencil
+from .energy import Energy
+from .history import History
+from .initial import nodal_field, owned_values
+from .integration import Column, Rows, Steps
+from .states import SampledStates
+from .unreduced_steps import UnreducedSteps
+
+# Steps between two settlements of the state, records on disk and reports of progress.
+CHUNK = 256
+
+
+class UnreducedIntegrator:
+    """An unreduced model on its way; an `integration.Integrator` and a context manager.
+
+    Parameters
+    ----------
+    model : Model
+    units : sequence of Load
+    signals : sequence of Signal
+        One for each unit load.
+    steps : Steps
+        Their scheme is "implicit" or "paper".
+    start : {"rest", "equilibrium"} or (displacement, velocity)
+        Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
+    modes : int
+        Number of modes that are computed where the model has a damping ratio.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        units: Sequence[Load],
+        signals: Sequence[Signal],
+        *,
+        steps: Steps,
+        start,
+        modes: int,
+    ):
+        model.require_support("the transient analysis")
+        self.model, self.signals, self.steps = model, signals, steps
+        self.comm, self.chunk = model.comm, CHUNK
+        found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
+        self.pencil = Pencil(model, 1.0, 0.0)
+        self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
+        self.columns = unreduced_columns(model)
+        self.force = self._set_start(units, start)
+        self.march.initial = float(self.march.energies().sum())
+
+    def __enter__(self) -> UnreducedIntegrator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.march.release()
+        self.pencil.destroy()
+
+    def _amplitudes(self, time: np.ndarray) -> np.ndarray:
+        if not self.signals:
+            return np.zeros((len(time), 0))
+        return np.stack([signal(time) for signal in self.signals], axis=-1)
+
+    def first(self) -> Rows:
+        """The row of t = 0."""
+        march = self.march
+        march.slope = march.first_slope(self._amplitudes(np.array([0.0, march.step])).sum(axis=0))
+        march.amplitudes = self._amplitudes(np.zeros(1))[0]
+        gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
+        gap = gap + march.own_flexibility @ self.force
+        return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
+
+    def advance(self, done: int, steps: int, decimation: int) -> Rows:
+        """Take some steps, that end with a settled state; the rows of those that are kept."""
+        march, kept = self.march, []
+        time = (done + np.arange(steps + 1)) * march.step
+        amplitudes = self._amplitudes(time)
+        for k in range(steps):
+            slope = march.slope
+            force, gap = march.advance(amplitudes[k], amplitudes[k + 1])
+            keep = (done + k + 1) % decimation == 0
+            if keep or march.scheme == "paper":
+                energies = march.energies()
+                if march.scheme == "paper" and done + k > 20:
+                    march.check_energy(energies, time[k + 1])
+                if keep:
+                    kept.append(self._row(time[k + 1], 1.5 * march.slope - 0.5 * slope, force, gap, energies))
+        march.settle()
+        return self._stacked(kept)
+
+    def _row(
+        self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
+    ) -> tuple:
+        """Values at the present instant."""
+        places, speeds = self.march.at_points()
+        energies = np.concatenate([energies, self.march.work])
+        forces_and_gaps = self.march.padded(force, gap)
+        intensities = self.march.intensities()
+        return (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
+
+    def _stacked(self, rows: list[tuple]) -> Rows:
+        if not rows:
+            return {name: np.zeros((0, *column.shape)) for name, column in self.columns.items()}
+        return {name: np.array(part) for name, part in zip(self.columns, zip(*rows))}
+
+    def checkpoint(self) -> np.ndarray:
+        """This rank's state, and what every rank knows of the account of work."""
+        march = self.march
+        numbers = [march.initial, march.supplied, *march.work, *march.carried, *march.slope.ravel()]
+        return np.concatenate([numbers, march.active, march.u, march.v]).astype(float)
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a checkpoint."""
+        march = self.march
+        sizes = (2, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
+        head, work, carried, slope, active, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
+        march.initial, march.supplied = float(head[0]), float(head[1])
+        march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
+        march.active[:], march.u[:], march.v[:] = active != 0.0, u, v
+        march.settle(fold=False)
+
+    def history(self, rows: Rows) -> History:
+        """The motion of all rows."""
+        model = self.model
+        return unreduced_history(
+            rows,
+            tuple(model.points),
+            model.tips.names,
+            pairs=model.gap_operator.pairs,
+            step=self.march.step,
+            damped_modes=len(self.march.omega),
+        )
+
+    def _set_start(self, units: Sequence[Load], start) -> np.ndarray:
+        """Set the state at t = 0; the contact forces there."""
+        model, march = self.model, self.march
+        force = np.zeros(march.pairs)
+        if isinstance(start, str):
+            if start == "rest" or not units:
+                return force
+            columns = model.load_columns(units)
+            amplitudes = self._amplitudes(np.zeros(1))[0]
+            found = equilibrium(model, columns.combined(amplitudes), self.steps.contact)
+            march.u[: self.pencil.owned] = found.owned
+            force = found.force[: march.pairs].copy()
+        else:
+            # zero auxiliary unknowns: inside the S-elements the static displacement of their boundaries' one
+            for state, function, what in zip((march.u, march.v), start, ("displacement", "velocity")):
+                state[: self.pencil.owned] = owned_values(model, nodal_field(model, function, what))
+        march.force = force
+        march.settle(fold=False)
+        return force
+
+
+def unreduced_columns(model: Model) -> dict[str, Column]:
+    """What is kept of each instant."""
+    points, tips, size = len(model.points), len(model.tips.names), len(model.gap_operator)
+    return {
+        "time": Column((), "s", "instants"),
+        "displacement": Column((points, 2), "m", "of the named points"),
+        "velocity": Column((points, 2), "m/s", "of the named points"),
+        "acceleration": Column((points, 2), "m/s^2", "of the named points"),
+        "contact_force": Column((size,), "N", "forces of the contact rows, compression positive"),
+        "gap": Column((size,), "m", "gaps of the contact rows"),
+        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+        "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
+    }
+
+
+def unreduced_history(
+    rows: Rows,
+    points: tuple[str, ...],
+    tips: tuple[str, ...],
+    *,
+    pairs: int,
+    step: float,
+    damped_modes: int,
+    complete: bool = True,
+) -> History:
+    """A history from its rows by the names of `UnreducedIntegrator.columns`."""
+    places, speeds, accelerations = (
+        {name: rows[field][:, k] for k, name in enumerate(points)}
+        for field in ("displacement", "velocity", "acceleration")
+    )
+    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(tips)}
+    states = SampledStates(
+        places, speeds, accelerations, rows["contact_force"], rows["gap"], pairs, intensities
+    )
+    return History(rows["time"], states, Energy(*rows["energies"].T), step, 0, damped_modes, complete)

@@ -1,0 +1,446 @@
+"""Steps of the unreduced model: one linear solve and one product with K each, everything else in a few
+numbers a step.
+
+A step solves for the increment d = u1 - u0, (4/h^2 M + 2/h C + K) d = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T
+force, in which less is lost to round-off than in u1. d and K d carry u, v, K u and M v on by sums: the
+equation solved tells M d from K d, and a product with K, which leaves the auxiliary unknowns alone, costs a
+third of one with M. Gaps, displacements of the named points and at the loads are a few rows of the unknowns
+(probes); those of d alone are formed, and kept the same on every rank.
+
+Modal damping, C = sum of 2 zeta omega (M phi)(M phi)^T over computed modes, touches only what the modes
+carry, and there the equations of a step fall apart into single ones. The large vectors are therefore advanced
+without it, the modes with and without it beside them, and the difference of the two, a few numbers, is added
+to the probes and the energies in each step and to the large vectors now and then (`settle`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+
+from ..contact.complementarity import one_pass_tie, solve_complementarity
+from ..contact.marching import contact_forces
+from ..errors import SolveError, on_all_ranks
+from ..loads import SupportMotion
+from ..petsc import MPI
+from ..system.model import Model
+from ..system.modes import Modal
+from ..system.pencil import CondensedSolve, Pencil
+from .initial import full_shapes
+
+# The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
+RUNAWAY = 1.1
+
+
+@njit(cache=True)
+def _form(right, mass_v, stiffness_u, rate):
+    """Right side of a step but for the loads."""
+    for i in range(right.size):
+        right[i] = 2.0 * (rate * mass_v[i] - stiffness_u[i])
+
+
+@njit(cache=True)
+def _add_columns(target, columns, values):
+    """target += columns @ values over the values that are not zero, four columns at a time: what counts is
+    the traffic from memory.
+    """
+    used = np.flatnonzero(values)
+    places, weights = np.zeros((used.size + 3) // 4 * 4, dtype=np.int64), np.zeros((used.size + 3) // 4 * 4)
+    places[: used.size], weights[: used.size] = used, values[used]
+    for j in range(0, places.size, 4):
+        one, two, three, four = (
+            columns[:, places[j]],
+            columns[:, places[j + 1]],
+            columns[:, places[j + 2]],
+            columns[:, places[j + 3]],
+        )
+        for i in range(target.size):
+            target[i] += (one[i] * weights[j] + two[i] * weights[j + 1]) + (
+                three[i] * weights[j + 2] + four[i] * weights[j + 3]
+            )
+
+
+@njit(cache=True)
+def _advance(u, v, mass_v, stiffness_u, d, stiffness_d, right, inertia, stretch, rate):
+    """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products
+    of d with M d and K d.
+    """
+    by_mass, by_stiffness = 0.0, 0.0
+    for i in range(u.size):
+        mass_d = (right[i] - stretch * stiffness_d[i]) / inertia
+        by_mass += d[i] * mass_d
+        by_stiffness += d[i] * stiffness_d[i]
+        u[i] += d[i]
+        v[i] = rate * d[i] - v[i]
+        mass_v[i] = rate * mass_d - mass_v[i]
+        stiffness_u[i] += stiffness_d[i]
+    return by_mass, by_stiffness
+
+
+@dataclass
+class _Solved:
+    """Solution of a step that is not yet taken: increments of probes and modes, contact forces, gaps."""
+
+    probes: np.ndarray
+    damped: np.ndarray
+    undamped: np.ndarray
+    force: np.ndarray
+    gap: np.ndarray
+
+
+class UnreducedSteps:
+    """State and constants of one run.
+
+    Parameters
+    ----------
+    model : Model
+    pencil : Pencil
+        With all auxiliary unknowns.
+    units : sequence of Load
+    step : float
+        s.
+    found : Modal or None
+        The modes in which the model's damping ratio is met.
+    contact : bool
+    scheme : {"implicit", "paper"}
+
+    Attributes
+    ----------
+    u, v : (local unknowns,) arrays
+        This rank's state; that of the structure only after `settle`.
+    work : (3,) array
+        Work of the loads, of damping and of contact since the start, J.
+    active : (c,) bool array
+    carried : (c,) array
+        Contact force that the paper's scheme takes from a step to the next one, N.
+    slope : (points, 2) array
+        Mean acceleration of the named points over the last step, m/s^2.
+    initial, supplied : float
+        Energy at t = 0 and largest work of the loads so far, J.
+    tied : (c,) bool array or None
+        Pairs that are held together in the next step whatever the sign of their force, and no others: the
+        linearised contact of `full_shooting`.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        pencil: Pencil,
+        units,
+        step: float,
+        found: Modal | None,
+        contact: bool,
+        scheme: str,
+    ):
+        self.model, self.pencil, self.step, self.scheme = model, pencil, step, scheme
+        a, b = self.rayleigh = model.rayleigh
+        self.stretch, self.inertia = 1.0 + 2.0 * b / step, 4.0 / step**2 + 2.0 * a / step
+        self.rate = 2.0 / step
+        self.solve = CondensedSolve(pencil, -self.inertia / self.stretch, prefix="newmark_", what="transient")
+        self.d, self.product, self.right = (pencil.stiffness.createVecRight() for _ in range(3))
+        size = self.d.getLocalSize()
+        self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
+        self._probes(units, contact)
+        self._modes(found)
+        self.responses = np.empty((size, self.pairs), order="F")
+        for k in range(self.pairs):
+            self.right.array = self.probes[[k]].toarray()[0]
+            self._solve_into(self.responses[:, k])
+        self.probe_responses = self.summed(self.probes @ self.responses)
+        flexibility = (
+            self.probe_responses[: self.pairs]
+            - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
+        )
+        # the implicit force acts at its full value over the step, the paper's with half of it, the other half
+        # in the step after
+        self.share = 1.0 if scheme == "paper" else 2.0
+        self.flexibility = 0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility
+        self.work, self.active, self.carried, self.slope = (
+            np.zeros(3),
+            np.zeros(self.pairs, dtype=bool),
+            np.zeros(self.pairs),
+            np.zeros((len(model.points), 2)),
+        )
+        self.initial, self.supplied, self.tied = 0.0, 0.0, None
+        self._factor, self._members, self._count = (
+            np.empty((self.pairs, self.pairs)),
+            np.empty(self.pairs, dtype=np.int64),
+            -1,
+        )
+        self.settle(fold=False)
+
+    # ------------------------------------------------------------------ set-up
+    def _probes(self, units, contact: bool) -> None:
+        """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
+        model, pencil, size = self.model, self.pencil, self.u.size
+        gap = model.gap_operator
+        count = len(gap) if contact else 0
+        self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
+        self.pairs, self.loads = count, len(units)
+        more = sparse.csr_matrix((count, size - pencil.owned))
+        gaps = sparse.hstack([gap.rows.matrix[:count], more], format="csr")
+        forces = np.zeros((self.loads, size))
+        columns = model.load_columns(units)
+        forces[:, : pencil.owned] = columns.forces.T
+        self.load_gaps, self.load_tips = columns.gaps[:count], columns.tips
+        self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
+        for k, unit in enumerate(units):
+            if isinstance(unit, SupportMotion):
+                forces[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
+        points = model.point_rows.matrix
+        points = sparse.hstack(
+            [points, sparse.csr_matrix((points.shape[0], size - pencil.owned))], format="csr"
+        )
+        self.probes = sparse.vstack([gaps, sparse.csr_matrix(forces), points], format="csr")
+        self.load_places, self.load_columns = _columns(sparse.csr_matrix(forces))
+        self.gap_places, self.gap_columns = _columns(gaps)
+
+    def _modes(self, found: Modal | None) -> None:
+        """Modes over all unknowns, and the scalars of their steps."""
+        pencil = self.pencil
+        self.omega = 2.0 * np.pi * found.frequencies if found is not None else np.zeros(0)
+        self.phi = full_shapes(pencil, found) if found is not None else np.zeros((self.u.size, 0))
+        self.probe_modes = self.summed(self.probes @ self.phi)
+        self.gap_modes = self.probe_modes[: self.pairs]
+        self.tip_modes = self.model.tips.rows(self.phi[: pencil.owned])
+        self.friction = 2.0 * self.model.damping * self.omega
+        self.left = self.inertia + self.stretch * self.omega**2
+        self.left_damped = self.left + self.rate * self.friction
+
+    def summed(self, array: np.ndarray) -> np.ndarray:
+        """Sum over the ranks. Collective."""
+        array = np.ascontiguousarray(array)
+        self.model.comm.Allreduce(MPI.IN_PLACE, array)
+        return array
+
+    def _solve_into(self, target: np.ndarray) -> None:
+        self.solve.apply(None, self.right, self.d)
+        target[:] = self.d.array_r
+        target /= self.stretch
+
+    def _times(self, matrix, array: np.ndarray) -> np.ndarray:
+        self.d.array = array
+        matrix.mult(self.d, self.product)
+        return self.product.array_r.copy()
+
+    # ------------------------------------------------------------------ state
+    def settle(self, fold: bool = True) -> None:
+        """Bring the damping's share into the large vectors, and everything carried along beside u and v back
+        to what follows from them.
+
+        Called between chunks of steps: the continuation of a history depends on u and v alone, and round-off
+        does not pile up. Without `fold`, u and v have been set to the structure's state.
+        """
+        if fold:
+            self.u += self.phi @ (self.q - self.q0)
+            self.v += self.phi @ (self.p - self.p0)
+        self.mass_v, self.stiffness_u = (
+            self._times(self.pencil.mass, self.v),
+            self._times(self.pencil.stiffness, self.u),
+        )
+        self.at_u, self.at_v = self.summed(self.probes @ self.u), self.summed(self.probes @ self.v)
+        self.q, self.p = (
+            self.summed(self.phi.T @ self._times(self.pencil.mass, self.u)),
+            self.summed(self.phi.T @ self.mass_v),
+        )
+        self.q0, self.p0 = self.q.copy(), self.p.copy()
+        self._count = -1
+
+    def displacements(self) -> np.ndarray:
+        """Probes of the displacement."""
+        return self.at_u + self.probe_modes @ (self.q - self.q0)
+
+    def velocities(self) -> np.ndarray:
+        """Probes of the velocity."""
+        return self.at_v + self.probe_modes @ (self.p - self.p0)
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (points, 2) of the named points."""
+        first = self.pairs + self.loads
+        places, speeds = (part[first:].reshape(-1, 2) for part in (self.displacements(), self.velocities()))
+        return places, speeds
+
+    def intensities(self) -> np.ndarray:
+        """(tips, 2): K_I and K_II, Pa m^(1/2)."""
+        tips = self.model.tips.rows
+        if not len(tips):
+            return np.zeros((0, 2))
+        moved = tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)
+        inside = self.model.tips.contact[:, : self.pairs] @ self.force + self.load_tips @ self.amplitudes
+        return (moved + inside).reshape(-1, 2)
+
+    def padded(self, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces and gaps of all contact rows, also where contact is switched off: no forces then."""
+        operator = self.model.gap_operator
+        if self.pairs == len(operator):
+            return force, gap
+        modes = operator.rows(self.phi[: self.pencil.owned]) @ (self.q - self.q0)
+        return np.zeros(len(operator)), operator.rows(self.u[: self.pencil.owned]) + modes + operator.initial
+
+    def energies(self) -> np.ndarray:
+        """Kinetic and strain energy, J."""
+        local = self.summed(np.array([self.v @ self.mass_v, self.u @ self.stiffness_u]))
+        return 0.5 * (
+            local
+            + [
+                self.p @ self.p - self.p0 @ self.p0,
+                ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
+            ]
+        )
+
+    # ------------------------------------------------------------------ steps
+    def advance(self, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One step under load amplitudes at its ends; contact forces and gaps at its end."""
+        drive, speed = before + after, self.velocities()
+        self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
+        solved = self.solve_step(drive)
+        self.force = solved.force
+        self.pencil.stiffness.mult(self.d, self.product)
+        lost = _advance(
+            self.u,
+            self.v,
+            self.mass_v,
+            self.stiffness_u,
+            self.d.array_r,
+            self.product.array_r,
+            self.right.array_r,
+            self.inertia,
+            self.stretch,
+            self.rate,
+        )
+        for place, velocity, change in (
+            (self.at_u, self.at_v, solved.probes),
+            (self.q, self.p, solved.damped),
+            (self.q0, self.p0, solved.undamped),
+        ):
+            place += change
+            velocity *= -1.0
+            velocity += self.rate * change
+        self.slope = (self.velocities() - speed)[self.pairs + self.loads :].reshape(-1, 2) / self.step
+        applied, change = (
+            self.share * solved.force + self.carried,
+            solved.probes + self.probe_modes @ (solved.damped - solved.undamped),
+        )
+        self.work[0] += 0.5 * drive @ change[self.pairs : self.pairs + self.loads]
+        self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
+        self.work[2] += 0.5 * applied @ change[: self.pairs]
+        if any(self.rayleigh):
+            # the large vectors moved as the undamped modes do: these are exchanged for the damped ones
+            a, b = self.rayleigh
+            local = float(self.summed(np.array([a * lost[0] + b * lost[1]]))[0])
+            self.work[1] += (
+                local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)
+            ) / self.step
+        if self.scheme == "paper":
+            self.carried = solved.force
+        return solved.force, solved.gap
+
+    def solve_step(self, drive: np.ndarray) -> _Solved:
+        """Solve a step for `d` with its contact problem, whose forces join `right`; the state stays."""
+        _form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
+        if self.loads:
+            self.right.array[self.load_places] += self.load_columns @ drive
+        self.solve.apply(None, self.right, self.d)
+        d = self.d.array
+        if self.stretch != 1.0:
+            d /= self.stretch
+        if self.carried.any():
+            _add_columns(d, self.responses, self.carried)
+        probes = self.summed(self.probes @ d)
+        modal_force = (
+            self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
+        )
+        damped, undamped = self._modal(modal_force)
+        force, gap = np.zeros(self.pairs), self.free_gap
+        if self.pairs:
+            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[
+                : self.pairs
+            ] + self.free_gap
+            if self.tied.any() if self.tied is not None else (gap < 0.0).any():
+                force, gap = self._contact(gap)
+                _add_columns(d, self.responses, self.share * force)
+                probes += self.probe_responses @ (self.share * force)
+                damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
+            else:
+                self.active[:], self._count = False, 0
+        applied = self.share * force + self.carried
+        if applied.any():
+            self.right.array[self.gap_places] += self.gap_columns @ applied
+        return _Solved(probes, damped, undamped, force, gap)
+
+    def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Increments of the modal coordinates, damped and not."""
+        return tuple(
+            (2.0 * (self.rate * p - self.omega**2 * q) + force) / left
+            for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
+        )
+
+    def _contact(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Contact forces and gaps of a step."""
+        force = np.zeros(self.pairs)
+        if self.tied is not None:
+            force[self.tied] = np.linalg.solve(
+                self.flexibility[np.ix_(self.tied, self.tied)], -free[self.tied]
+            )
+            return force, self.flexibility @ force + free
+        if self.scheme == "paper":
+            found = one_pass_tie(self.flexibility, free)
+            return found.force, found.gap
+        self._count, exchanges = contact_forces(
+            self.flexibility, free, self.active, self._factor, self._members, self._count, force
+        )
+        if exchanges < 0:
+            found = solve_complementarity(self.flexibility, free)
+            self.active, self._count = found.active.copy(), -1
+            return found.force, found.gap
+        gap = self.flexibility @ force + free
+        gap[self.active] = 0.0
+        return force, gap
+
+    def first_slope(self, drive: np.ndarray) -> np.ndarray:
+        """(points, 2): mean acceleration over the first step, m/s^2."""
+        solved = self.solve_step(drive)
+        active, self._count = self.active, -1
+        active[:] = False
+        change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
+        return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
+            -1, 2
+        )
+
+    def fingerprint(self) -> np.ndarray:
+        """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a
+        step, which tell models apart. Collective.
+        """
+        responses = np.empty((self.u.size, self.loads))
+        for k in range(self.loads):
+            self.right.array = self.probes[[self.pairs + k]].toarray()[0]
+            self._solve_into(responses[:, k])
+        return np.concatenate([self.probe_responses, self.summed(self.probes @ responses)], axis=1)
+
+    def check_energy(self, energies: np.ndarray, time: float) -> None:
+        """Stop the paper's scheme where it has produced energy of its own."""
+        self.supplied = max(self.supplied, abs(self.work[0]))
+        if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
+            raise on_all_ranks(
+                SolveError(
+                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
+                    f"({sum(energies):.3g} J for {self.work[0]:.3g} J of work done): the multiplier carried "
+                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
+                )
+            )
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        for item in (self.d, self.product, self.right):
+            item.destroy()
+        self.solve.release()
+
+
+def _columns(rows: sparse.csr_matrix) -> tuple[np.ndarray, sparse.csr_matrix]:
+    """Places of the unknowns that rows touch, and the transpose there."""
+    transposed = rows.T.tocsr()
+    places = np.flatnonzero(np.diff(transposed.indptr))
+    return places, transposed[places]

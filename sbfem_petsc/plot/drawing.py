@@ -1,0 +1,108 @@
+"""Figures on the Agg canvas: palette, style, saving as files.
+
+Through matplotlib's object-oriented interface alone: no display, no global state.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path
+
+from ..writing import destination, replaced
+
+# Okabe and Ito's palette: told apart by colour-blind readers.
+BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
+    "#0072B2",
+    "#D55E00",
+    "#009E73",
+    "#E69F00",
+    "#56B4E9",
+    "#CC79A7",
+    "#000000",
+)
+CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+MATERIAL = "#E8EDF2"
+WIDTH = 7.2  # inches: two columns of a journal
+RESOLUTION = 200  # dots per inch
+FORMATS = ("png", "svg", "pdf")
+
+
+def figure(height: float, width: float = WIDTH) -> Figure:
+    """An empty figure on the Agg canvas; inches."""
+    result = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(result)
+    return result
+
+
+def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> str | None:
+    """Write a picture, whole or not at all: PNG, SVG or PDF by the name's ending.
+
+    Parameters
+    ----------
+    drawing : axes, several of one figure, or the figure; None on ranks that drew nothing
+    path : str
+
+    Returns
+    -------
+    str, None on ranks that drew nothing
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no drawing, or cannot be written.
+    """
+    if drawing is None:
+        return None
+    first = drawing if isinstance(drawing, (Axes, Figure)) else next(iter(np.ravel(drawing)), None)  # type: ignore[arg-type]
+    picture = first.figure if isinstance(first, Axes) else first
+    if not isinstance(picture, Figure):
+        raise TypeError(f"save_picture: {drawing!r} is neither axes nor a figure")
+    place = destination(path, "picture")
+    form = os.path.splitext(place)[1].lower()[1:]
+    if form not in FORMATS:
+        raise ValueError(f"picture {path!r} must end in one of {', '.join('.' + f for f in FORMATS)}")
+    with replaced(path, "picture") as temporary:
+        picture.savefig(temporary, format=form, dpi=RESOLUTION)
+    return os.fspath(path)
+
+
+def style(axes) -> None:
+    """Small, plain axes."""
+    axes.tick_params(labelsize=7, width=0.6, length=2.5)
+    for side in axes.spines.values():
+        side.set_linewidth(0.6)
+    axes.xaxis.get_offset_text().set_size(7)
+    axes.yaxis.get_offset_text().set_size(7)
+    axes.xaxis.label.set_size(8)
+    axes.yaxis.label.set_size(8)
+
+
+def crack_title(crack) -> str:
+    """A crack's name, recognisable as one: a user's model may call it anything."""
+    return crack.name if crack.name.startswith("crack") else f"crack {crack.name}"
+
+
+def fill(axes: Axes, rings, scale: float, *, colour: str, edge: str, width: float, line="-") -> None:
+    """Closed loops (m), holes running the other way round, as one filled shape; drawn in units of 1 / scale."""
+    vertices, codes = [], []
+    for ring in rings:
+        points = np.concatenate(ring) * scale
+        vertices.append(np.vstack([points, points[:1]]))
+        codes += [Path.MOVETO] + [Path.LINETO] * (len(points) - 1) + [Path.CLOSEPOLY]
+    axes.add_patch(
+        PathPatch(
+            Path(np.concatenate(vertices), codes),
+            facecolor=colour,
+            edgecolor=edge,
+            linewidth=width,
+            linestyle=line,
+        )
+    )

@@ -1,0 +1,166 @@
+"""Maps and curves of a sweep's indicators."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from .drawing import CYCLE, MARKERS, figure, save, style
+
+# Quantities that are drawn without being asked for: indicators of damage.
+_INDICATORS = re.compile(
+    r"(frequency_shift|A[2-6]_A1(_noisy)?|modulation_index(_noisy)?|peak_frequency|contact_resultant)(/|$)"
+)
+# Values of a key up to which it is drawn as a family of curves, not as an axis.
+_CURVES = 8
+
+
+def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None) -> list[str]:
+    """Draw the indicators of a sweep: a map over two numeric parameters with several values, curves over one.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    folder : str
+        Made if it is missing.
+    quantities : sequence of str, optional
+        Names in `sweep.values`. Default: frequency shifts, ratios of harmonics, modulation indices.
+
+    Returns
+    -------
+    list of str
+        Pictures.
+
+    Raises
+    ------
+    ValueError
+        If a quantity does not exist, or no parameter has two numeric values.
+    """
+    chosen = [name for name in sweep.values if _INDICATORS.search(name)] if quantities is None else quantities
+    os.makedirs(folder, exist_ok=True)
+    pictures = []
+    for name in chosen:
+        if name not in sweep.values:
+            raise ValueError(
+                f"quantity {name!r} does not exist; the sweep has {', '.join(map(repr, sweep.values))}"
+            )
+        for part, values in _columns(name, sweep.values[name]):
+            path = os.path.join(folder, f"{re.sub(r'[^A-Za-z0-9_]+', '_', part)}.png")
+            pictures.append(save(indicator_figure(sweep, part, values, sweep.units.get(name, "1")), path))
+    return pictures
+
+
+def _columns(name: str, array: np.ndarray) -> list[tuple[str, np.ndarray]]:
+    """Real columns of a quantity, the first of an array's."""
+    values = np.abs(array) if np.iscomplexobj(array) else array
+    if values.ndim == 1:
+        return [(name, values)]
+    flat = values.reshape(len(values), -1)
+    return [(f"{name}/{k + 1}", flat[:, k]) for k in range(min(3, flat.shape[1]))]
+
+
+def indicator_figure(sweep: Any, name: str, values: np.ndarray, unit: str) -> Any:
+    """A figure of one quantity over the sweep's parameters.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    name : str
+        Title.
+    values : (n,) array
+        A row each.
+    unit : str
+    """
+    axes = _axes(sweep)
+    if not axes:
+        raise ValueError("no parameter of the sweep has two numeric values to draw over")
+    label = name if unit == "1" else f"{name}, {unit}"
+    grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
+    return _map(sweep, axes, values, label) if grid else _curves(sweep, axes, values, label)
+
+
+def _axes(sweep: Any) -> list[str]:
+    """Numeric parameters with several values, those with the most first."""
+    numeric = [n for n, c in sweep.inputs.items() if c.dtype.kind in "fi" and len(np.unique(c)) > 1]
+    return sorted(numeric, key=lambda n: -len(np.unique(sweep.inputs[n])))
+
+
+def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
+    """Rows of equal values of the other parameters, with a label each; nothing but the first eight."""
+    columns = [sweep.inputs[n] for n in names]
+    if not columns:
+        return [("", np.ones(len(sweep), dtype=bool))]
+    keys = list(dict.fromkeys(zip(*(c.tolist() for c in columns))))
+    families = []
+    for key in keys[:_CURVES]:
+        rows = np.all([c == v for c, v in zip(columns, key)], axis=0)
+        text = ", ".join(
+            f"{n.rsplit('.', 1)[-1]} = {v:g}" if isinstance(v, (int, float)) else f"{n} = {v}"
+            for n, v in zip(names, key)
+        )
+        families.append((text, rows))
+    return families
+
+
+def _curves(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
+    over, others = axes[0], [n for n in sweep.inputs if n != axes[0]]
+    drawing = figure(3.4, 5.4)
+    panel = drawing.add_subplot()
+    for k, (text, rows) in enumerate(_families(sweep, others)):
+        x, y = sweep.inputs[over][rows], values[rows]
+        order = np.argsort(x)
+        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
+        panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
+    _finish(panel, values, over, label)
+    if others:
+        panel.legend(fontsize=6, frameon=False)
+    return drawing
+
+
+def _finish(panel: Any, values: np.ndarray, over: str, label: str) -> None:
+    finite = values[np.isfinite(values)]
+    if len(finite) and finite.min() > 0.0 and finite.max() > 30.0 * finite.min():
+        panel.set_yscale("log")
+    panel.set_xlabel(over)
+    panel.set_ylabel(label)
+    style(panel)
+
+
+def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
+    across, up = axes[:2]
+    families = _families(sweep, [n for n in sweep.inputs if n not in (across, up)])
+    columns = min(3, len(families))
+    lines = -(-len(families) // columns)
+    drawing = figure(0.5 + 2.3 * lines, 2.6 * columns + 1.2)
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    from matplotlib.colors import LogNorm, Normalize
+
+    logarithmic = low > 0.0 and high > 30.0 * low
+    norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
+    drawn: Any = None
+    panels = []
+    for k, (text, rows) in enumerate(families):
+        panel = drawing.add_subplot(lines, columns, k + 1)
+        panels.append(panel)
+        x, y, z = sweep.inputs[across][rows], sweep.inputs[up][rows], values[rows]
+        xs, ys = np.unique(x), np.unique(y)
+        if len(xs) * len(ys) == len(x):
+            table = np.full((len(ys), len(xs)), np.nan)
+            table[np.searchsorted(ys, y), np.searchsorted(xs, x)] = z
+            drawn = panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
+        else:
+            drawn = panel.scatter(x, y, c=z, norm=norm, cmap="viridis", s=12)
+        panel.set_xlabel(across)
+        panel.set_ylabel(up)
+        panel.set_title(text, fontsize=7)
+        style(panel)
+    if drawn is not None:
+        bar = drawing.colorbar(drawn, ax=panels)
+        bar.set_label(label, fontsize=7)
+        bar.ax.tick_params(labelsize=6)
+    return drawing

@@ -1,0 +1,266 @@
+"""Picture of the discretisation: edges, nodes, scaling centres, contact pairs and named points."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch, Rectangle
+from matplotlib.transforms import ScaledTranslation
+
+from meshing.boundary_mesh import BoundaryMesh
+
+from ..parallel import on_root
+from ..petsc import MPI
+from ..selement.basis import shape_functions
+from .drawing import (
+    BLACK,
+    BLUE,
+    GREEN,
+    MATERIAL,
+    PURPLE,
+    VERMILION,
+    WIDTH,
+    crack_title,
+    figure,
+    style,
+)
+from .units import place_unit
+
+OPEN, EDGE = "#FBE3C0", "#7F8C9A"
+
+
+def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = None) -> list[Axes] | None:
+    """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
+
+    Parameters
+    ----------
+    mesh : BoundaryMesh or None
+        On rank 0 at least.
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Returns
+    -------
+    Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
+    """
+    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw(mesh))
+
+
+def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
+    if not isinstance(mesh, BoundaryMesh):
+        raise TypeError(f"plot_discretisation: mesh = {mesh!r} is not a BoundaryMesh")
+    lower, upper = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
+    extent = upper - lower
+    stretch = max(1.0, 0.16 * extent[0] / extent[1])
+    zoomed = mesh.cracks[:4]
+    tall = (WIDTH - 0.8) * min(extent[1] / extent[0] * stretch, 1.2) + 0.75
+    heights = [tall] + [3.45] * len(zoomed)
+    drawing = figure(sum(heights) + 0.3)
+    grid = drawing.add_gridspec(1 + len(zoomed), 2, height_ratios=heights)
+    whole = drawing.add_subplot(grid[0, :])
+    margin = np.array([0.015, 0.2 if stretch > 1 else 0.07]) * extent
+    _panel(whole, mesh, lower - margin, upper + margin, nodes=len(mesh.nodes) < 1500, stretch=stretch)
+    title = (
+        f"{mesh.elements} S-elements of order {mesh.order}, {len(mesh.nodes)} nodes, {len(mesh.pairs)} "
+        "contact pairs"
+    )
+    whole.set_title(title + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""), fontsize=8)
+    for row, crack in enumerate(zoomed, 1):
+        tip = np.array(crack.tip)
+        wide = 1.15 * crack.length
+        # The element on the tip of a coarse mesh may be as large as the crack.
+        near = min(4.5 * _tip_size(mesh, crack), 0.5 * wide)
+        for column, (half, text) in enumerate(
+            ((wide, crack_title(crack)), (near, f"tip of {crack_title(crack)}"))
+        ):
+            axes = drawing.add_subplot(grid[row, column])
+            _panel(axes, mesh, tip - half, tip + half, nodes=True)
+            axes.set_title(text, fontsize=8)
+            if column == 0:
+                scale = place_unit(2.0 * half)[0]
+                axes.add_patch(
+                    Rectangle(
+                        (tip - near) * scale,
+                        *[2.0 * near * scale] * 2,
+                        fill=False,
+                        edgecolor=PURPLE,
+                        linewidth=0.8,
+                    )
+                )
+            else:
+                for side in axes.spines.values():
+                    side.set_color(PURPLE)
+    drawing.legend(
+        handles=_legend(mesh),
+        loc="outside lower center",
+        ncols=7,
+        fontsize=7,
+        frameon=False,
+        handletextpad=0.3,
+        columnspacing=1.2,
+        handlelength=1.6,
+    )
+    return drawing.axes
+
+
+def _tip_size(mesh, crack) -> float:
+    """Extent of the S-element on a crack's tip; of the vertex layout, a fiftieth of the crack."""
+    if crack.tip_element < 0:
+        return 0.02 * crack.length
+    return float(np.abs(mesh.nodes[mesh.element_nodes(crack.tip_element)] - np.array(crack.tip)).max())
+
+
+def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretch: float = 1.0) -> None:
+    """The part of the mesh in a window."""
+    scale, unit = place_unit(float((upper - lower).max()))
+    values, _ = shape_functions(mesh.order, np.linspace(-1.0, 1.0, max(2 * mesh.order, 8) + 1))
+    lines = values @ mesh.nodes[mesh.edges]
+    seen = ((lines.max(axis=1) >= lower) & (lines.min(axis=1) <= upper)).all(axis=1)
+    outer = np.bincount(mesh.element_edges, minlength=len(mesh.edges)) == 1
+    fills, faces = [], []
+    for element in range(mesh.elements):
+        part = slice(mesh.element_start[element], mesh.element_start[element + 1])
+        if not seen[mesh.element_edges[part]].any():
+            continue
+        ring = [
+            lines[e, ::-1] if back else lines[e]
+            for e, back in zip(mesh.element_edges[part], mesh.element_reversed[part])
+        ]
+        centre = mesh.scaling_centres[element]
+        if not mesh.closed[element]:
+            faces += [np.array([ring[0][0], centre]), np.array([ring[-1][-1], centre])]
+            ring.append(centre[None])
+        fills.append((np.concatenate(ring) * scale, OPEN if not mesh.closed[element] else MATERIAL))
+    axes.add_collection(
+        PolyCollection([f for f, _ in fills], facecolors=[c for _, c in fills], edgecolors="none")
+    )
+    axes.add_collection(LineCollection(lines[seen & ~outer] * scale, colors=EDGE, linewidths=0.5))
+    axes.add_collection(LineCollection(lines[seen & outer] * scale, colors=BLACK, linewidths=0.9))
+    axes.add_collection(
+        LineCollection(
+            np.array(faces).reshape(-1, 2, 2) * scale, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))
+        )
+    )
+    if nodes:
+        axes.plot(
+            *_inside(mesh.nodes, lower, upper).T * scale,
+            linestyle="none",
+            marker=".",
+            color=BLUE,
+            markersize=2.2 if stretch == 1.0 else 1.2,
+            markeredgewidth=0,
+        )
+    size = 4.5 if stretch == 1.0 else 2.8
+    axes.plot(
+        *_inside(mesh.scaling_centres, lower, upper).T * scale,
+        linestyle="none",
+        marker="+",
+        markersize=size,
+        color=VERMILION,
+        markeredgewidth=0.7,
+    )
+    if len(mesh.pairs) and stretch == 1.0:
+        # Faces micrometres apart coincide in the picture: the marks stand 2.5 points beside them, on their
+        # own side.
+        for side in (0, 1):
+            for crack in range(len(mesh.cracks)):
+                rows = mesh.pairs.crack == crack
+                if rows.any():
+                    outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
+                    shift = 2.5 / 72 * outwards
+                    marker = (
+                        3,
+                        0,
+                        np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0,
+                    )  # points at the other face
+                    moved = axes.transData + ScaledTranslation(*shift, axes.figure.dpi_scale_trans)
+                    axes.plot(
+                        *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
+                        linestyle="none",
+                        marker=marker,
+                        markersize=3.4,
+                        color=GREEN,
+                        markeredgewidth=0,
+                        transform=moved,
+                    )
+    _label_points(axes, mesh, lower, upper, scale)
+    axes.set_xlim(lower[0] * scale, upper[0] * scale)
+    axes.set_ylim(lower[1] * scale, upper[1] * scale)
+    axes.set_aspect(stretch)
+    axes.set_xlabel(f"x ({unit})")
+    axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
+    style(axes)
+
+
+def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    return points[((points >= lower) & (points <= upper)).all(axis=1)]
+
+
+def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.ndarray, scale: float) -> None:
+    """Named points; those that nearly coincide in the window share one label, above or below the point, where
+    the material is not.
+    """
+    groups: list[tuple[np.ndarray, list[str]]] = []
+    for name, node in mesh.points.items():
+        at = mesh.nodes[node]
+        if not ((at >= lower) & (at <= upper)).all():
+            continue
+        for place, names in groups:
+            if (np.abs(at - place) < 0.03 * (upper - lower)).all():
+                names.append(name)
+                break
+        else:
+            groups.append((at, [name]))
+    for at, names in groups:
+        axes.plot(
+            *(at * scale),
+            marker="o",
+            markersize=3.5,
+            markerfacecolor="white",
+            markeredgecolor=BLACK,
+            markeredgewidth=0.8,
+        )
+        centred = at[0] < lower[0] + 0.9 * (upper[0] - lower[0])
+        above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
+        axes.annotate(
+            ", ".join(names),
+            at * scale,
+            xytext=(0 if centred else -3, 4 if above else -4),
+            textcoords="offset points",
+            fontsize=8,
+            fontweight="bold",
+            horizontalalignment="center" if centred else "right",
+            verticalalignment="baseline" if above else "top",
+            annotation_clip=False,
+        )
+
+
+def _legend(mesh) -> list:
+    handles = [
+        Line2D([], [], color=BLACK, linewidth=0.9, label="outline"),
+        Line2D([], [], color=EDGE, linewidth=0.7, label="edges of S-elements"),
+        Line2D([], [], color=BLUE, marker=".", markersize=5, linestyle="none", label="nodes"),
+        Line2D([], [], color=VERMILION, marker="+", markersize=5, linestyle="none", label="scaling centres"),
+    ]
+    if len(mesh.pairs):
+        handles.append(
+            Line2D([], [], color=GREEN, marker=">", markersize=4, linestyle="none", label="contact pairs")
+        )
+    if not mesh.closed.all():
+        handles.append(Patch(facecolor=OPEN, edgecolor="none", label="open S-elements"))
+    if mesh.points:
+        handles.append(
+            Line2D(
+                [],
+                [],
+                marker="o",
+                markersize=4,
+                markerfacecolor="white",
+                markeredgecolor=BLACK,
+                linestyle="none",
+                label="named points",
+            )
+        )
+    return handles

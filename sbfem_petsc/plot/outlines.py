@@ -1,0 +1,188 @@
+"""Sampled outlines, crack regions and contact lengths for pictures, gathered on rank 0."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..petsc import MPI
+from ..selement.basis import shape_functions, tabulated
+from ..system.model import Model
+from ..system.sampling import outline_edges, point_grid_cells, sample
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A polyline of the structure's outline, material on its left.
+
+    Attributes
+    ----------
+    key : tuple of int
+        The same for an edge seen from both of its S-elements.
+    start, end : int
+        Global nodes.
+    positions : (n, 2) array
+        m.
+    displacements : (fields, n, 2) array
+        m.
+    """
+
+    key: tuple[int, ...]
+    start: int
+    end: int
+    positions: np.ndarray
+    displacements: np.ndarray
+
+
+def gather_outline(
+    model: Model, fields: list[np.ndarray], subdivisions: int | None = None
+) -> list[Piece] | None:
+    """Outline of the structure, crack faces included, with displacement fields, on rank 0. Collective.
+
+    Parameters
+    ----------
+    model : Model
+    fields : list of (m, 2) arrays
+        Displacements of this rank's nodes.
+    subdivisions : int, optional
+        Straight pieces an edge; default: the order.
+
+    Returns
+    -------
+    list of Piece on rank 0, None elsewhere
+    """
+    part, pieces = model.part, {}
+    at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
+    values, _ = shape_functions(model.order, at)
+    stacked = np.stack([part.coordinates, *fields])
+    for chain in range(len(part.chains)):
+        for nodes in outline_edges(model, chain):
+            ends = (int(part.nodes[nodes[0]]), int(part.nodes[nodes[-1]]))
+            inner = sorted(int(n) for n in part.nodes[nodes[1:-1]][[0, -1]]) if model.order > 1 else []
+            key = (min(ends), max(ends), *inner)
+            if pieces.pop(key, None) is None:
+                sampled = values @ stacked[:, nodes]
+                pieces[key] = Piece(key, *ends, sampled[0], sampled[1:])
+    for piece in _open_faces(model, fields):
+        pieces[piece.key] = piece
+    gathered = model.comm.gather(list(pieces.values()))
+    if gathered is None:
+        return None
+    outer: dict[tuple, Piece] = {}
+    for piece in (p for several in gathered for p in several):
+        # an edge between two ranks comes from both and is no outline
+        if outer.pop(piece.key, None) is None:
+            outer[piece.key] = piece
+    return list(outer.values())
+
+
+def _open_faces(model: Model, fields: list[np.ndarray]) -> list[Piece]:
+    """The two faces of each open S-element, from the end of its chain over the scaling centre to the
+    start.
+    """
+    pieces = []
+    names = {str(k): field for k, field in enumerate(fields)}
+    for patch in sample(model, names, stress=False, keep=~model.part.closed):
+        for row, element in enumerate(patch.elements):
+            chain = model.part.nodes[model.part.chains[element]]
+            arrays = [patch.positions[row]] + [patch.displacements[name][row] for name in names]
+            lines = [np.concatenate([a[:, -1, -1], a[-2::-1, 0, 0]]) for a in arrays]
+            if patch.mirrored[row]:
+                lines = [line[::-1] for line in lines]
+            key = (-1 - int(model.part.elements[element]),)
+            pieces.append(
+                Piece(
+                    key,
+                    int(chain[-1]),
+                    int(chain[0]),
+                    lines[0],
+                    np.array(lines[1:]).reshape(len(fields), -1, 2),
+                )
+            )
+    return pieces
+
+
+def loops(pieces: list[Piece]) -> list[list[int]]:
+    """Indices of the pieces that follow one another, one list a closed loop."""
+    following: dict[int, list[int]] = {}
+    for index, piece in enumerate(pieces):
+        following.setdefault(piece.start, []).append(index)
+    left, result = set(range(len(pieces))), []
+    while left:
+        index = min(left)
+        loop = []
+        while index in left:
+            left.remove(index)
+            loop.append(index)
+            index = next((i for i in following.get(pieces[index].end, ()) if i in left), -1)
+        result.append(loop)
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Sampled interior of a window: points (n, 2), displacements (n, 2), stress (n, 4) as in `Patches`,
+    triangles (t, 3).
+    """
+
+    positions: np.ndarray
+    displacements: np.ndarray
+    stress: np.ndarray
+    triangles: np.ndarray
+
+
+def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: float) -> Region | None:
+    """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0.
+    Collective.
+    """
+    part = model.part
+    keep = np.zeros(len(part.chains), dtype=bool)
+    for k, chain in enumerate(part.chains):
+        corners = np.vstack([part.coordinates[chain], part.centres[k]])
+        keep[k] = (corners.min(axis=0) < centre + half).all() and (corners.max(axis=0) > centre - half).all()
+    pieces, offset = [], 0
+    for patch in sample(model, {"u": field}, keep=keep, subdivisions=max(2 * model.order, 6), refine=4):
+        quadrilaterals, triangles = (cells.reshape(-1, cells.shape[-1]) for cells in point_grid_cells(patch))
+        cells = np.concatenate([quadrilaterals[:, [0, 1, 2]], quadrilaterals[:, [0, 2, 3]], triangles])
+        points = patch.positions.reshape(-1, 2)
+        pieces.append(
+            (
+                points,
+                patch.displacements["u"].reshape(-1, 2),
+                patch.stresses["u"].reshape(-1, 4),
+                cells + offset,
+            )
+        )
+        offset += len(points)
+    gathered = model.comm.gather(pieces)
+    if gathered is None:
+        return None
+    arrays: list[list[np.ndarray]] = [[], [], [], []]
+    offset = 0
+    for several in gathered:
+        for piece in several:
+            for store, values in zip(arrays, piece):
+                store.append(values + offset if store is arrays[3] else values)
+        offset += sum(len(p[0]) for p in several)
+    return Region(*(np.concatenate(a) for a in arrays))
+
+
+def contact_lengths(model: Model) -> np.ndarray:
+    """(pairs,): length of the crack face that belongs to each pair, m, the integral of its shape function;
+    nan without a face edge. Collective.
+
+    The force of a pair divided by this length (and by the thickness) is the contact pressure there.
+    """
+    part = model.part
+    result = np.zeros(len(model.pairs))
+    pair_of = {int(node): k for k, node in enumerate(model.pairs.nodes[:, 0])}
+    values, derivatives, weights = tabulated(model.order, model.order + 2)
+    for chain in range(len(part.chains)):
+        for nodes in outline_edges(model, chain):
+            pairs = [pair_of.get(int(n), -1) for n in part.nodes[nodes]]
+            if min(pairs) >= 0:
+                speed = np.linalg.norm(derivatives @ part.coordinates[nodes], axis=1)
+                result[pairs] += (weights * speed) @ values
+    model.comm.Allreduce(MPI.IN_PLACE, result)
+    return np.where(result > 0.0, result, np.nan)

@@ -1,0 +1,152 @@
+"""Reduced models of structures."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..checks import integer, positive
+from ..loads import Load, SupportMotion, separate
+from ..parallel import collective
+from ..petsc import MPI
+from ..system.model import Model
+from ..system.modes import Modal
+from ..system.static_solver import BLOCK
+from .outputs import LinearOutput
+from .reduced_model import ReducedModel
+
+# Modes by default: all up to this multiple of the highest load frequency, and at least so many.
+BAND, LEAST_MODES = 8.0, 80
+
+
+def reduce(model: Model, load, *, modes: int | None = None, band: float | None = None) -> ReducedModel:
+    """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
+
+    The result stands in the place of the model in every dynamic analysis with loads at the same places. Analyses
+    called with the model itself make it on their own, once, and find it again.
+
+    Parameters
+    ----------
+    model : Model
+        Held against every rigid-body motion.
+    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+        Only the places and components that are not zero matter, not the amplitudes.
+    modes : int, optional
+        Number of modes.
+    band : float, optional
+        All modes up to this frequency, Hz. Default of both: 80 modes. Give one of them at most.
+
+    Returns
+    -------
+    ReducedModel
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        For input that makes no sense; on all ranks.
+    """
+    if not isinstance(model, Model):
+        raise TypeError(f"reduce: model = {model!r} is not a Model; for matrices use reduce_matrices")
+    most = model.boundary_unknowns // 2
+    with collective(model.comm):
+        model.checked_loads(load, constant=False)
+        if modes is not None and band is not None:
+            raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
+        if modes is not None:
+            integer("reduce", "modes", modes, least=1, most=most)
+        if band is not None:
+            positive("reduce", "band", band, "Hz")
+    model.require_support("the reduction")
+    if modes is None:
+        modes = modes_up_to(model, band, 1) if band is not None else default_modes(model, 0.0)
+    return reduced(model, tuple(separate(load)[0]), modes)
+
+
+def default_modes(model: Model, highest: float) -> int:
+    """Number of modes up to `BAND` times the highest load frequency (Hz), at least `LEAST_MODES`."""
+    return modes_up_to(model, BAND * highest, LEAST_MODES)
+
+
+def modes_up_to(model: Model, frequency: float, least: int) -> int:
+    """Number of modes computed so that the highest of them passes a frequency, Hz."""
+    most = max(model.boundary_unknowns // 4, 1)
+    count = min(max(least, 8), most) if least < 8 else min(least, most)
+    while count < most and model.modes(count).frequencies[-1] < frequency:
+        count = min(math.ceil(1.5 * count), most)
+    if least < 8:
+        count = max(1, int((model.modes(count).frequencies <= frequency).sum()))
+    return count
+
+
+def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
+    """The reduced model for some unit loads and a number of modes, made once. Collective."""
+    return model.keep(("reduced", units, modes), lambda: _reduce(model, units, model.modes(modes)))
+
+
+def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
+    model.require_support("the reduction")
+    gap, compliance = model.gap_operator, model.compliance
+    gap_modes = gap.rows(found.shapes)
+    point_modes = model.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))
+    tip_modes = model.tips.rows(found.shapes).reshape(len(model.tips.names), 2, len(found.frequencies))
+    translation = _translation(model, found)
+
+    columns = model.load_columns(units)
+    forces = columns.forces
+    load_modes = _summed(model, found.shapes.T @ forces)
+    for k, unit in enumerate(units):
+        if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
+            load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    solved = np.concatenate(
+        [model.solver.columns(forces[:, k : k + BLOCK], "reduction") for k in range(0, len(units), BLOCK)]
+        or [forces],
+        axis=1,
+    )
+
+    omega2 = (2.0 * np.pi * found.frequencies) ** 2
+
+    def residual(modes: np.ndarray, loads: np.ndarray, contact: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Static responses less those of the modes."""
+        return loads - modes @ (load_modes / omega2[:, None]), contact - modes @ (
+            gap_modes.T / omega2[:, None]
+        )
+
+    def output(names, rows, modes: np.ndarray, contact: np.ndarray, direct=0.0) -> LinearOutput:
+        loads = (rows(solved) + direct).reshape(*modes.shape[:-1], len(units))
+        return LinearOutput(names, modes, *residual(modes, loads, contact))
+
+    gaps = output((), gap.rows, gap_modes, compliance.gaps, columns.gaps)
+    gaps = LinearOutput((), gaps.modes, gaps.loads, 0.5 * (gaps.contact + gaps.contact.T))
+    work = (
+        _summed(model, forces.T @ solved)
+        + columns.flexibility
+        - load_modes.T @ (load_modes / omega2[:, None])
+    )
+    return ReducedModel(
+        found.frequencies,
+        model.damping_ratios(2.0 * np.pi * found.frequencies),
+        gaps,
+        gap.initial.copy(),
+        gap.pairs,
+        load_modes,
+        0.5 * (work + work.T),
+        output(tuple(model.points), model.point_rows, point_modes, compliance.points),
+        output(model.tips.names, model.tips.rows, tip_modes, compliance.tips, columns.tips),
+        translation,
+        units,
+        model,
+        found,
+    )
+
+
+def _translation(model: Model, found: Modal) -> np.ndarray:
+    """(m, 2): inertia forces of unit accelerations on the modes, the auxiliary unknowns' share included."""
+    forces = model.load_columns([SupportMotion(ax=1.0), SupportMotion(ay=1.0)]).forces
+    return found.auxiliary_inertia - _summed(model, found.shapes.T @ forces)
+
+
+def _summed(model: Model, array: np.ndarray) -> np.ndarray:
+    array = np.ascontiguousarray(array)
+    model.comm.Allreduce(MPI.IN_PLACE, array)
+    return array

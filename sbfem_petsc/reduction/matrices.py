@@ -1,0 +1,201 @@
+"""Reduced models of systems given by their matrices."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy import linalg
+
+from ..checks import integer, real
+from .outputs import LinearOutput
+from .reduced_model import ReducedModel
+
+# Relative asymmetry of a matrix that rounding explains.
+SYMMETRY = 1e-9
+
+
+def reduce_matrices(
+    mass: np.ndarray,
+    stiffness: np.ndarray,
+    contact_rows: np.ndarray,
+    gap: np.ndarray,
+    *,
+    loads: np.ndarray,
+    sensors: Mapping[str, int],
+    modes: int | None = None,
+    damping: float | np.ndarray = 0.0,
+    compliance: np.ndarray | None = None,
+) -> ReducedModel:
+    """A system given by its matrices: textbook oscillators, bars, other codes' examples.
+
+    `transient`, `periodic`, `frequency_response` and `load_response` take the result in the place of a model,
+    with a number or a signal for each unit load.
+
+    Parameters
+    ----------
+    mass, stiffness : (n, n) arrays
+        Symmetric; mass positive definite; the stiffness may admit rigid-body motions.
+    contact_rows : (pairs, n) array
+        Gap = contact_rows u + gap + compliance force.
+    gap : (pairs,) array
+        m.
+    loads : (n, k) array
+        Unit loads.
+    sensors : dict of str to int
+        Names of unknowns; each is the y displacement of a point.
+    modes : int, optional
+        Lowest modes kept; the others act by their flexibility. Default: all.
+    damping : float or (n, n) array
+        Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
+    compliance : (pairs,) array, optional
+        Of elastic stops, m/N.
+
+    Raises
+    ------
+    ValueError, TypeError
+        If shapes do not fit, if values are not finite, if a damping matrix couples the modes, or if a contact
+        row has no compliance at all: a rigid stop on an unknown whose mass is kept in full has no law in this
+        form.
+    """
+    mass, stiffness = _array("mass", mass, 2), _array("stiffness", stiffness, 2)
+    n = len(mass)
+    gap = _array("gap", gap, 1)
+    pairs = len(gap)
+    contact_rows, loads = _array("contact_rows", contact_rows, 2), _array("loads", loads, 2)
+    stops = np.zeros(pairs) if compliance is None else _array("compliance", compliance, 1)
+    for name, array, shape in (
+        ("mass", mass, (n, n)),
+        ("stiffness", stiffness, (n, n)),
+        ("contact_rows", contact_rows, (pairs, n)),
+        ("loads", loads, (n, loads.shape[1])),
+        ("compliance", stops, (pairs,)),
+    ):
+        if array.shape != shape:
+            raise ValueError(f"reduce_matrices: {name} has shape {array.shape}, {shape} was expected")
+    if n == 0:
+        raise ValueError("reduce_matrices: mass is empty; give at least one unknown")
+    _check_symmetric("mass", mass)
+    _check_symmetric("stiffness", stiffness)
+    if linalg.eigvalsh(mass)[0] <= 0.0:
+        raise ValueError(
+            "reduce_matrices: mass is not positive definite; give each unknown a mass or condense it"
+        )
+    if (stops < 0.0).any():
+        raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
+    modes = n if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=n)
+    index = _places(sensors, n)
+
+    values, vectors = linalg.eigh(stiffness, mass)
+    # rigid-body modes come out at round-off's level
+    values = np.where(np.abs(values) < 1e-12 * np.abs(values).max(), 0.0, values)
+    if values[0] < 0.0:
+        raise ValueError(
+            f"reduce_matrices: stiffness is indefinite (least eigenvalue {values[0]:g} of M^-1 K)"
+        )
+    if modes < n and values[modes] == 0.0:
+        raise ValueError(f"reduce_matrices: modes = {modes} leaves out rigid-body motions; keep more modes")
+    kept, left = vectors[:, :modes], vectors[:, modes:]
+    omega = np.sqrt(values[:modes])
+    columns = np.concatenate([contact_rows.T, loads], axis=1)
+    flexibility = (left / values[modes:]) @ (left.T @ columns)
+    by_contact, by_loads = flexibility[:, :pairs], flexibility[:, pairs:]
+    gaps = LinearOutput(
+        (), contact_rows @ kept, contact_rows @ by_loads, contact_rows @ by_contact + np.diag(stops)
+    )
+    weak = np.flatnonzero(np.diag(gaps.contact) <= 0.0)
+    if len(weak):
+        raise ValueError(
+            f"contact row {weak[0]}: a rigid stop on an unknown with mass has no compliance; keep fewer "
+            "modes than unknowns or give the stop a compliance"
+        )
+
+    def at_sensors(array: np.ndarray) -> np.ndarray:
+        result = np.zeros((len(index), 2, array.shape[1]))
+        result[:, 1] = array[index]
+        return result
+
+    return ReducedModel(
+        omega / (2.0 * np.pi),
+        _ratios(damping, kept, omega),
+        gaps,
+        gap,
+        pairs,
+        kept.T @ loads,
+        loads.T @ by_loads,
+        LinearOutput(tuple(sensors), at_sensors(kept), at_sensors(by_loads), at_sensors(by_contact)),
+        LinearOutput((), *(np.zeros((0, 2, k)) for k in (modes, loads.shape[1], pairs))),
+        np.zeros((modes, 2)),
+    )
+
+
+def _array(name: str, value: Any, dimensions: int) -> np.ndarray:
+    """A finite real array of so many dimensions."""
+    array = np.asarray(value)
+    if array.dtype.kind not in "iuf":
+        raise TypeError(
+            f"reduce_matrices: {name} has values of type {array.dtype}; real numbers are expected"
+        )
+    if array.ndim != dimensions:
+        raise ValueError(f"reduce_matrices: {name} has {array.ndim} dimensions, {dimensions} were expected")
+    array = array.astype(float)
+    if not np.isfinite(array).all():
+        raise ValueError(f"reduce_matrices: {name} has values that are not finite")
+    return array
+
+
+def _check_symmetric(name: str, matrix: np.ndarray) -> None:
+    largest = np.abs(matrix - matrix.T).max(initial=0.0)
+    if largest > SYMMETRY * np.abs(matrix).max(initial=0.0):
+        raise ValueError(f"reduce_matrices: {name} is not symmetric, entries differ by up to {largest:g}")
+
+
+def _places(sensors: Any, count: int) -> list[int]:
+    """Numbers of the sensors' unknowns."""
+    if not isinstance(sensors, Mapping):
+        raise TypeError(
+            f"reduce_matrices: sensors = {sensors!r} must be a dict of names to unknowns, {{'tip': 3}}"
+        )
+    for name in sensors:
+        if not isinstance(name, str):
+            raise TypeError(f"reduce_matrices: sensors has the name {name!r}; names are strings")
+    return [
+        integer("reduce_matrices", f"sensors[{name!r}]", place, least=0, most=count - 1)
+        for name, place in sensors.items()
+    ]
+
+
+def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+    """Modal damping ratios from one number or a damping matrix."""
+    if isinstance(damping, numbers.Real) or np.ndim(damping) == 0:
+        ratio = real("reduce_matrices", "damping", damping, least=0.0, below=1.0)
+        return np.full(len(omega), ratio)
+    matrix = _array("damping", damping, 2)
+    if matrix.shape != (len(modes), len(modes)):
+        raise ValueError(
+            f"reduce_matrices: damping has shape {matrix.shape}, {(len(modes), len(modes))} was expected"
+        )
+    _check_symmetric("damping", matrix)
+    modal = modes.T @ matrix @ modes
+    own = np.diag(modal)
+    coupling = np.abs(modal - np.diag(own)).max(initial=0.0)
+    if coupling > 1e-9 * np.abs(own).max():
+        raise ValueError(
+            "reduce_matrices: the damping matrix couples the modes (up to "
+            f"{coupling / np.abs(own).max():.2g} of the largest modal damping); give modal damping ratios, "
+            "or a matrix such as a M + b K"
+        )
+    if own.min(initial=0.0) < -1e-9 * np.abs(own).max():
+        raise ValueError(
+            "reduce_matrices: the damping matrix feeds energy into a mode; its diagonal must not be negative"
+        )
+    own = np.maximum(own, 0.0)
+    rigid = omega == 0.0
+    if (np.abs(own[rigid]) > 1e-9 * np.abs(own).max()).any():
+        raise ValueError(
+            "reduce_matrices: the damping matrix damps a rigid-body motion, which has no damping ratio; hold "
+            "the system by a weak spring"
+        )
+    return np.where(rigid, 0.0, own / (2.0 * np.where(rigid, 1.0, omega)))

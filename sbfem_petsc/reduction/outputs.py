@@ -1,0 +1,55 @@
+"""Linear output of a reduced model: what its coordinates, loads and contact forces make of some quantity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import UnknownName, listed
+
+
+@dataclass(frozen=True, eq=False)
+class LinearOutput:
+    """y = modes q + loads s + contact force, for gaps, displacements of points and stress intensity factors alike.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the first axis; empty for contact rows.
+    modes : (..., m) array
+    loads : (..., l) array
+        Residual flexibility: share of unit loads beyond that of the modes.
+    contact : (..., c) array
+        The same of unit contact forces.
+    """
+
+    names: tuple[str, ...]
+    modes: np.ndarray
+    loads: np.ndarray
+    contact: np.ndarray
+
+    def __call__(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """(n, ...) values of (n, m) coordinates, (n, l) load amplitudes and (n, c) contact forces."""
+        shape = self.modes.shape[:-1]
+        rows = int(np.prod(shape, dtype=int))
+        flat = [part.reshape(rows, part.shape[-1]).T for part in (self.modes, self.loads, self.contact)]
+        return (q @ flat[0] + amplitudes @ flat[1] + force @ flat[2]).reshape(len(q), *shape)
+
+    def rates(self, velocity: np.ndarray) -> np.ndarray:
+        """(n, ...) rates of (n, m) velocities: the residual flexibility moves without inertia and is left out."""
+        shape = self.modes.shape[:-1]
+        return (velocity @ self.modes.reshape(-1, self.modes.shape[-1]).T).reshape(len(velocity), *shape)
+
+    def of(self, name: str, kind: str) -> LinearOutput:
+        """The output of one name.
+
+        Raises
+        ------
+        UnknownName
+            If there is none of this `kind`; the sentence lists those that are.
+        """
+        if not isinstance(name, str) or name not in self.names:
+            raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(self.names)}")
+        k = self.names.index(name)
+        return LinearOutput((), self.modes[k], self.loads[k], self.contact[k])

@@ -1,0 +1,119 @@
+"""A structure in its lowest modes plus residual flexibility; contact carries no mass (MacNeal 1971)."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import SolveError, on_all_ranks
+from ..loads import Load
+from ..petsc import MPI
+from ..system.model import Model
+from ..system.modes import Modal
+from .outputs import LinearOutput
+
+
+@dataclass(frozen=True, eq=False)
+class ReducedModel:
+    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what is left out.
+
+    q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap.modes^T force,
+    gap = gap.modes q + gap.contact force + gap.loads s + initial_gap,
+    with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
+    `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them.
+
+    Attributes
+    ----------
+    frequencies : (m,) array
+        Hz.
+    damping : (m,) array
+        Modal damping ratios.
+    gap : LinearOutput
+        Contact rows, (c, ...): node pairs first; `gap.contact` is G R G^T, m/N.
+    initial_gap : (c,) array
+        m.
+    pairs : int
+        How many of the contact rows are node pairs.
+    load_modes : (m, l) array
+        Phi^T f.
+    load_flexibility : (l, l) array
+        f^T R f.
+    points : LinearOutput
+        Displacements of named points, (points, 2, ...), m.
+    tips : LinearOutput
+        K_I and K_II, (tips, 2, ...).
+    translation : (m, 2) array
+        Modal coordinates of a unit translation along x and y: Phi^T M r.
+    loads : tuple of Load
+        The unit loads it was made for; empty for a system of matrices.
+    model : Model or None
+        None for a system of matrices and for one read from a file.
+    modal : Modal or None
+        The modes themselves, distributed.
+    """
+
+    frequencies: np.ndarray
+    damping: np.ndarray
+    gap: LinearOutput
+    initial_gap: np.ndarray
+    pairs: int
+    load_modes: np.ndarray
+    load_flexibility: np.ndarray
+    points: LinearOutput
+    tips: LinearOutput
+    translation: np.ndarray
+    loads: tuple[Load, ...] = ()
+    model: Model | None = field(default=None, repr=False)
+    modal: Modal | None = field(default=None, repr=False)
+
+    @functools.cached_property
+    def omega(self) -> np.ndarray:
+        """(m,): rad/s."""
+        return 2.0 * np.pi * self.frequencies
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Ranks that work on it together; one without a model is each rank's own."""
+        return MPI.COMM_SELF if self.model is None else self.model.comm
+
+    def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Displacements (nodes, 2), m, of this rank's nodes at one instant, residual flexibility included. Collective.
+
+        Parameters
+        ----------
+        q : (m,) array
+        amplitudes : (l,) array
+        force : (c,) array
+
+        Raises
+        ------
+        SolveError
+            If it has no model; on all ranks.
+        """
+        if self.model is None or self.modal is None:
+            raise on_all_ranks(
+                SolveError(
+                    "field: a reduced model of matrices, or one read from a file, knows no field; reduce the model again"
+                )
+            )
+        model = self.model
+        right = model.stiffness.createVecRight()
+        solution = right.duplicate()
+        try:
+            right.array = model.load_columns(self.loads).forces @ amplitudes
+            model.gap_operator.rows.add_to(right, force)
+            model.solver.solve(right, solution, "field")
+            static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
+            owned = solution.array_r + self.modal.shapes @ (q - static)
+        finally:
+            right.destroy()
+            solution.destroy()
+        return model.nodal(owned)
+
+    def __repr__(self) -> str:
+        return (
+            f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} contact "
+            f"pairs, {self.load_modes.shape[1]} unit loads)"
+        )

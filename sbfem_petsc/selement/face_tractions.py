@@ -1,0 +1,261 @@
+"""Tractions on the two faces that meet in the scaling centre of an open S-element: contact and loads inside a
+crack's tip element.
+
+The faces carry no nodes. Their tractions are polynomials of the radial coordinate xi, and the S-element's own
+radial equations carry these exactly. With tractions ``sum_t xi^t tau_t`` along a *direction* (a row d that
+takes a relative displacement of the faces, or a component on one of them, from the boundary displacements), L
+the length of the faces, K the stiffness, A = `SElement.radial` and F = E0^-1:
+
+- The radial forces are ``q = K u - sum_t xi^(t+1) g_t tau_t`` with ``g_t = L (A^T + (t + 1) I)^-1 d^T``.
+  Thus g_t tau_t are the equivalent nodal forces on the boundary, and by reciprocity g_t as a row gives the
+  moment ``L int_0^1 xi^t d u dxi`` of what d takes.
+- The displacement follows from ``xi u,xi = A u - sum_t xi^(t+1) F g_t tau_t``. A traction with the power of a
+  homogeneous solution (uniform on one face of a crack) gives a logarithm; the equations in this form hold it.
+- With the boundary held fixed the moments are ``C tau`` with the self-flexibility
+  ``C_tt' = g_t^T F g_t' / (t + t' + 2)``, symmetric and positive definite.
+
+The polynomials are the Bernstein polynomials of degree modes - 1: none is negative, so that coefficients >= 0
+and mean gaps >= 0 are a complementarity problem as that of node pairs is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import comb
+
+from .coefficients import SElementError, coefficient_matrices
+from .dense import cholesky, cholesky_solve, symmetric
+
+# Reciprocity is met to about 1e-12 up to 200 unknowns; a wrong sign, length or coefficient matrix breaks it
+# entirely.
+TOLERANCE = 1e-8
+
+
+@dataclass(frozen=True, eq=False)
+class FaceTractions:
+    """Traction modes on the faces of a non-dimensional open S-element with n boundary unknowns.
+
+    There are m = directions x modes coefficients, all modes of the first direction first. A coefficient is
+    the *force* of its mode: the traction is ``sum_k force_k modes / (L h thickness) b_k(xi)`` with the
+    Bernstein polynomials b_k, so that the forces of a direction add up to the resultant. Its conjugate is the
+    *mean* of what the direction takes, weighted with b_k. For an S-element of size h (m), modulus E (Pa) and
+    a thickness (m), placed with a rotation R (`congruence.Placement`)::
+
+        mean (m)         rows @ u + flexibility @ force / (E thickness) + initial mean     u (n,) in m
+        nodal forces (N) rows.T @ force                          force (m,) in N
+        node frame       rows.reshape(m, -1, 2) @ R              acts on the element's own displacements
+
+    Rows, flexibility and initial means thus stand beside those of node pairs, and forces in N beside theirs.
+
+    Attributes
+    ----------
+    rows : (m, n) array
+        Means for boundary displacements; the same number per unit length in and out.
+    flexibility : (m, m) array
+        In units of 1 / (E thickness), symmetric, positive definite.
+    directions : (d, 2, 2) array
+        Vectors on the first and on the last face (node) for each direction, in the reference frame.
+    modes : int
+    lengths : (d,) array
+        Length of the loaded faces of each direction, in units of the size.
+    forcing : (n, m) array
+        ``xi u,xi = A u - forcing @ (xi^powers * monomials)``.
+    powers : (m,) array
+        t + 1 of the monomials.
+    monomials : (m, m) array
+        Coefficients of the monomials (stresses in units of E) from the forces in units of E h thickness.
+    reciprocity : float
+        Relative difference between the nodal forces of particular solutions and the moments' rows.
+    """
+
+    rows: np.ndarray
+    flexibility: np.ndarray
+    directions: np.ndarray
+    modes: int
+    lengths: np.ndarray
+    forcing: np.ndarray
+    powers: np.ndarray
+    monomials: np.ndarray
+    reciprocity: float
+
+    def initial_mean(self, at_tip: float, at_boundary: float) -> np.ndarray:
+        """(modes,): means of a quantity that varies linearly from the tip to the boundary, as an initial gap
+        does; in the unit of the two values.
+        """
+        fraction = np.arange(1, self.modes + 1) / (self.modes + 1.0)
+        return at_tip + (at_boundary - at_tip) * fraction
+
+    def traction(self, force: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """Traction of each direction along the faces.
+
+        Parameters
+        ----------
+        force : (m,) or (m, c) array
+            N.
+        levels : (l,) array
+            xi: 0 at the tip, 1 on the boundary.
+
+        Returns
+        -------
+        (l, d) or (l, d, c) array
+            To be divided by size and thickness for Pa.
+        """
+        force = np.asarray(force, dtype=float)
+        values = bernstein(self.modes, levels)
+        split = force.reshape(len(self.lengths), self.modes, *force.shape[1:])
+        scaled = split * (self.modes / self.lengths).reshape(-1, *[1] * (split.ndim - 1))
+        return np.einsum("lk,dk...->ld...", values, scaled)
+
+    def uniform_force(self, traction: np.ndarray) -> np.ndarray:
+        """(m,): forces of uniform tractions (d,); to be multiplied by size and thickness for Pa to give N."""
+        return np.repeat(np.asarray(traction, dtype=float) * self.lengths / self.modes, self.modes)
+
+    def inflow(self, force: np.ndarray, levels: np.ndarray) -> np.ndarray:
+        """(l, n, c): what the tractions add to ``xi u,xi - A u``, for forces (m, c) / (E thickness), in m."""
+        states = (self.monomials @ force)[None] * (np.asarray(levels)[:, None] ** self.powers)[..., None]
+        return -(self.forcing @ states)
+
+    def resultant(self, force: np.ndarray) -> np.ndarray:
+        """(d,): sum of the forces (m,) of each direction, in their unit."""
+        return np.asarray(force, dtype=float).reshape(len(self.lengths), self.modes).sum(axis=1)
+
+
+def bernstein(modes: int, levels: np.ndarray) -> np.ndarray:
+    """(l, modes): Bernstein polynomials of degree modes - 1 at the levels in [0, 1]."""
+    x, k = np.asarray(levels, dtype=float)[:, None], np.arange(modes)
+    return comb(modes - 1, k) * x**k * (1.0 - x) ** (modes - 1 - k)
+
+
+def face_axis(shape: np.ndarray) -> np.ndarray:
+    """(2,): unit vector from the scaling centre into the gap between the faces, their bisector."""
+    first, last = (shape[i] / np.linalg.norm(shape[i]) for i in (0, -1))
+    axis = first + last
+    if np.linalg.norm(axis) < 1e-6:  # a straight boundary has no gap: the outward normal
+        return np.array([first[1], -first[0]])
+    return axis / np.linalg.norm(axis)
+
+
+def opening_direction(shape: np.ndarray, axis: np.ndarray | None = None) -> np.ndarray:
+    """(2, 2): the direction of the faces' opening, normal to `axis` (default: `face_axis`).
+
+    The chain of nodes is counter-clockwise, so the first face lies on the left of the axis. Forces are
+    compressive contact forces where positive.
+    """
+    axis = face_axis(shape) if axis is None else np.asarray(axis, dtype=float)
+    normal = np.array([-axis[1], axis[0]])
+    return np.array([normal, -normal])
+
+
+def sliding_direction(shape: np.ndarray, axis: np.ndarray | None = None) -> np.ndarray:
+    """(2, 2): the direction of the faces' sliding along `axis`, first face relative to last one.
+
+    A reflected placement exchanges the faces of the element's own chain: the sense of sliding there is
+    that of the reference shape times the determinant of its rotation.
+    """
+    axis = face_axis(shape) if axis is None else np.asarray(axis, dtype=float)
+    return np.array([axis, -axis])
+
+
+def single_face_directions(face: int) -> np.ndarray:
+    """(2, 2, 2): tractions along x and y of the reference frame on face 0 (first node) or 1 (last node)."""
+    directions = np.zeros((2, 2, 2))
+    directions[:, face] = np.eye(2)
+    return directions
+
+
+def face_tractions(
+    shape: np.ndarray,
+    order: int,
+    elasticity: np.ndarray,
+    *,
+    stiffness: np.ndarray,
+    radial: np.ndarray,
+    directions: np.ndarray | None = None,
+    modes: int = 4,
+) -> FaceTractions:
+    """Traction modes on the faces of an open S-element.
+
+    Parameters
+    ----------
+    shape : (nodes, 2) array
+        Boundary nodes about the scaling centre, counter-clockwise from face to face, in units of the size.
+    order : int
+    elasticity : (3, 3) or (edges, 3, 3) array
+        D in units of the modulus.
+    stiffness, radial : (n, n) arrays
+        K and A of the S-element.
+    directions : (d, 2, 2) array, optional
+        Vectors on the first and last face; default: the opening alone (`opening_direction`). Tangential
+        contact adds `sliding_direction`, loads use `single_face_directions`.
+    modes : int
+        Polynomials a direction, at least 1 (constant); 4 carry a crack's contact to 5e-4 of the resultant.
+
+    Raises
+    ------
+    SElementError
+        If reciprocity is violated: the nodal forces of a particular solution are not the row of the moments.
+    ValueError
+        If `modes` is not at least 1.
+    """
+    if modes < 1:
+        raise ValueError(f"modes = {modes!r} must be at least 1: the number of traction polynomials")
+    directions = opening_direction(shape)[None] if directions is None else np.asarray(directions, dtype=float)
+    coefficients = coefficient_matrices(shape, order, False, elasticity)
+    n, count = len(radial), len(directions)
+    faces = np.linalg.norm(shape[[0, -1]], axis=1)
+    loaded = np.abs(directions).max(axis=2) > 0.0
+    lengths = (loaded @ faces) / loaded.sum(axis=1)
+    d = np.zeros((count, n))
+    d[:, :2], d[:, -2:] = directions[:, 0], directions[:, 1]
+    loads = lengths * d.T  # (n, d): L d^T
+
+    def moments(power: float) -> np.ndarray:
+        """(n, d): g of the monomial xi^(power - 1)."""
+        return np.linalg.solve(radial.T + power * np.eye(n), loads)
+
+    powers = np.arange(1.0, modes + 1.0)
+    reciprocity = 0.0
+    for power in powers + 0.25:  # between the modes' exponents, where a particular solution is a pure power
+        g = moments(power)
+        operator = (
+            power**2 * coefficients.e0 - power * (coefficients.e1 - coefficients.e1.T) - coefficients.e2
+        )
+        particular = np.linalg.lstsq(operator, -loads, rcond=1e-12)[0]
+        force = (stiffness - power * coefficients.e0 - coefficients.e1.T) @ particular
+        reciprocity = max(reciprocity, float(np.abs(force - g).max() / np.abs(g).max()))
+    if not reciprocity < TOLERANCE:
+        raise SElementError(
+            f"the reciprocity of its face tractions is violated by {reciprocity:.2g} (round-off is at most "
+            f"{TOLERANCE:.0g}): the radial solution is inaccurate; use a lower order or a rounder tip element"
+        )
+    rows = np.stack([moments(power) for power in powers])  # (modes, n, d)
+    rows = rows.transpose(2, 0, 1).reshape(count * modes, n)
+    forcing = cholesky_solve(cholesky(coefficients.e0, "coefficient matrix E0"), rows.T)
+    powers = np.tile(powers, count)
+    # forces of Bernstein modes -> tractions at the monomials
+    scale = modes / lengths
+    monomials = np.kron(np.diag(scale), _monomials_of_bernstein(modes).T)
+    flexibility = (rows @ forcing) / (powers[:, None] + powers[None, :])
+    return FaceTractions(
+        monomials.T @ rows,
+        symmetric(monomials.T @ flexibility @ monomials),
+        directions,
+        modes,
+        lengths,
+        forcing,
+        powers,
+        monomials,
+        reciprocity,
+    )
+
+
+def _monomials_of_bernstein(modes: int) -> np.ndarray:
+    """(modes, modes): row k holds the monomial coefficients of the Bernstein polynomial b_k."""
+    degree = modes - 1
+    table = np.zeros((modes, modes))
+    for k in range(modes):
+        for t in range(k, modes):
+            table[k, t] = comb(degree, t) * comb(t, k) * (-1.0) ** (t - k)
+    return table

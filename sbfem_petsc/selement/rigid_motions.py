@@ -1,0 +1,40 @@
+"""Rigid-body motions of an S-element, and products that leave them out exactly.
+
+A stiffness times a rigid motion is round-off, not zero. In slender structures, whose elements move almost
+rigidly, that round-off outweighs the strain energy of the lowest modes; taken out of the displacements before
+the product, and out of the forces after it, the motions cost no digits.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def rigid_motions(coordinates: np.ndarray) -> np.ndarray:
+    """(n, 3): two translations and the rotation about the origin, each of unit maximum, for nodes (nodes, 2)
+    of unit size.
+    """
+    motions = np.zeros((len(coordinates), 2, 3))
+    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
+    motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
+    return motions.reshape(-1, 3)
+
+
+def rigid_body_basis(coordinates: np.ndarray) -> np.ndarray:
+    """(n, 3): orthonormal translations and rotation about the mean of the nodes (nodes, 2)."""
+    motions = rigid_motions(coordinates - coordinates.mean(axis=0))
+    return motions / np.linalg.norm(motions, axis=0)
+
+
+def without_rigid_motions(basis: np.ndarray, vectors: np.ndarray) -> np.ndarray:
+    """(I - Q Q^T) vectors for vectors (n,) or (n, c), applied twice: once leaves the round-off of large
+    motions.
+    """
+    for _ in range(2):
+        vectors = vectors - basis @ (basis.T @ vectors)
+    return vectors
+
+
+def deformation_forces(stiffness: np.ndarray, basis: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+    """P K P u with P = I - Q Q^T: the nodal forces (n,) or (n, c) of what deforms the S-element."""
+    return without_rigid_motions(basis, stiffness @ without_rigid_motions(basis, displacement))

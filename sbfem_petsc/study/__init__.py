@@ -1,0 +1,1 @@
+"""A user's own case: case file, runs, sweeps, reports."""

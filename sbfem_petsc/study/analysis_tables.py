@@ -1,0 +1,221 @@
+"""Tables of a case file for analyses, outputs and sweeps."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from .tables import Name, Names, Pair, Table, by_kind, item
+
+_LOAD = "name of a load, or several that act together"
+
+
+class ModalAnalysis(Table):
+    """Natural frequencies and modes of the undamped structure with open cracks: `count` or `band`."""
+
+    kind: Literal["modal"] = item(text="natural frequencies and modes")
+    count: int | None = item(None, text="number of lowest frequencies", ge=1)
+    band: Pair | None = item(None, text="all frequencies between two", unit="Hz")
+    auxiliary_tolerance: float = item(
+        1e-5, text="inertia terms that matter less to the band are left out", ge=0, lt=1
+    )
+    verify: bool = item(True, text="count the eigenvalues, so that none of a multiple one is missed")
+
+
+class StaticAnalysis(Table):
+    """Displacement, contact forces and stress intensity under constant loads."""
+
+    kind: Literal["static"] = item(text="equilibrium with contact")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    contact: bool = item(True, text="false: crack faces may overlap")
+    method: Literal["active_set", "one_pass_tie"] = item(
+        "active_set", text="unilateral contact, or a single correction that admits tension"
+    )
+    stress_at: dict[str, Pair] = item({}, text="named places whose stress is wanted, name = [x, y]", unit="m")
+
+
+class TransientAnalysis(Table):
+    """A time history with contact; numbers in the load are constants from t = 0."""
+
+    kind: Literal["transient"] = item(text="time history")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    duration: float = item(text="end of the history", unit="s", gt=0)
+    step: float | None = item(
+        None,
+        text="time step; default: 1/320 of the loads' shortest period, with contact at most 0.8 of the "
+        "highest mode's",
+        unit="s",
+        gt=0,
+    )
+    modes: int | None = item(
+        None, text="modes; default: up to 8 times the loads' highest frequency, at least 80", ge=1
+    )
+    contact: bool = item(True, text="false: crack faces may overlap")
+    scheme: Literal["exact", "newmark", "paper"] = item("exact", text="time integration")
+    start: Literal["rest", "equilibrium"] = item(
+        "rest", text="at rest, or in static equilibrium with the loads at t = 0"
+    )
+    decimation: int = item(1, text="every so many steps are kept", ge=1)
+    reduced: bool = item(True, text="false: the unreduced model")
+
+
+class PeriodicAnalysis(Table):
+    """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
+    sin(2 pi frequency t)."""
+
+    kind: Literal["periodic"] = item(text="steady state")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
+    periods: int | None = item(
+        None, text="forcing periods in one period of the motion; default: the fewest that fit", ge=1
+    )
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(
+        None, text="modes; default: up to 8 times the loads' highest frequency, at least 80", ge=1
+    )
+    contact: bool = item(True, text="false: crack faces may overlap")
+    stability: bool = item(True, text="compute the Floquet multipliers")
+    tolerance: float | None = item(
+        None, text="double the steps until displacements change by less (relative)", gt=0, lt=1
+    )
+    reduced: bool = item(True, text="false: the unreduced model")
+
+
+class FrequencyResponse(Table):
+    """Steady states over the forcing frequency, through folds; the linear response without contact."""
+
+    kind: Literal["frequency_response"] = item(text="response curve over the frequency")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency", unit="Hz", gt=0)
+    stop: float = item(text="last frequency", unit="Hz", gt=0)
+    contact: bool = item(True, text="false: the linear response")
+    periods: int | None = item(None, text="forcing periods in one period of the motion", ge=1)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    points: int = item(400, text="points at most", ge=2)
+    largest_step: float | None = item(
+        None, text="largest change of the frequency from a point to the next", unit="Hz", gt=0
+    )
+    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
+
+
+class LoadResponse(Table):
+    """Steady states at a fixed frequency over a factor on the oscillating loads."""
+
+    kind: Literal["load_response"] = item(text="response curve over the load")
+    load: Names = item(text=_LOAD)
+    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
+    start: float = item(0.0, text="first factor", ge=0)
+    stop: float = item(1.0, text="last factor", ge=0)
+    periods: int = item(1, text="forcing periods in one period of the motion", ge=1)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    points: int = item(400, text="points at most", ge=2)
+    largest_step: float | None = item(None, text="largest change of the factor", gt=0)
+    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
+
+
+class ModulationAnalysis(Table):
+    """Vibro-acoustic modulation: steady state under a strong low tone and a weak high one, with the sidebands
+    of the high one. Numbers in the two loads are the tones' amplitudes."""
+
+    kind: Literal["modulation"] = item(text="two tones and their sidebands")
+    pump: Names = item(text="load of the low tone")
+    pump_frequency: float = item(text="low tone", unit="Hz", gt=0)
+    probe: Names = item(text="load of the high tone")
+    probe_frequency: float = item(text="high tone", unit="Hz", gt=0)
+    point: Name = item(text="point whose motion is read")
+    direction: Literal["x", "y"] = item("y", text="direction of the motion that is read")
+    pairs: int = item(3, text="pairs of sidebands", ge=1, le=10)
+    longest: int = item(
+        64, text="most periods of the low tone in the common period of both tones", ge=1, le=2000
+    )
+    steps: int | None = item(None, text="time steps a period of the low tone", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    contact: bool = item(True, text="false: crack faces may overlap")
+    stability: bool = item(True, text="compute the Floquet multipliers")
+
+
+class Backbone(Table):
+    """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
+
+    kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
+    mode: int = item(text="number of the mode, from 1", ge=1)
+    start: float = item(text="first energy", unit="J", gt=0)
+    stop: float = item(text="last energy", unit="J", gt=0)
+
+
+ANALYSES = (
+    ModalAnalysis,
+    StaticAnalysis,
+    TransientAnalysis,
+    PeriodicAnalysis,
+    FrequencyResponse,
+    LoadResponse,
+    ModulationAnalysis,
+    Backbone,
+)
+Analysis = by_kind(*ANALYSES)
+
+
+class Output(Table):
+    """What is kept and drawn."""
+
+    points: list[Name] | None = item(None, text="points whose motion is kept; default: all named points")
+    pictures: bool = item(True, text="draw pictures into the folder's pictures/")
+    vtu: bool = item(False, text="write modes and static displacements for ParaView")
+    csv: bool = item(False, text="write tables as CSV files")
+
+
+class Range(Table):
+    """Values from `start` to `stop`, both included; `count` of them in a grid."""
+
+    start: float = item(text="first value", unit="that of the key")
+    stop: float = item(text="last value", unit="that of the key")
+    count: int | None = item(None, text="number of values (not for Latin hypercube samples)", ge=1)
+    scale: Literal["linear", "logarithmic"] = item("linear", text="spacing")
+
+
+def _values_or_range(value: Any) -> str:
+    return "range" if isinstance(value, (dict, Range)) else "values"
+
+
+Values = Annotated[
+    Annotated[list[int | float | bool | str], Field(min_length=1), Tag("values")]
+    | Annotated[Range, Tag("range")],
+    Discriminator(_values_or_range),
+]
+
+
+class Noise(Table):
+    """White measurement noise on the motion that indicators are read from."""
+
+    snr: float = item(text="signal-to-noise ratio", unit="dB")
+    seed: int = item(0, text="seed of the random numbers", ge=0)
+
+
+class SweepTable(Table):
+    """The analyses of the case for many values of its keys."""
+
+    parameters: Annotated[dict[str, Values], Field(min_length=1)] = item(
+        text='values of each key that varies, "geometry.notches[0].depth" = [...] or { start, stop, count }'
+    )
+    method: Literal["grid", "list", "latin_hypercube"] = item(
+        "grid", text="every combination; the n-th values together; random samples that fill the ranges"
+    )
+    samples: int | None = item(None, text="number of Latin hypercube samples", ge=1)
+    seed: int = item(0, text="seed of the samples", ge=0)
+    analyses: Names | None = item(None, text="analyses that are run in each row; default: all")
+    healthy: dict[str, Any] | None = item(
+        None,
+        text="keys of the structure that frequency shifts are relative to; default: without notches and "
+        "cracks",
+    )
+    noise: Noise | None = item(None, text="measurement noise, { snr, seed }")
+    ranks_per_row: int = item(1, text="ranks that compute a row together", ge=1)
+    histories: bool = item(False, text="keep the motion of the points, not its harmonics alone")

@@ -1,0 +1,214 @@
+"""A case: what a user's file describes, read, checked and kept with its text."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from pydantic import Field, ValidationError
+
+from .analysis_tables import Analysis, Output, SweepTable
+from .contradictions import contradictions
+from .geometry_tables import Geometry, Material, Mesh, ModelTable
+from .load_tables import Load
+from .locations import parse, read_text
+from .parameters import STRUCTURE, parameter_problems, replaced_in
+from .problems import CaseError, Path, Problem, from_validation
+from .tables import Name, Pair, Table, item
+
+
+class CaseTables(Table):
+    """The tables of a case file."""
+
+    title: str = item("", text="what the case is about")
+    geometry: Geometry = item(text="the body")
+    mesh: Mesh = item(Mesh(), text="its division into S-elements")
+    points: dict[Name, Pair] = item({}, text="further named points, name = [x, y]", unit="m")
+    material: Material | None = item(None, text="material of the whole body")
+    materials: dict[Name, Material] = item({}, text="materials by region (a gmsh model's surfaces)")
+    model: ModelTable = item(ModelTable(), text="supports, damping, thickness")
+    loads: dict[Name, Load] = item({}, text="loads by name, [loads.NAME]")
+    analyses: Annotated[dict[Name, Analysis], Field(min_length=1)] = item(
+        text="analyses by name, [analyses.NAME], run in this order"
+    )
+    output: Output = item(Output(), text="what is kept and drawn")
+    sweep: SweepTable | None = item(None, text="many values of the case's keys")
+
+
+# Tables on which the results of an analysis depend.
+_DECISIVE = ("geometry", "mesh", "points", "material", "materials", "model", "loads", "analyses", "output")
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """A checked case.
+
+    Attributes
+    ----------
+    tables : CaseTables
+    data : dict
+        The tables as the user wrote them.
+    text : str
+        The file's text.
+    file : str
+        Its path, for messages.
+    folder : str
+        Folder that the paths in the case are relative to.
+    lines : dict of tuple to int
+        Line of each path of the case.
+    """
+
+    tables: CaseTables
+    data: dict[str, Any]
+    text: str
+    file: str
+    folder: str
+    lines: Mapping[Path, int] = field(repr=False, default_factory=dict)
+
+    def problem(self, path: Path, text: str) -> CaseError:
+        """The error that something is wrong at a path of the case."""
+        return CaseError(self.file, [Problem(path, text)], self.lines)
+
+    def resolve(self, file: str) -> str:
+        """Path of a file that the case names."""
+        return os.path.join(self.folder, file)
+
+    def with_data(self, data: dict[str, Any]) -> Case:
+        """The case with other tables, checked again; errors name the lines of this one."""
+        return Case(
+            _checked(data, self.file, self.folder, self.lines),
+            data,
+            self.text,
+            self.file,
+            self.folder,
+            self.lines,
+        )
+
+    @property
+    def key(self) -> str:
+        """Hash of all that results depend on: tables and the contents of the files they name."""
+        return self._hash(_DECISIVE)
+
+    @property
+    def structure_key(self) -> str:
+        """Hash of geometry, mesh, material and supports."""
+        return self._hash(STRUCTURE)
+
+    @property
+    def sweep_key(self) -> str:
+        """The same as `key`, with the sweep."""
+        return self._hash((*_DECISIVE, "sweep"))
+
+    def with_values(self, values: Mapping[str, Any]) -> Case:
+        """The case without its sweep, with values at dotted paths, checked again.
+
+        Raises
+        ------
+        CaseError
+            If a path leads nowhere or a value makes no sense there.
+        """
+        # of a row, the sweep's own paths need not lead anywhere any more
+        bare = {key: value for key, value in self.data.items() if key != "sweep"}
+        try:
+            return self.with_data(replaced_in(bare, values))
+        except CaseError:
+            raise
+        except ValueError as error:
+            raise self.problem((), f"{', '.join(values)}: {error}") from None
+
+    def named_files(self) -> dict[str, bytes]:
+        """Contents of the files that the case names (model, samples), by their names in the case."""
+        names = _files(self.data)
+        contents = {}
+        for path, name in names.items():
+            try:
+                with open(self.resolve(name), "rb") as file:
+                    contents[name] = file.read()
+            except OSError as error:
+                raise self.problem(path, f"= {name!r} cannot be read ({error.strerror or error})") from None
+        return contents
+
+    def _hash(self, tables: tuple[str, ...]) -> str:
+        chosen = self.tables.model_dump(mode="json", include=set(tables))
+        if "output" in chosen:
+            # what is drawn decides over no result
+            chosen["output"] = chosen["output"]["points"]
+        digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
+        for path, name in sorted(_files(self.data).items(), key=str):
+            if path[0] in tables:
+                with open(self.resolve(name), "rb") as file:
+                    digest.update(hashlib.sha256(file.read()).digest())
+        return digest.hexdigest()
+
+    def __repr__(self) -> str:
+        return (
+            f"Case({self.file!r}: {self.tables.geometry.kind}, "
+            f"analyses {', '.join(f'{n} ({a.kind})' for n, a in self.tables.analyses.items())})"
+        )
+
+
+def read_case(path: str | os.PathLike[str]) -> Case:
+    """Read and check a case file.
+
+    Parameters
+    ----------
+    path : path-like
+        TOML file; paths in it are relative to its folder.
+
+    Raises
+    ------
+    CaseError
+        A ValueError; one line a problem, each with file, line, item, value and what was expected.
+    """
+    return case_from_text(read_text(path), os.fspath(path))
+
+
+def case_from_text(text: str, file: str = "case", folder: str | None = None) -> Case:
+    """Check the text of a case.
+
+    Parameters
+    ----------
+    text : str
+    file : str
+        Name for messages.
+    folder : str, optional
+        Folder of the files that the case names. Default: that of `file`.
+    """
+    folder = os.path.dirname(os.path.abspath(file)) if folder is None else folder
+    data, lines = parse(text, file)
+    return Case(_checked(data, file, folder, lines), data, text, file, folder, lines)
+
+
+def _checked(data: dict[str, Any], file: str, folder: str, lines: Mapping[Path, int]) -> CaseTables:
+    try:
+        tables = CaseTables.model_validate(data)
+    except ValidationError as error:
+        raise CaseError(file, from_validation(error, data, CaseTables), lines) from None
+    problems = contradictions(tables, folder)
+    if tables.sweep is not None and not problems:
+        problems = list(parameter_problems(data, tables.sweep, CaseTables))
+    if problems:
+        raise CaseError(file, problems, lines)
+    return tables
+
+
+def _files(data: dict[str, Any]) -> dict[Path, str]:
+    """Paths in the case of the keys that name files, and what they name."""
+    found: dict[Path, str] = {}
+
+    def visit(value: Any, path: Path) -> None:
+        if isinstance(value, dict):
+            for key, entry in value.items():
+                if key == "file" and value.get("kind") in ("gmsh", "samples") and isinstance(entry, str):
+                    found[(*path, key)] = entry
+                visit(entry, (*path, key))
+        elif isinstance(value, list):
+            for k, entry in enumerate(value):
+                visit(entry, (*path, k))
+
+    visit(data, ())
+    return found

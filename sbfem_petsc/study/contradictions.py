@@ -1,0 +1,231 @@
+"""What single keys cannot tell: names that do not exist, tables that contradict each other."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from .geometry_tables import MESH_KEYS
+from .load_tables import COMPONENTS
+from .problems import Path, Problem, one_of
+
+# Names that the summary of a run uses itself.
+RESERVED = ("run",)
+_PERIODIC = ("harmonic", "constant")
+# Signals that each kind of analysis understands beside numbers.
+_SIGNALS = {
+    "static": (),
+    "periodic": _PERIODIC,
+    "frequency_response": _PERIODIC,
+    "load_response": _PERIODIC,
+    "modulation": ("constant",),
+}
+
+
+def contradictions(case: Any, folder: str) -> list[Problem]:
+    """Problems of tables that are valid each by itself.
+
+    Parameters
+    ----------
+    case : CaseTables
+    folder : str
+        Folder that paths in the case are relative to.
+    """
+    return [
+        *_geometry(case, folder),
+        *_materials(case),
+        *_model(case),
+        *_loads(case, folder),
+        *_analyses(case),
+        *_sweep(case),
+    ]
+
+
+def _geometry(case: Any, folder: str) -> Iterator[Problem]:
+    kind = case.geometry.kind
+    for key in sorted(case.mesh.model_fields_set):
+        if key not in MESH_KEYS[kind]:
+            yield Problem(("mesh", key), f"is not for geometry.kind = {kind!r}; {one_of(MESH_KEYS[kind])}")
+    if kind == "gmsh":
+        path = os.path.join(folder, case.geometry.file)
+        if not os.path.isfile(path):
+            yield Problem(
+                ("geometry", "file"),
+                f"= {case.geometry.file!r} does not exist in {folder!r}; name a gmsh model "
+                "relative to the case "
+                "file",
+            )
+        if case.points:
+            yield Problem(
+                ("points",),
+                "is not for a gmsh model, whose named points are its physical points; add them there",
+            )
+
+
+def _materials(case: Any) -> Iterator[Problem]:
+    if case.material is not None and case.materials:
+        yield Problem(
+            ("materials",),
+            "stands beside [material]; give one material for the whole body or one a region, not both",
+        )
+    if case.material is None and not case.materials:
+        yield Problem(("material",), "is missing; add [material] with young, poisson and density")
+    found: list[tuple[Path, Any]] = [(("material",), case.material)] if case.material is not None else []
+    found += [(("materials", name), material) for name, material in case.materials.items()]
+    for path, material in found:
+        if material.kind == "isotropic" and material.plane == "strain" and material.poisson >= 0.5:
+            yield Problem((*path, "poisson"), f"= {material.poisson:g} must be below 0.5 in plane strain")
+
+
+def _model(case: Any) -> Iterator[Problem]:
+    model = case.model
+    if model.clamped is None and not model.supports and case.geometry.kind != "beam":
+        yield Problem(
+            ("model", "clamped"),
+            f"is missing, which only a beam has a default for; name an edge set of the "
+            f"{case.geometry.kind}, or "
+            "write clamped = [] for a free structure",
+        )
+    free = model.clamped == [] and not model.supports
+    for name, analysis in case.analyses.items():
+        if free and analysis.kind != "modal":
+            yield Problem(
+                ("analyses", name, "kind"),
+                f"= {analysis.kind!r} needs a structure held against every rigid-body motion, but "
+                "model.clamped "
+                "= [] and there are no supports; clamp an edge set",
+            )
+    rayleigh = model.rayleigh
+    if isinstance(rayleigh, list):
+        for k, value in enumerate(rayleigh):
+            if value < 0.0:
+                yield Problem(("model", "rayleigh", k), f"= {value:g} must not be negative")
+    elif rayleigh is not None and rayleigh.low >= rayleigh.high:
+        yield Problem(
+            ("model", "rayleigh", "low"), f"= {rayleigh.low:g} must be below high = {rayleigh.high:g}, in Hz"
+        )
+
+
+def _loads(case: Any, folder: str) -> Iterator[Problem]:
+    for name, load in case.loads.items():
+        given = {key: getattr(load, key) for key in COMPONENTS if key in type(load).model_fields}
+        if all(value == 0.0 for value in given.values()):
+            yield Problem(("loads", name), f"has no component other than 0; give {' or '.join(given)}")
+        for key, value in given.items():
+            path: Path = ("loads", name, key)
+            kind = getattr(value, "kind", None)
+            if kind == "samples" and not os.path.isfile(os.path.join(folder, value.file)):
+                yield Problem(
+                    (*path, "file"),
+                    f"= {value.file!r} does not exist in {folder!r}; name a file relative to the case file",
+                )
+            if kind == "chirp" and value.taper > 0.5 * value.duration:
+                yield Problem(
+                    (*path, "taper"),
+                    f"= {value.taper:g} must be at most half the duration, {0.5 * value.duration:g}, in s",
+                )
+            if kind == "chirp" and value.start == value.stop == 0.0:
+                yield Problem((*path, "stop"), "= 0 and start = 0 leave no oscillation; one must be positive")
+
+
+def _analyses(case: Any) -> Iterator[Problem]:
+    for name, analysis in case.analyses.items():
+        path: Path = ("analyses", name)
+        if name in RESERVED or not re.fullmatch(r"[^/\\.\s][^/\\]*", name):
+            yield Problem(path, "cannot be a name of an analysis; use letters, digits, '-' and '_'")
+        yield from _analysis_loads(case, path, analysis)
+        if analysis.kind == "modal":
+            if (analysis.count is None) == (analysis.band is None):
+                yield Problem(
+                    path, "needs count (number of lowest frequencies) or band = [low, high], and not both"
+                )
+            elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
+                yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
+        if analysis.kind in ("frequency_response", "load_response", "backbone"):
+            if analysis.start == analysis.stop:
+                yield Problem(
+                    (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"
+                )
+        if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
+            yield Problem(
+                (*path, "pump_frequency"),
+                f"= {analysis.pump_frequency:g} must be below probe_frequency = "
+                f"{analysis.probe_frequency:g}, in "
+                "Hz; exchange pump and probe",
+            )
+        if analysis.kind == "transient":
+            if analysis.step is not None and analysis.step > analysis.duration:
+                yield Problem(
+                    (*path, "step"),
+                    f"= {analysis.step:g} is longer than duration = {analysis.duration:g}, in s",
+                )
+            if analysis.scheme == "paper" and analysis.reduced and "reduced" in analysis.model_fields_set:
+                yield Problem(
+                    (*path, "scheme"), '= "paper" integrates the unreduced model; leave reduced = true out'
+                )
+        if analysis.kind == "periodic" and analysis.tolerance is not None and not analysis.reduced:
+            yield Problem(
+                (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"
+            )
+
+
+def _analysis_loads(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:
+    """Names of loads that do not exist, and signals that an analysis does not understand."""
+    for key in ("load", "pump", "probe"):
+        names = getattr(analysis, key, None) or []
+        for name in names:
+            if name not in case.loads:
+                yield Problem((*path, key), f"= {name!r} is no load; {one_of(case.loads, name)}")
+                continue
+            allowed = _SIGNALS.get(analysis.kind)
+            if allowed is None:
+                continue
+            load = case.loads[name]
+            for component in COMPONENTS:
+                kind = getattr(getattr(load, component, None), "kind", None)
+                if kind is not None and kind not in allowed:
+                    what = f"numbers and {' or '.join(allowed)}" if allowed else "numbers"
+                    yield Problem(
+                        (*path, key),
+                        f"= {name!r} has {component} of kind {kind!r}, but {analysis.kind} takes {what}; use "
+                        "transient, or another load",
+                    )
+
+
+def _sweep(case: Any) -> Iterator[Problem]:
+    sweep = case.sweep
+    if sweep is None:
+        return
+    path: Path = ("sweep",)
+    for name in sweep.analyses or ():
+        if name not in case.analyses:
+            yield Problem((*path, "analyses"), f"= {name!r} is no analysis; {one_of(case.analyses, name)}")
+    latin = sweep.method == "latin_hypercube"
+    if latin and sweep.samples is None:
+        yield Problem(
+            (*path, "samples"), 'is missing; method = "latin_hypercube" needs the number of samples'
+        )
+    if not latin and sweep.samples is not None:
+        yield Problem((*path, "samples"), 'is for method = "latin_hypercube"; leave it out or change method')
+    lengths = {}
+    for name, values in sweep.parameters.items():
+        here: Path = (*path, "parameters", name)
+        if isinstance(values, list):
+            lengths[name] = len(values)
+            if latin:
+                yield Problem(here, 'must be { start, stop } with method = "latin_hypercube"')
+            continue
+        lengths[name] = values.count or 0
+        if latin and values.count is not None:
+            yield Problem((*here, "count"), 'is not for method = "latin_hypercube"; give sweep.samples')
+        if not latin and values.count is None:
+            yield Problem((*here, "count"), "is missing (number of values); add it")
+        if values.scale == "logarithmic" and not (values.start > 0.0 and values.stop > 0.0):
+            yield Problem((*here, "scale"), '= "logarithmic" needs start and stop greater than 0')
+    if sweep.method == "list" and len(set(lengths.values())) > 1:
+        listed = ", ".join(f"{name}: {count}" for name, count in lengths.items())
+        yield Problem(
+            (*path, "parameters"), f'must have equally many values each with method = "list" ({listed})'
+        )

@@ -1,0 +1,203 @@
+"""Reference of the case file and its JSON Schema, both made from the tables themselves.
+
+python -m sbfem_petsc.study.documentation     writes docs/case_file.md and docs/case_file.schema.json
+"""
+
+from __future__ import annotations
+
+import json
+import pathlib
+import types
+import typing
+from collections.abc import Iterator
+from typing import Annotated, Any
+
+from pydantic import BaseModel
+from pydantic_core import PydanticUndefined
+
+from .analysis_tables import ANALYSES, Noise, Output, Range, SweepTable
+from .case import CaseTables
+from .geometry_tables import (
+    MESH_KEYS,
+    BeamGeometry,
+    CrackLine,
+    GmshGeometry,
+    Hole,
+    Isotropic,
+    Mesh,
+    ModelTable,
+    Notch,
+    Orthotropic,
+    PlateGeometry,
+    RayleighBand,
+    Support,
+)
+from .load_tables import SIGNALS, EdgeLoad, PointForce, SupportMotion
+
+_HEAD = """# The case file
+
+A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io):
+tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one,
+`sbfem check case.toml` validates it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units
+are SI, angles are in degrees. Keys without a default have to be given. This page is generated from the
+program's own tables; `case_file.schema.json` beside it lets an editor check and complete a case file.
+"""
+_SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
+    (
+        "[geometry]",
+        "One of three kinds.",
+        (BeamGeometry, Notch, Hole, PlateGeometry, CrackLine, GmshGeometry),
+    ),
+    ("[mesh]", "", (Mesh,)),
+    (
+        "[material] or [materials.REGION]",
+        "One `[material]` for the whole body, or one table for each region of the mesh (the "
+        "physical surfaces of a "
+        "gmsh model).",
+        (Isotropic, Orthotropic),
+    ),
+    ("[model]", "", (ModelTable, Support, RayleighBand)),
+    (
+        "[loads.NAME]",
+        'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = '
+        "1.0, frequency = "
+        "50.0 }`. What a number means depends on the analysis: a constant force in `static` and "
+        "`transient`, the "
+        "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response` and `modulation`.",
+        (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
+    ),
+    ("[analyses.NAME]", "The names are yours; analyses run in the order of the file.", ANALYSES),
+    ("[output]", "", (Output,)),
+    (
+        "[sweep]",
+        "Run by `sbfem sweep`. Parameters are dotted paths into the case; `[0]` is the first entry "
+        "of an array.",
+        (SweepTable, Range, Noise),
+    ),
+)
+
+
+def markdown() -> str:
+    """The reference page."""
+    parts = [_HEAD]
+    parts.append("## Top level\n\n" + _table(CaseTables, skip=("sweep",)))
+    for heading, text, tables in _SECTIONS:
+        parts.append(f"## `{heading}`\n\n{text}".rstrip() + "\n")
+        for table in tables:
+            if len(tables) > 1:
+                parts.append(f"### {_title(table)}\n")
+            parts.append(" ".join((table.__doc__ or "").split()) + "\n")
+            parts.append(_table(table))
+            if table is Mesh:
+                known = "; ".join(
+                    f"`{kind}`: {', '.join(f'`{key}`' for key in keys)}" for kind, keys in MESH_KEYS.items()
+                )
+                parts.append(f"Keys by kind of geometry: {known}.\n")
+    return "\n".join(parts)
+
+
+def schema() -> str:
+    """JSON Schema of a case file."""
+    found = CaseTables.model_json_schema(mode="validation")
+    found["$schema"] = "https://json-schema.org/draft/2020-12/schema"
+    found["title"] = "sbfem-petsc case file"
+    return json.dumps(found, indent=1) + "\n"
+
+
+def _title(table: type[BaseModel]) -> str:
+    field = table.model_fields.get("kind")
+    if field is not None:
+        return f'`kind = "{typing.get_args(field.annotation)[0]}"`'
+    return {
+        "Notch": "`[[geometry.notches]]`",
+        "Hole": "`[[geometry.holes]]` (beam, plate)",
+        "CrackLine": "`[[geometry.cracks]]` (plate)",
+        "Support": "`[[model.supports]]`",
+        "RayleighBand": "`rayleigh = { ... }`",
+        "Range": "A range of values",
+        "Noise": "`noise = { ... }`",
+        "ModelTable": "`[model]`",
+        "SweepTable": "`[sweep]`",
+    }[table.__name__]
+
+
+def _table(table: type[BaseModel], skip: tuple[str, ...] = ()) -> str:
+    lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
+    for name, field in table.model_fields.items():
+        if name in skip:
+            continue
+        extra = field.json_schema_extra
+        unit = str(extra.get("unit", "")) if isinstance(extra, dict) else ""
+        cells = (
+            f"`{name}`",
+            _kind(field.annotation, field.metadata),
+            unit,
+            _default(field),
+            _bounded(field),
+        )
+        lines.append("| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
+def _default(field: Any) -> str:
+    if field.is_required():
+        return "**needed**"
+    if field.default is None or isinstance(field.default, BaseModel):
+        return ""
+    if field.default is PydanticUndefined:
+        return ""
+    return f"`{json.dumps(field.default)}`"
+
+
+def _bounded(field: Any) -> str:
+    words = {"gt": "above", "ge": "at least", "lt": "below", "le": "at most"}
+    bounds = [
+        f"{text} {getattr(entry, name):g}"
+        for entry in field.metadata
+        for name, text in words.items()
+        if getattr(entry, name, None) is not None
+    ]
+    return (field.description or "") + (f" ({', '.join(bounds)})" if bounds else "")
+
+
+def _kind(annotation: Any, metadata: Any) -> str:
+    if metadata:
+        annotation = Annotated[(annotation, *metadata)]
+    return " or ".join(dict.fromkeys(_kinds(annotation)))
+
+
+def _kinds(annotation: Any) -> Iterator[str]:
+    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
+    names = {float: "number", int: "whole number", bool: "true or false", str: "text", Any: "any"}
+    if annotation is type(None):
+        return
+    if origin is Annotated:
+        if any(getattr(entry, "json_schema_input_type", None) == (str | list[str]) for entry in parts[1:]):
+            yield "text"
+        yield from _kinds(parts[0])
+    elif origin in (typing.Union, types.UnionType):
+        for part in parts:
+            yield from _kinds(part)
+    elif origin is typing.Literal:
+        yield ", ".join(json.dumps(part) for part in parts)
+    elif origin is list:
+        inner = " or ".join(dict.fromkeys(_kinds(parts[0])))
+        yield f"array of {inner}"
+    elif origin is dict:
+        inner = " or ".join(dict.fromkeys(_kinds(parts[1])))
+        yield f"table of {inner}" if inner != "table" else "tables by name"
+    elif isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield "table"
+    else:
+        yield names[annotation]
+
+
+def main() -> None:
+    """Write both files into the folder docs of the working directory."""
+    folder = pathlib.Path("docs")
+    (folder / "case_file.md").write_text(markdown(), encoding="utf-8")
+    (folder / "case_file.schema.json").write_text(schema(), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,181 @@
+"""What a case will take: sizes from its mesh and model; memory, disk and time by fitted rules.
+
+Measured on one core of a server with MUMPS, beams of 3,000 to 37,000 unknowns with 16 to 41 contact pairs and
+46 to 80 modes: the rules meet those times within a factor of two or three.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from . import parameters
+from .case import Case
+from .solve import Structure, common_period, steps_of_two_tones
+
+_BASE_MEMORY, _UNKNOWN_MEMORY = 260e6, 8e3  # bytes: the program and its libraries; a matrix and its factor
+_FEWEST_MODES, _STEPS = 80, 512
+# Points of a response curve, where the case does not say.
+_CURVE_POINTS = 60
+
+
+def estimate(case: Case, comm: Any) -> dict[str, Any]:
+    """Sizes, and estimates of memory (bytes), disk (bytes) and time (s of one core). Collective.
+
+    The mesh and the model are made for it; nothing is solved.
+    """
+    structure = Structure(case, comm)
+    model = structure.model
+    lower, upper = model.extent
+    facts: dict[str, Any] = {
+        "title": case.tables.title,
+        "extent": [*map(float, lower), *map(float, upper)],
+        "elements": int(model.elements),
+        "order": int(model.order),
+        "boundary_unknowns": int(model.boundary_unknowns),
+        "unknowns": int(model.unknowns),
+        "contact_pairs": len(model.pairs),
+        "cracks": [crack.name for crack in model.cracks],
+        "points": {name: list(map(float, place)) for name, (place, _) in model.points.items()},
+        "edge_sets": list(model.edge_set_names),
+        "regions": list(model.material_names),
+        "analyses": {},
+    }
+    points = len(structure.points(case))
+    structure.destroy()
+    sizes = (facts["unknowns"], facts["contact_pairs"], points)
+    for name, table in case.tables.analyses.items():
+        seconds, memory, disk = _analysis(case, table, *sizes)
+        facts["analyses"][name] = {
+            "kind": table.kind,
+            "seconds": seconds,
+            "memory": _BASE_MEMORY + _UNKNOWN_MEMORY * facts["unknowns"] + memory,
+            "disk": disk,
+        }
+    entries = facts["analyses"].values()
+    facts["seconds"] = 0.2 + 5e-6 * facts["unknowns"] + sum(entry["seconds"] for entry in entries)
+    facts["memory"] = max(entry["memory"] for entry in entries)
+    facts["disk"] = 2e5 + sum(entry["disk"] for entry in entries)
+    if case.tables.sweep is not None:
+        facts["sweep"] = _sweep(case, facts)
+    return facts
+
+
+def _sweep(case: Case, facts: dict[str, Any]) -> dict[str, Any]:
+    table = case.tables.sweep
+    assert table is not None
+    rows = parameters.rows(table)
+    structures = len({parameters.structural(row) for row in rows})
+    chosen = [facts["analyses"][name] for name in table.analyses or facts["analyses"]]
+    each, shared = 0.0, 0.2 + 5e-6 * facts["unknowns"]
+    for entry in chosen:
+        once = entry["kind"] in ("modal", "periodic", "modulation")
+        quick = min(entry["seconds"], 0.15) if once else entry["seconds"]
+        quick = 0.0 if entry["kind"] == "modal" else quick
+        each, shared = each + quick, shared + entry["seconds"] - quick
+    return {
+        "rows": len(rows),
+        "structures": structures,
+        "seconds": structures * shared + len(rows) * each,
+        "disk": len(rows) * (3e3 + (sum(e["disk"] for e in chosen) if table.histories else 0.0)),
+    }
+
+
+def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tuple[float, float, float]:
+    """Seconds, bytes of memory beside the model's, bytes on the disk."""
+    kind = table.kind
+    if kind == "modal":
+        count = table.count or 50
+        return _modal(unknowns, count), 8.0 * unknowns * 3 * count, 16.0 * count * (points + 1)
+    if kind == "static":
+        return 0.03 + 1e-5 * unknowns, 0.0, 32.0 * pairs
+    modes = getattr(table, "modes", None) or min(_FEWEST_MODES, max(1, unknowns // 4))
+    reduction = 2.0 * _modal(unknowns, modes) + 3e-6 * unknowns * (pairs + 1)
+    if kind == "transient":
+        step = table.step or _step(case, table)
+        count = max(1, math.ceil(table.duration / step))
+        row = 8.0 * (2 * modes + pairs + 6 + 4 * points)
+        seconds = reduction + 6e-8 * count * modes * (1.0 + pairs / 26)
+        if not table.reduced:
+            seconds = count * 2.4e-7 * unknowns
+        return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
+    steps = getattr(table, "steps", None) or _STEPS
+    periods = getattr(table, "periods", None) or 1
+    if kind == "modulation":
+        steps = table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency)
+        low = common_period(table.pump_frequency, table.probe_frequency, table.longest)
+        periods = max(1, round(low * table.pump_frequency))
+    one = steps * periods * (2e-8 * modes**2 + 1e-6 * pairs)
+    arrays = 8.0 * steps * periods * (6 * modes + 3 * pairs)
+    if getattr(table, "stability", False):
+        one *= 2.5
+    if kind in ("frequency_response", "load_response"):
+        if not getattr(table, "contact", True):
+            return reduction, 0.0, 1e6
+        count = min(table.points, _CURVE_POINTS)
+        return reduction + one * count, arrays, 400.0 * count * (modes + points * 60)
+    return reduction + one, arrays, 8.0 * steps * periods * (3 * modes + pairs + 2 * points)
+
+
+def _modal(unknowns: int, count: int) -> float:
+    return 0.05 + 1.3e-6 * unknowns * count
+
+
+def _step(case: Case, table: Any) -> float:
+    """The default step of a history whose highest mode is not known yet: that of the load, at most."""
+    highest = 0.0
+    for name in table.load:
+        for value in case.tables.loads[name].model_dump().values():
+            if isinstance(value, dict):
+                found = [value.get(key) or 0.0 for key in ("frequency", "start", "stop")]
+                highest = max(highest, *found)
+    return 1.0 / (320.0 * highest) if highest > 0.0 else table.duration / 2000.0
+
+
+def told(case: Case, facts: dict[str, Any]) -> str:
+    """Estimates as text."""
+    x0, y0, x1, y1 = facts["extent"]
+    cracks = len(facts["cracks"])
+    lines = [
+        f"{case.file}: a valid case" + (f", {facts['title']!r}" if facts["title"] else ""),
+        f"  body           [{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m, {cracks} crack{'s' * (cracks != 1)}",
+        f"  mesh           {facts['elements']} S-elements of order {facts['order']}, "
+        f"{facts['boundary_unknowns']:,d} boundary unknowns, {facts['unknowns']:,d} with auxiliary ones, "
+        f"{facts['contact_pairs']} contact pairs",
+        f"  points         {', '.join(facts['points']) or 'none'}",
+        f"  edge sets      {', '.join(facts['edge_sets'])}",
+        f"  regions        {', '.join(facts['regions'])}",
+        "  expected (estimates, one core):",
+    ]
+    for name, entry in facts["analyses"].items():
+        lines.append(
+            f"    {name:18s} {entry['kind']:18s} {duration(entry['seconds']):>9s}   memory "
+            f"{size(entry['memory'])}, disk {size(entry['disk'])}"
+        )
+    lines.append(
+        f"    {'all':18s} {'':18s} {duration(facts['seconds']):>9s}   memory {size(facts['memory'])}, disk "
+        f"{size(facts['disk'])}; the first run compiles for some 20 s more"
+    )
+    if "sweep" in facts:
+        found = facts["sweep"]
+        lines.append(
+            f"    sweep              {found['rows']:,d} rows on {found['structures']:,d} structures  "
+            f"{duration(found['seconds'])} of one core, disk {size(found['disk'])}"
+        )
+    return "\n".join(lines)
+
+
+def duration(seconds: float) -> str:
+    """A time to two digits, in a fitting unit."""
+    for limit, unit, factor in ((90.0, "s", 1.0), (5400.0, "min", 60.0), (math.inf, "h", 3600.0)):
+        if seconds < limit:
+            return f"{float(f'{seconds / factor:.2g}'):g} {unit}"
+    raise AssertionError
+
+
+def size(count: float) -> str:
+    """Bytes to two digits, in a fitting unit."""
+    for limit, unit, factor in ((1e6, "kB", 1e3), (1e9, "MB", 1e6), (math.inf, "GB", 1e9)):
+        if count < limit:
+            return f"{float(f'{count / factor:.2g}'):g} {unit}"
+    raise AssertionError

@@ -1,0 +1,112 @@
+"""The folder of a run: which case it holds, which analyses are finished, who is at work in it."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+import time
+from typing import Any, TextIO
+
+import sbfem_petsc as sb
+
+from .case import Case
+from .storage import read_json, write_json
+
+STATE, LOCK, PARTS = "run.json", ".lock", "analyses"
+FORMAT_VERSION = 1
+
+
+class Folder:
+    """State of a run, kept in a file so that an interrupted run goes on. On rank 0 alone.
+
+    Parameters
+    ----------
+    path : str
+        Existing folder.
+    case : Case
+    what : {"run", "sweep"}
+        What is done with the case.
+    replace : bool
+        Give up what another case or version left in the folder.
+
+    Raises
+    ------
+    ValueError
+        If the folder holds another case, or another process is at work in it.
+    """
+
+    def __init__(self, path: str, case: Case, what: str, replace: bool = False):
+        self.path = path
+        self.lock: TextIO | None = open(os.path.join(path, LOCK), "w")  # held until close
+        try:
+            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            self.close()
+            raise ValueError(
+                f"another process is at work in {path!r}; wait for it, or name another folder with --output"
+            ) from None
+        except OSError:
+            pass  # a file system without locks
+        self.state_file = os.path.join(path, f"{what}.json")
+        self.parts = os.path.join(path, PARTS if what == "run" else "rows")
+        try:
+            self.state = self._begin(case, what, replace)
+        except BaseException:
+            self.close()
+            raise
+
+    def _begin(self, case: Case, what: str, replace: bool) -> dict[str, Any]:
+        mine = {
+            "format_version": FORMAT_VERSION,
+            "version": sb.__version__,
+            "what": what,
+            "case": case.key if what == "run" else case.sweep_key,
+        }
+        if os.path.lexists(self.state_file) and not replace:
+            former = read_json(self.state_file)
+            if former.get("case") != mine["case"]:
+                raise ValueError(
+                    f"{self.path!r} holds the {what} of another case; name another folder with "
+                    "--output, or give "
+                    "--replace to overwrite it"
+                )
+            for name in ("version", "format_version"):
+                if former.get(name) != mine[name]:
+                    raise ValueError(
+                        f"{self.path!r} was written by version {former.get('version')}, and this is "
+                        f"{sb.__version__}; name another folder with --output, or give --replace "
+                        "to compute it "
+                        "again"
+                    )
+            os.makedirs(self.parts, exist_ok=True)
+            return former
+        shutil.rmtree(self.parts, ignore_errors=True)
+        os.makedirs(self.parts)
+        mine["done"] = {}
+        write_json(self.state_file, mine)
+        return mine
+
+    def finished(self, name: str) -> bool:
+        """Whether an analysis is done and its file still there."""
+        entry = self.state["done"].get(name)
+        return bool(entry and entry["status"] == "finished" and os.path.isfile(self.part(name)))
+
+    def part(self, name: str, kind: str = "h5") -> str:
+        """File of an analysis."""
+        return os.path.join(self.parts, f"{name}.{kind}")
+
+    def record(self, name: str, status: str, **further: Any) -> None:
+        """Note, on the disk, how an analysis ended."""
+        self.state["done"][name] = {
+            "status": status,
+            "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+            **further,
+        }
+        write_json(self.state_file, self.state)
+
+    def close(self) -> None:
+        """Leave the folder to others."""
+        if self.lock is not None:
+            self.lock.close()
+            self.lock = None

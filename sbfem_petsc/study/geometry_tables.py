@@ -1,0 +1,176 @@
+"""Tables of a case file for geometry, mesh and material."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from .tables import AnyNames, Name, Pair, Table, by_kind, item
+
+
+class Notch(Table):
+    """A V-notch or crack from the beam's top edge; `opening = 0` is a closed crack."""
+
+    x: float = item(text="position of the tip along the beam", unit="m")
+    depth: float = item(text="vertical distance of the tip from the top edge", unit="m", gt=0)
+    opening: float = item(text="total angle between the faces; 0 is a closed crack", unit="degree", ge=0)
+    tilt: float = item(
+        0.0,
+        text="angle of the axis from the vertical, positive with the mouth towards the free end",
+        unit="degree",
+    )
+
+
+class Hole(Table):
+    """A circular hole."""
+
+    x: float = item(text="centre", unit="m")
+    y: float = item(text="centre", unit="m")
+    diameter: float = item(text="diameter", unit="m", gt=0)
+
+
+class BeamGeometry(Table):
+    """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
+
+    kind: Literal["beam"] = item(text="a beam with notches and holes")
+    length: float = item(text="length", unit="m", gt=0)
+    height: float = item(text="height", unit="m", gt=0)
+    notches: list[Notch] = item([], text="notches and cracks, [[geometry.notches]]")
+    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
+
+
+class CrackLine(Table):
+    """A crack along a polygonal line, from mouth to tip or from tip to tip."""
+
+    points: Annotated[list[Pair], Field(min_length=2)] = item(
+        text="points from the mouth to the tip, or from tip to tip", unit="m"
+    )
+    opening: float = item(0.0, text="full angle at the mouth", unit="degree", ge=0)
+    name: Name | None = item(None, text='name of the crack; else "crack1", "crack2", ...')
+
+
+class PlateGeometry(Table):
+    """A polygon with holes and cracks."""
+
+    kind: Literal["plate"] = item(text="a polygon with holes and cracks")
+    outline: Annotated[list[Pair], Field(min_length=3)] = item(
+        text='corners counter-clockwise; its sides are the edge sets "edge1", "edge2", ...', unit="m"
+    )
+    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
+    cracks: list[CrackLine] = item([], text="cracks, [[geometry.cracks]]")
+
+
+class GmshGeometry(Table):
+    """A gmsh model with physical groups: surfaces are materials, curves edge sets, points named points."""
+
+    kind: Literal["gmsh"] = item(text="a model of gmsh's")
+    file: Name = item(text="path of a .msh, .geo, .step or .brep file, relative to the case file")
+    scale: float = item(1.0, text="factor on the file's lengths: 1e-3 for a model in mm", gt=0)
+
+
+Geometry = by_kind(BeamGeometry, PlateGeometry, GmshGeometry)
+
+
+class Mesh(Table):
+    """How the body is divided into S-elements."""
+
+    order: int = item(5, text="polynomial order of the edges", ge=1, le=20)
+    size: float | None = item(
+        None, text="length of the cells; default: 2.5 times a beam's height", unit="m", gt=0
+    )
+    tip_size: float | None = item(
+        None, text="half-size of the S-element on a tip; default: 0.02 of the depth", unit="m", gt=0
+    )
+    grading: float = item(2.5, text="largest size ratio of neighbouring rings", ge=1.1, le=10)
+    layout: Literal["tip", "vertex"] = item(
+        "tip", text='"tip": scaling centre on the tip; "vertex": the tip is a corner of four S-elements'
+    )
+    corner_size: float | None = item(
+        None,
+        text="innermost cell at the graded corners; default: 0.2 of the height where there is room",
+        unit="m",
+        gt=0,
+    )
+    corners: list[Literal["left", "right"]] = item(["left"], text="end edges whose corners are graded")
+    tip_element: bool = item(True, text="merge the cells around each crack tip into one S-element")
+
+
+# Keys of [mesh] that each kind of geometry understands.
+MESH_KEYS = {
+    "beam": ("order", "size", "tip_size", "grading", "layout", "corner_size", "corners"),
+    "plate": ("order", "size", "tip_size"),
+    "gmsh": ("order", "size", "tip_element"),
+}
+
+
+class Isotropic(Table):
+    """Isotropic linear elastic material."""
+
+    kind: Literal["isotropic"] = item("isotropic", text="the same in all directions")
+    young: float = item(text="Young's modulus", unit="Pa", gt=0)
+    poisson: float = item(text="Poisson's ratio", gt=-1, le=0.5)
+    density: float = item(text="density", unit="kg/m^3", gt=0)
+    plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
+
+
+class Orthotropic(Table):
+    """Orthotropic linear elastic material."""
+
+    kind: Literal["orthotropic"] = item(text="different along two axes")
+    young_1: float = item(text="Young's modulus along axis 1", unit="Pa", gt=0)
+    young_2: float = item(text="Young's modulus along axis 2", unit="Pa", gt=0)
+    poisson_12: float = item(text="-eps_2 / eps_1 under stress along 1")
+    shear_12: float = item(text="shear modulus", unit="Pa", gt=0)
+    density: float = item(text="density", unit="kg/m^3", gt=0)
+    angle: float = item(0.0, text="from the x axis to axis 1, counter-clockwise", unit="degree")
+    plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
+    young_3: float | None = item(
+        None, text="normal to the plane, plane strain only; default: young_2", unit="Pa", gt=0
+    )
+    poisson_13: float | None = item(None, text="plane strain only; default: poisson_12")
+    poisson_23: float | None = item(None, text="plane strain only; default: poisson_12")
+
+
+def _material_kind(value: Any) -> Any:
+    return value.get("kind", "isotropic") if isinstance(value, dict) else getattr(value, "kind", None)
+
+
+Material = Annotated[
+    Annotated[Isotropic, Tag("isotropic")] | Annotated[Orthotropic, Tag("orthotropic")],
+    Discriminator(_material_kind),
+]
+
+
+class Support(Table):
+    """A support of an edge set or a point, direction by direction."""
+
+    where: Name = item(text="edge set or point")
+    x: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")
+    y: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")
+
+
+class RayleighBand(Table):
+    """Rayleigh damping by its ratio at two frequencies."""
+
+    ratio: float = item(text="damping ratio at both frequencies", ge=0, lt=1)
+    low: float = item(text="lower frequency", unit="Hz", gt=0)
+    high: float = item(text="upper frequency", unit="Hz", gt=0)
+
+
+class ModelTable(Table):
+    """Supports, damping, thickness."""
+
+    clamped: AnyNames | None = item(
+        None,
+        text='edge set or point, or several, held fixed; [] for a free structure; default "left" of a beam',
+    )
+    supports: list[Support] = item([], text="further supports, [[model.supports]]")
+    damping: float = item(0.0, text="modal damping ratio of every dynamic analysis", ge=0, lt=1)
+    rayleigh: Pair | RayleighBand | None = item(
+        None, text="[a, b] of a damping matrix a M + b K (1/s and s), or { ratio, low, high }"
+    )
+    thickness: float = item(1.0, text="thickness", unit="m", gt=0)
+    continued_fraction: int = item(
+        1, text="terms of the continued fraction for the inertia of S-elements", ge=0, le=20
+    )

@@ -1,0 +1,220 @@
+"""A self-contained HTML report of a run or a sweep."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from .estimates import duration
+from .revive import read_any
+from .run import RunResults
+from .storage import replaced
+from .summaries import Quantity, Tree
+from .sweep_file import Sweep
+
+# Rows of an array that a table shows.
+_ROWS = 60
+_STYLE = """
+:root { color-scheme: light; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto;
+  padding: 1rem; }
+h1 { font-size: 1.6rem; margin-bottom: 0; }
+h2 { font-size: 1.2rem; margin-top: 2.2rem; border-bottom: 1px solid #ccd; }
+p.facts { color: #556; margin-top: .2rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; margin: .6rem 0; }
+th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
+th:first-child, td:first-child { text-align: left; } th { color: #556; font-weight: 600; }
+img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
+figcaption { color: #556; font-size: .9rem; }
+pre { background: #f4f6f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }
+.failed { color: #a02010; }
+"""
+
+
+def write_report(path: str, output: str | None = None) -> str:
+    """Write a report beside the results, with their pictures inside.
+
+    Parameters
+    ----------
+    path : str
+        results.h5, sweep.h5 or their folder.
+    output : str, optional
+        HTML file. Default: report.html beside the results.
+
+    Returns
+    -------
+    str
+        The file.
+    """
+    results = read_any(path)
+    home = path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path))
+    file = output or os.path.join(home, "report.html")
+    with tempfile.TemporaryDirectory() as spare:
+        folder = os.path.join(home, "pictures")
+        if isinstance(results, Sweep):
+            from ..plot.maps import draw_sweep
+
+            draw_sweep(results, spare)
+            folder = spare
+        parts = _sweep(results, folder) if isinstance(results, Sweep) else _run(results, folder)
+        text = "".join(parts)
+    with replaced(file) as temporary, open(temporary, "w", encoding="utf-8") as target:
+        target.write(text)
+    return file
+
+
+def _page(title: str, facts: str) -> str:
+    return (
+        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
+        f'content="width=device-width, initial-scale=1"><title>{html.escape(title)}</title>'
+        f"<style>{_STYLE}</style></head><body><h1>{html.escape(title)}</h1>"
+        f'<p class="facts">{html.escape(facts)}</p>'
+    )
+
+
+def _run(results: RunResults, folder: str) -> Iterator[str]:
+    run = results.run
+    model = run["model"]
+    facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, written {time.strftime('%Y-%m-%d')}"
+    yield _page(run["title"] or results.case_file, facts)
+    if model:
+        x0, y0, x1, y1 = model["extent"]
+        yield _table(
+            [
+                ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
+                ("mesh", f"{model['elements']} S-elements of order {model['order']}"),
+                (
+                    "unknowns",
+                    f"{model['unknowns']:,d}, of them {model['boundary_unknowns']:,d} on boundaries",
+                ),
+                ("contact pairs", str(model["contact_pairs"])),
+            ]
+        )
+    for name, reason in run["failed"].items():
+        yield f'<p class="failed">{html.escape(name)} failed: {html.escape(reason)}</p>'
+    for name, tree in results.analyses.items():
+        seconds = run["seconds"].get(name)
+        took = f", {duration(seconds)}" if seconds else ""
+        yield f"<h2>{html.escape(name)} <small>({results.kinds[name].replace('_', ' ')}{took})</small></h2>"
+        yield from _analysis(results.kinds[name], tree)
+        yield from _pictures(folder, f"{name}_")
+    yield _case(results.text)
+
+
+def _analysis(kind: str, tree: Tree) -> Iterator[str]:
+    if kind == "modal":
+        frequencies = tree["frequencies"].value
+        modes = [(str(k + 1), number(f)) for k, f in enumerate(frequencies[:_ROWS])]
+        yield _table(modes, ("mode", "frequency, Hz"))
+        return
+    if "harmonics" in tree and kind in ("periodic", "modulation"):
+        points = list(tree["harmonics"])
+        orders = range(min(11, min(len(tree["harmonics"][p].value) for p in points))) if points else range(0)
+        rows = [(str(k), *(number(1e6 * abs(tree["harmonics"][p].value[k])) for p in points)) for k in orders]
+        yield _table(rows, ("harmonic", *(f"|u_y({p})|, um" for p in points)))
+    single = [
+        (key, f"{_shown(entry.value)}{'' if entry.unit == '1' else ' ' + entry.unit}")
+        for key, entry in _small(tree)
+    ]
+    yield _table(single)
+    if isinstance(tree.get("bifurcations"), list) and tree["bifurcations"]:
+        yield _table([(b["kind"], number(b["value"])) for b in tree["bifurcations"]], ("bifurcation", "at"))
+
+
+def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:
+    """Single values and pairs of numbers."""
+    for key, entry in tree.items():
+        if isinstance(entry, dict):
+            yield from _small(entry, f"{above}{key} ")
+        elif isinstance(entry, Quantity) and not entry.detail:
+            value = entry.value
+            if not isinstance(value, np.ndarray) or value.size <= 3:
+                yield f"{above}{key}", entry
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, np.ndarray):
+        return ", ".join(_shown(v) for v in np.atleast_1d(value).tolist())
+    if isinstance(value, bool) or value is None:
+        return {True: "yes", False: "no", None: "not asked for"}[value]
+    if isinstance(value, complex):
+        return f"{number(abs(value))} at {math.degrees(math.atan2(value.imag, value.real)):.1f} deg"
+    return number(value) if isinstance(value, float) else str(value)
+
+
+def number(value: float) -> str:
+    """A number to six digits, powers of ten in words a person writes; what is round-off beside 1 is kept."""
+    if not math.isfinite(value):
+        return "-"
+    text = f"{value:.6g}"
+    if "e" not in text:
+        return text
+    mantissa, power = text.split("e")
+    raised = str(int(power)).replace("-", "−")
+    return f"{mantissa} × 10^{raised}" if mantissa != "1" else f"10^{raised}"
+
+
+def _sweep(results: Sweep, folder: str) -> Iterator[str]:
+    facts = (
+        f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, written "
+        f"{time.strftime('%Y-%m-%d')}"
+    )
+    yield _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
+    yield _table(
+        [
+            (name, str(len(np.unique(column))), f"{column.min():g} to {column.max():g}")
+            if column.dtype.kind in "fi"
+            else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
+            for name, column in results.inputs.items()
+        ],
+        ("parameter", "values", "range"),
+    )
+    scalars = [
+        (name, number(float(np.nanmin(a))), number(float(np.nanmax(a))), results.units.get(name, "1"))
+        for name, a in results.values.items()
+        if a.ndim == 1 and not np.iscomplexobj(a) and np.isfinite(a).any()
+    ]
+    yield "<h2>Quantities</h2>" + _table(scalars, ("quantity", "smallest", "largest", "unit"))
+    if results.failed:
+        rows = [(str(k), reason) for k, reason in enumerate(results.reasons) if reason][:_ROWS]
+        yield "<h2>Failed rows</h2>" + _table(rows, ("row", "reason"))
+    yield "<h2>Indicators</h2>"
+    yield from _pictures(folder, "")
+    yield _case(results.text)
+
+
+def _table(rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> str:
+    if not rows:
+        return ""
+    head = "".join(f"<th>{html.escape(h)}</th>" for h in heading)
+    body = "".join("<tr>" + "".join(f"<td>{html.escape(v)}</td>" for v in row) + "</tr>" for row in rows)
+    return f'<div class="wide"><table>{f"<tr>{head}</tr>" if heading else ""}{body}</table></div>'
+
+
+def _pictures(folder: str, start: str) -> Iterator[str]:
+    if not os.path.isdir(folder):
+        return
+    for name in sorted(os.listdir(folder)):
+        if name.startswith(start) and name.endswith(".png"):
+            with open(os.path.join(folder, name), "rb") as file:
+                data = base64.b64encode(file.read()).decode()
+            caption = html.escape(name[len(start) : -4].replace("_", " "))
+            yield (
+                f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}'
+                "</figcaption></figure>"
+            )
+
+
+def _case(text: str) -> str:
+    return f"<h2>The case</h2><pre>{html.escape(text)}</pre></body></html>\n"

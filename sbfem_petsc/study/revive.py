@@ -1,0 +1,282 @@
+"""Results on the disk: what they hold, their pictures again, other formats."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import tempfile
+from typing import Any
+
+import h5py
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ..parallel import on_root
+from . import pictures
+from .case import Case, case_from_text
+from .estimates import duration
+from .run import RESULTS, RunResults, read_run
+from .solve import Structure
+from .storage import write_json
+from .summaries import Quantity, Tree, plain
+from .sweep_file import FILE, Sweep, read_sweep, write_csv
+from .watch import Watch
+
+
+def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
+    """Results of a run or a sweep: a file, or the folder of one.
+
+    Raises
+    ------
+    ValueError
+        If there are none.
+    """
+    name = os.fspath(path)
+    if os.path.isdir(name):
+        for candidate in (RESULTS, FILE):
+            if os.path.isfile(os.path.join(name, candidate)):
+                return read_any(os.path.join(name, candidate))
+        raise ValueError(
+            f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
+            "sbfem sweep  wrote"
+        )
+    if not os.path.isfile(name):
+        raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
+    try:
+        with h5py.File(name, "r") as file:
+            form = str(file.attrs.get("format", ""))
+    except OSError:
+        raise ValueError(f"results {name!r} are truncated or no HDF5 file") from None
+    return read_sweep(name) if form == "sbfem-petsc sweep" else read_run(name)
+
+
+def described(results: RunResults | Sweep) -> str:
+    """What a results file holds, as text."""
+    if isinstance(results, Sweep):
+        lines = [repr(results)]
+        lines += [
+            f"  {name}: {len(np.unique(column))} values from {column.min()} to {column.max()}"
+            for name, column in results.inputs.items()
+        ]
+        lines += [
+            f"  {name:45s} {'x'.join(map(str, array.shape)):>12s} {results.units.get(name, '1')}"
+            for name, array in results.values.items()
+        ]
+        return "\n".join(lines)
+    run = results.run
+    lines = [f"{results.path}: {run['title'] or results.case_file}, version {run['version']}, {run['ended']}"]
+    model = run["model"]
+    if model:
+        lines.append(
+            f"  {model['elements']} S-elements of order {model['order']}, {model['unknowns']:,d} unknowns, "
+            f"{model['contact_pairs']} contact pairs"
+        )
+    for name, tree in results.analyses.items():
+        seconds = run["seconds"].get(name)
+        lines.append(f"  {name} ({results.kinds[name]}{f', {duration(seconds)}' if seconds else ''})")
+        lines += [f"    {line}" for line in _lines(tree)]
+    lines += [f"  {name} FAILED: {reason}" for name, reason in run["failed"].items()]
+    return "\n".join(lines)
+
+
+def _lines(tree: Tree, above: str = "") -> list[str]:
+    lines: list[str] = []
+    for name, entry in tree.items():
+        if isinstance(entry, dict):
+            lines += _lines(entry, f"{above}{name}/")
+        elif isinstance(entry, Quantity):
+            value = entry.value
+            shown = (
+                f"array {'x'.join(map(str, value.shape))}"
+                if isinstance(value, np.ndarray) and value.size > 4
+                else f"{value:.6g}"
+                if isinstance(value, float)
+                else str(value)
+            )
+            unit = "" if entry.unit == "1" else f" {entry.unit}"
+            lines.append(f"{above + name:34s} {shown}{unit}" + (f"  ({entry.text})" if entry.text else ""))
+    return lines
+
+
+def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
+    """The case that results were made from; the files it names are put into `folder`."""
+    with h5py.File(path, "r") as file:
+        for entry in file["case/files"].values():
+            name = os.path.basename(str(entry.attrs["name"]))
+            with open(os.path.join(folder, name), "wb") as written:
+                written.write(entry[()].tobytes())
+    return case_from_text(results.text, results.case_file, folder)
+
+
+def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
+    """Pictures of a run or sweep. Collective.
+
+    Histories, periodic motions and curves are read; modes and static solutions are computed again from the
+    case.
+
+    Returns
+    -------
+    str
+        The folder.
+    """
+    results = on_root(comm, lambda: read_any(path))
+    results = comm.bcast(results)
+    source = (
+        os.path.join(path, FILE if isinstance(results, Sweep) else RESULTS) if os.path.isdir(path) else path
+    )
+    home = os.path.dirname(os.path.abspath(source))
+    folder = output or os.path.join(home, "pictures")
+    if isinstance(results, Sweep):
+        from ..plot.maps import draw_sweep
+
+        on_root(comm, lambda: draw_sweep(results, folder))
+        return folder
+    with tempfile.TemporaryDirectory() as spare:
+        case = case_of(results, source, spare)
+        structure: Structure | None = None
+        try:
+            for name in results.analyses:
+                watch.stage(f"{name}: pictures")
+                recorded = _recorded(os.path.join(home, "analyses"), name)
+                if recorded is None:
+                    structure = structure or Structure(case, comm)
+                    recorded = structure.solve(case, name)
+                pictures.draw(case, name, recorded, structure.model if structure else None, folder)
+        finally:
+            if structure is not None:
+                structure.destroy()
+    return folder
+
+
+def _recorded(folder: str, name: str) -> Any:
+    """A result that an analysis left in a file of its own; None if there is none."""
+    readers = {"history.h5": sb.read_history, "curve.h5": sb.read_curve, "orbit.h5": sb.read_orbit}
+    for ending, read in readers.items():
+        file = os.path.join(folder, f"{name}.{ending}")
+        if os.path.isfile(file):
+            return read(file)
+    return None
+
+
+def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:
+    """Results as CSV tables, JSON, or VTU files for ParaView. Collective.
+
+    Returns
+    -------
+    list of str
+        Files written.
+    """
+    results = comm.bcast(on_root(comm, lambda: read_any(path)))
+    source = (
+        os.path.join(path, FILE if isinstance(results, Sweep) else RESULTS) if os.path.isdir(path) else path
+    )
+    folder = output or os.path.join(os.path.dirname(os.path.abspath(source)), "export")
+    written: list[str] = []
+    on_root(comm, lambda: os.makedirs(folder, exist_ok=True))
+    if "csv" in wanted:
+        written += comm.bcast(on_root(comm, lambda: _csv(results, folder)))
+    if "json" in wanted:
+        written += comm.bcast(on_root(comm, lambda: _json(results, folder)))
+    if "vtu" in wanted:
+        if isinstance(results, Sweep):
+            raise ValueError("--vtu is for the results of a run; a sweep keeps no fields")
+        written += _vtu(results, source, folder, comm, watch)
+    return written
+
+
+def _csv(results: RunResults | Sweep, folder: str) -> list[str]:
+    if isinstance(results, Sweep):
+        path = os.path.join(folder, "sweep.csv")
+        write_csv(results, path)
+        return [path]
+    return [path for name, tree in results.analyses.items() for path in tables(tree, folder, name)]
+
+
+def tables(tree: Tree, folder: str, name: str) -> list[str]:
+    """CSV files of an analysis: one for the arrays of each length, one for single values."""
+    columns: dict[int, list[tuple[str, np.ndarray]]] = {}
+    single: list[tuple[str, Any, str]] = []
+    for key, entry in _leaves(tree):
+        value, unit = entry.value, entry.unit
+        if isinstance(value, np.ndarray) and value.ndim:
+            ending = "" if unit == "1" else f" [{unit}]"
+            flat = value.reshape(len(value), -1)
+            for k in range(flat.shape[1]):
+                part = f"{key}{f'/{k}' if value.ndim > 1 else ''}"
+                if np.iscomplexobj(flat):
+                    columns.setdefault(len(value), []).append((f"|{part}|{ending}", np.abs(flat[:, k])))
+                    columns[len(value)].append((f"arg {part} [rad]", np.angle(flat[:, k])))
+                else:
+                    columns.setdefault(len(value), []).append((f"{part}{ending}", flat[:, k]))
+        else:
+            single.append((key, value, unit))
+    written = []
+    if single:
+        written.append(os.path.join(folder, f"{name}.csv"))
+        with open(written[-1], "w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([("quantity", "value", "unit"), *single])
+    for length, found in columns.items():
+        written.append(os.path.join(folder, f"{name}_{length}.csv"))
+        with open(written[-1], "w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file)
+            writer.writerow([heading for heading, _ in found])
+            writer.writerows(zip(*(column.tolist() for _, column in found)))
+    return written
+
+
+def _leaves(tree: Tree, above: str = "") -> list[tuple[str, Quantity]]:
+    found: list[tuple[str, Quantity]] = []
+    for name, entry in tree.items():
+        if isinstance(entry, Quantity):
+            found.append((f"{above}{name}", entry))
+        elif isinstance(entry, dict):
+            found += _leaves(entry, f"{above}{name}/")
+    return found
+
+
+def _json(results: RunResults | Sweep, folder: str) -> list[str]:
+    path = os.path.join(folder, "sweep.json" if isinstance(results, Sweep) else "results.json")
+    if isinstance(results, Sweep):
+        value: Any = {
+            "inputs": {name: column.tolist() for name, column in results.inputs.items()},
+            "values": {name: plain(array) for name, array in results.values.items()},
+            "units": results.units,
+            "reasons": results.reasons,
+        }
+    else:
+        value = {"run": results.run, **{name: _whole(tree) for name, tree in results.analyses.items()}}
+    write_json(path, value)
+    return [path]
+
+
+def _whole(tree: Any) -> Any:
+    """A tree with its details."""
+    if isinstance(tree, dict):
+        return {key: _whole(value) for key, value in tree.items()}
+    if isinstance(tree, list):
+        return [_whole(value) for value in tree]
+    value = tree.value if isinstance(tree, Quantity) else tree
+    if isinstance(value, np.ndarray) and np.iscomplexobj(value):
+        return {"magnitude": plain(np.abs(value).tolist()), "phase": plain(np.angle(value).tolist())}
+    return json.loads(json.dumps(plain(value.tolist() if isinstance(value, np.ndarray) else value)))
+
+
+def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch) -> list[str]:
+    names = [name for name, kind in results.kinds.items() if kind in ("modal", "static")]
+    if not names:
+        raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
+    with tempfile.TemporaryDirectory() as spare:
+        case = case_of(results, source, spare)
+        structure = Structure(case, comm)
+        try:
+            written = []
+            for name in names:
+                watch.stage(f"{name}: fields")
+                stem = os.path.join(folder, name)
+                pictures.write_fields(results.kinds[name], structure.solve(case, name), structure.model, stem)
+                written.append(f"{stem}.{'vtu' if comm.size == 1 else 'pvtu'}")
+        finally:
+            structure.destroy()
+    return written

@@ -1,0 +1,107 @@
+"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill "
+"cuts off is seen."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+_HEAD = struct.Struct("<4sQI")  # mark, length, checksum
+_MARK = b"row\0"
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One finished row.
+
+    Attributes
+    ----------
+    number : int
+    reason : str
+        Why it failed; empty if it did not.
+    seconds : float
+    values : dict of str to array
+        By path, "steady/harmonics/A".
+    units : dict of str to str
+    """
+
+    number: int
+    reason: str
+    seconds: float
+    values: dict[str, np.ndarray] = field(default_factory=dict)
+    units: dict[str, str] = field(default_factory=dict)
+
+
+def append(path: str, row: Row) -> None:
+    """Add a row to a file; it is on the disk when this returns."""
+    buffer = io.BytesIO()
+    facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": row.units}
+    names = list(row.values)
+    np.savez(
+        buffer,
+        facts=np.array(json.dumps({**facts, "names": names})),
+        **{f"v{k}": row.values[name] for k, name in enumerate(names)},
+    )
+    payload = buffer.getvalue()
+    with open(path, "ab") as file:
+        file.write(_HEAD.pack(_MARK, len(payload), zlib.crc32(payload)) + payload)
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read(folder: str) -> dict[int, Row]:
+    """All whole rows in a folder's files by number, a success before a failure; what a kill left behind in a
+    file is cut off, so that it can be appended to.
+    """
+    found: dict[int, Row] = {}
+    for name in sorted(os.listdir(folder)):
+        if name.endswith(".rows"):
+            for row in _rows(os.path.join(folder, name)):
+                if row.number not in found or not row.reason:
+                    found[row.number] = row
+    return found
+
+
+def count(folder: str) -> int:
+    """Number of whole rows, without reading them."""
+    total = 0
+    for name in os.listdir(folder):
+        if name.endswith(".rows"):
+            with open(os.path.join(folder, name), "rb") as file:
+                while len(head := file.read(_HEAD.size)) == _HEAD.size:
+                    file.seek(_HEAD.unpack(head)[1], os.SEEK_CUR)
+                    total += 1
+    return total
+
+
+def _rows(path: str) -> Iterator[Row]:
+    whole = 0
+    with open(path, "rb") as file:
+        while True:
+            head = file.read(_HEAD.size)
+            if len(head) < _HEAD.size:
+                break
+            mark, length, checksum = _HEAD.unpack(head)
+            payload = file.read(length)
+            if mark != _MARK or len(payload) < length or zlib.crc32(payload) != checksum:
+                break
+            whole = file.tell()
+            yield _unpacked(payload)
+        size = os.path.getsize(path)
+    if whole < size:
+        os.truncate(path, whole)
+
+
+def _unpacked(payload: bytes) -> Row:
+    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+        facts: dict[str, Any] = json.loads(str(arrays["facts"]))
+        values = {name: arrays[f"v{k}"] for k, name in enumerate(facts["names"])}
+    return Row(facts["number"], facts["reason"], facts["seconds"], values, facts["units"])

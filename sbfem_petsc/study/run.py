@@ -1,0 +1,320 @@
+"""All analyses of a case into a folder: interrupted runs go on, finished analyses are not repeated."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ..errors import SolveError
+from ..parallel import collective
+from . import pictures
+from .case import Case, read_case
+from .folder import Folder
+from .objects import located
+from .problems import CaseError
+from .solve import Structure
+from .storage import opened, read_tree, replaced, write_json, write_tree
+from .summaries import Quantity, Tree, plain
+from .watch import Watch
+
+FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 1
+RESULTS, SUMMARY, PICTURES = "results.h5", "summary.json", "pictures"
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a run has come to.
+
+    Attributes
+    ----------
+    folder : str
+    summary : dict
+        Contents of summary.json.
+    failed : dict of str to str
+        Reasons of the analyses that failed.
+    wrong_input : bool
+        Whether one of them failed for its input.
+    """
+
+    folder: str
+    summary: dict[str, Any]
+    failed: dict[str, str]
+    wrong_input: bool
+
+    def __repr__(self) -> str:
+        names = [name for name in self.summary if name != "run"]
+        return f"Outcome({self.folder!r}: {', '.join(names)}; {len(self.failed)} failed)"
+
+
+def run_case(
+    case: Case | str | os.PathLike[str],
+    output: str | os.PathLike[str],
+    *,
+    comm: Any = None,
+    replace: bool = False,
+    watch: Watch | None = None,
+) -> Outcome:
+    """Run the analyses of a case that are not finished in a folder. Collective.
+
+    Parameters
+    ----------
+    case : Case or path-like
+    output : path-like
+        Folder; it receives results.h5, summary.json, pictures/ and files of the single analyses.
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+    replace : bool
+        Give up what another case has left in the folder.
+    watch : Watch, optional
+        Is told what is under way.
+
+    Returns
+    -------
+    Outcome
+        An analysis that fails does not keep the others from running.
+
+    Raises
+    ------
+    ValueError
+        For a case that makes no sense, a folder that cannot be written or holds another case; on all ranks.
+    """
+    from mpi4py import MPI
+
+    from ..results.hdf5 import check_output_folder
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    watch = Watch() if watch is None else watch
+    with collective(comm):
+        checked = case if isinstance(case, Case) else read_case(case)
+    path = check_output_folder(os.fspath(output), comm)
+    folder: Folder | None = None
+    with collective(comm):
+        if comm.rank == 0:
+            folder = Folder(path, checked, "run", replace)
+    try:
+        return _Run(checked, path, folder, comm, watch).all()
+    finally:
+        if folder is not None:
+            folder.close()
+
+
+class _Run:
+    def __init__(self, case: Case, path: str, folder: Folder | None, comm: Any, watch: Watch):
+        self.case, self.path, self.folder, self.comm, self.watch = case, path, folder, comm, watch
+        self.structure: Structure | None = None
+        self.failed: dict[str, str] = {}
+        self.wrong_input = False
+
+    def all(self) -> Outcome:
+        names = list(self.case.tables.analyses)
+        folder = self.folder
+        pending = [name for name in names if not folder.finished(name)] if folder is not None else None
+        pending = self.comm.bcast(pending)
+        for name in names:
+            if name not in pending:
+                self.watch.say(f"{name}: finished before")
+        try:
+            for k, name in enumerate(pending):
+                self._one(name, f"[{k + 1}/{len(pending)}] {name}")
+                self._write()
+            summary = self.comm.bcast(self._write())
+        finally:
+            if self.structure is not None:
+                self.structure.destroy()
+        return Outcome(self.path, summary, self.failed, self.wrong_input)
+
+    def _one(self, name: str, title: str) -> None:
+        """An analysis, its file and its pictures; a failure is noted with its reason."""
+        case, kind = self.case, self.case.tables.analyses[name].kind
+        began = time.monotonic()
+        try:
+            if self.structure is None:
+                self.watch.stage("mesh and model")
+                self.structure = Structure(case, self.comm)
+                self._write_model()
+            self.watch.stage(f"{title} ({kind})")
+            with located(case, "analyses", name):
+                file = self._running_file(name, kind)
+                result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
+                tree = self.structure.tree(case, name, result)
+        except (CaseError, SolveError) as error:
+            self.failed[name] = str(error)
+            self.wrong_input |= isinstance(error, CaseError)
+            self.watch.say(f"{name} failed: {error}")
+            if self.folder is not None:
+                self.folder.record(name, "failed", reason=str(error))
+            return
+        seconds = time.monotonic() - began
+        self._keep(name, kind, result, tree)
+        if case.tables.output.pictures or case.tables.output.vtu:
+            self.watch.stage(f"{title}: pictures and files")
+            pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
+        if self.folder is not None:
+            self.folder.record(name, "finished", seconds=seconds)
+        self.watch.say(f"{name}: {result!r} ({seconds:.1f} s)")
+
+    def _running_file(self, name: str, kind: str) -> str | None:
+        """File from which an interrupted history or curve goes on, the same on all ranks."""
+        endings = {"transient": "history.h5", "frequency_response": "curve.h5", "load_response": "curve.h5"}
+        if kind not in endings:
+            return None
+        return os.path.join(self.path, "analyses", f"{name}.{endings[kind]}")
+
+    def _keep(self, name: str, kind: str, result: Any, tree: Tree) -> None:
+        with collective(self.comm):
+            if self.folder is None:
+                return
+            with replaced(self.folder.part(name)) as temporary, h5py.File(temporary, "w") as file:
+                file.attrs["format"], file.attrs["kind"] = f"{FORMAT} part", kind
+                write_tree(file, tree)
+            if kind in ("periodic", "modulation") and hasattr(result, "reduction"):
+                sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
+            curve = self.folder.part(name, "curve.h5")
+            if kind == "frequency_response" and not os.path.isfile(curve):
+                sb.save_curve(result, curve)
+
+    def _write_model(self) -> None:
+        """Facts of the model, for the results of this run and of one that is resumed."""
+        assert self.structure is not None
+        model = self.structure.model
+        if self.folder is None:
+            return
+        lower, upper = model.extent
+        self.folder.state["model"] = {
+            "elements": int(model.elements),
+            "order": int(model.order),
+            "boundary_unknowns": int(model.boundary_unknowns),
+            "unknowns": int(model.unknowns),
+            "contact_pairs": len(model.pairs),
+            "extent": [*map(float, lower), *map(float, upper)],
+            "area": float(model.area),
+            "points": {name: list(map(float, place)) for name, (place, _) in model.points.items()},
+        }
+
+    def _write(self) -> dict[str, Any] | None:
+        """results.h5 and summary.json of all finished analyses, each replaced as a whole."""
+        summary: dict[str, Any] | None = None
+        with collective(self.comm):
+            if self.folder is None:
+                return None
+            state, names = self.folder.state, self.case.tables.analyses
+            summary = {
+                "run": {
+                    "title": self.case.tables.title,
+                    "version": sb.__version__,
+                    "case": self.case.key,
+                    "ranks": self.comm.size,
+                    "ended": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
+                    "complete": all(self.folder.finished(name) for name in names),
+                    "model": state.get("model", {}),
+                    "seconds": {n: entry.get("seconds") for n, entry in state["done"].items()},
+                    "failed": {
+                        n: entry["reason"]
+                        for n, entry in state["done"].items()
+                        if entry["status"] == "failed" and n in names
+                    },
+                }
+            }
+            with replaced(os.path.join(self.path, RESULTS)) as temporary, h5py.File(temporary, "w") as file:
+                file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
+                write_case(file.create_group("case"), self.case)
+                file.attrs["run"] = json.dumps(summary["run"])
+                group = file.create_group("analyses", track_order=True)
+                for name in names:
+                    if not self.folder.finished(name):
+                        continue
+                    with h5py.File(self.folder.part(name), "r") as part:
+                        part.copy(part, group, name)
+                        tree = read_tree(part)
+                    summary[name] = {"kind": names[name].kind, **plain(tree, f"/analyses/{name}")}
+            write_json(os.path.join(self.path, SUMMARY), summary)
+        return summary
+
+
+def write_case(group: h5py.Group, case: Case) -> None:
+    """The case's text and the files it names, from which it can be run again."""
+    group.attrs["file"] = os.path.basename(case.file)
+    group["text"] = case.text
+    files = group.create_group("files")
+    for k, (name, contents) in enumerate(case.named_files().items()):
+        data = files.create_dataset(f"{k:03d}", data=np.frombuffer(contents, dtype=np.uint8))
+        data.attrs["name"] = name
+
+
+@dataclass(frozen=True, eq=False)
+class RunResults:
+    """Contents of a run's results.h5.
+
+    Attributes
+    ----------
+    path : str
+    text : str
+        The case.
+    case_file : str
+    run : dict
+        Versions, model, seconds, failures.
+    analyses : dict of str to Tree
+        Quantities by the names of the analyses.
+    kinds : dict of str to str
+    """
+
+    path: str
+    text: str
+    case_file: str
+    run: dict[str, Any]
+    analyses: dict[str, Tree]
+    kinds: dict[str, str]
+
+    def __repr__(self) -> str:
+        listed = ", ".join(f"{name} ({kind})" for name, kind in self.kinds.items()) or "none"
+        return f"RunResults({self.path!r}: {listed})"
+
+    def facts(self) -> dict[str, Any]:
+        """What summary.json holds."""
+        found = {
+            name: {"kind": self.kinds[name], **plain(tree, f"/analyses/{name}")}
+            for name, tree in self.analyses.items()
+        }
+        return {"run": self.run, **found}
+
+    def value(self, name: str, *keys: str) -> Any:
+        """Value of a quantity, ("push", "displacement", "A")."""
+        here: Any = self.analyses[name]
+        for key in keys:
+            here = here[key]
+        return here.value if isinstance(here, Quantity) else here
+
+
+def read_run(path: str | os.PathLike[str]) -> RunResults:
+    """Read the results of a run.
+
+    Parameters
+    ----------
+    path : path-like
+        results.h5, or its folder.
+
+    Raises
+    ------
+    ValueError
+        If it is missing, truncated or of another kind.
+    """
+    name = os.fspath(path)
+    name = os.path.join(name, RESULTS) if os.path.isdir(name) else name
+    with opened(name, FORMAT, "results file") as file:
+        trees = {analysis: read_tree(group) for analysis, group in file["analyses"].items()}
+        return RunResults(
+            name,
+            file["case/text"][()].decode(),
+            str(file["case"].attrs["file"]),
+            json.loads(file.attrs["run"]),
+            trees,
+            {analysis: str(group.attrs["kind"]) for analysis, group in file["analyses"].items()},
+        )

@@ -1,0 +1,253 @@
+"""One analysis of a case on a model that analyses share."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from .. import indicators
+from . import objects
+from .case import Case
+from .load_tables import COMPONENTS
+from .summaries import Tree, tree_of
+
+Progress = Callable[[float], None] | None
+# Share of a period that counts as none when whole periods are counted.
+ROUNDING = 1e-9
+
+
+class Structure:
+    """A model and the reductions made of it, for cases that differ in loads and analyses only.
+
+    Parameters
+    ----------
+    case : Case
+    comm : mpi4py communicator
+    mesh : BoundaryMesh, optional
+        On rank 0 at least. Default: made.
+    """
+
+    def __init__(self, case: Case, comm: Any, mesh: Any = None):
+        self.comm = comm
+        self.model = objects.model(case, comm, mesh)
+        self.reductions: dict[str, Any] = {}
+
+    def points(self, case: Case) -> tuple[str, ...]:
+        """Points whose motion is kept."""
+        chosen = case.tables.output.points
+        return tuple(self.model.points) if chosen is None else tuple(chosen)
+
+    def solve(self, case: Case, name: str, *, file: str | None = None, progress: Progress = None) -> Any:
+        """Result of an analysis. Collective.
+
+        Parameters
+        ----------
+        case : Case
+            Of this structure.
+        name : str
+            Analysis.
+        file : str, optional
+            File of a history or curve, from which an interrupted one goes on.
+        progress : callable, optional
+            Called with the fraction done where the analysis tells it.
+        """
+        table = case.tables.analyses[name]
+        function = objects.analysis_function(case, name)
+        return getattr(self, f"_{table.kind}")(case, table, function, file, progress)
+
+    def tree(self, case: Case, name: str, result: Any) -> Tree:
+        """Quantities of a result of `solve`. Collective."""
+        table = case.tables.analyses[name]
+        further: dict[str, Any] = {}
+        if table.kind == "static" and table.stress_at:
+            if not hasattr(result, "stress"):
+                raise case.problem(
+                    ("analyses", name, "stress_at"),
+                    f"needs stresses at places, which the installed version {sb.__version__} does not have; "
+                    "install a newer one",
+                )
+            further["stress"] = {place: result.stress(tuple(at)) for place, at in table.stress_at.items()}
+        if table.kind == "modulation":
+            further = modulation(table, result)
+        return tree_of(table.kind, result, self.points(case), **further)
+
+    def destroy(self) -> None:
+        """Free the PETSc objects."""
+        self.model.destroy()
+
+    # ------------------------------------------------------------------ the kinds
+    def _modal(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        return function(
+            self.model,
+            count=table.count,
+            band=None if table.band is None else tuple(table.band),
+            auxiliary_tolerance=table.auxiliary_tolerance,
+            verify=table.verify,
+        )
+
+    def _static(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        load = objects.load(case, table.load, table.factor)
+        return function(self.model, load, contact=table.contact, method=table.method)
+
+    def _transient(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        further = {} if table.reduced else {"reduction": None}
+        return function(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.duration,
+            step=table.step,
+            modes=table.modes,
+            contact=table.contact,
+            scheme=table.scheme,
+            start=table.start,
+            decimation=table.decimation,
+            progress=progress,
+            file=file,
+            restart=file is not None,
+            **further,
+        )
+
+    def _periodic(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        options = {
+            "periods": table.periods,
+            "steps": table.steps,
+            "contact": table.contact,
+            "stability": table.stability,
+            "tolerance": table.tolerance,
+        }
+        load = objects.load(case, table.load, table.factor)
+        if not table.reduced:
+            return function(self.model, load, table.frequency, modes=table.modes, reduction=None, **options)
+        return self._shared(case, table.load, table, function, load, table.frequency, options)
+
+    def _modulation(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        pump = objects.load(case, table.pump, 1.0, table.pump_frequency)
+        probe = objects.load(case, table.probe, 1.0, table.probe_frequency)
+        load = [
+            *(pump if isinstance(pump, list) else [pump]),
+            *(probe if isinstance(probe, list) else [probe]),
+        ]
+        options = {
+            "steps": table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency),
+            "contact": table.contact,
+            "stability": table.stability,
+            "longest": table.longest,
+        }
+        return self._shared(
+            case, [*table.pump, *table.probe], table, function, load, table.pump_frequency, options
+        )
+
+    def _shared(
+        self,
+        case: Case,
+        names: list[str],
+        table: Any,
+        function: Any,
+        load: Any,
+        frequency: float,
+        options: dict,
+    ) -> Any:
+        """A periodic motion on the reduction of an earlier one with the same unit loads and frequencies."""
+        key = json.dumps(
+            [
+                [_places(case.tables.loads[name]) for name in names],
+                table.modes,
+                [getattr(table, n, None) for n in ("frequency", "pump_frequency", "probe_frequency")],
+            ]
+        )
+        if key in self.reductions:
+            return function(self.model, load, frequency, reduction=self.reductions[key], **options)
+        result = function(self.model, load, frequency, modes=table.modes, **options)
+        self.reductions[key] = result.reduction
+        return result
+
+    def _frequency_response(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        return function(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.start,
+            table.stop,
+            contact=table.contact,
+            **_curve_options(table, file if table.contact else None, progress),
+        )
+
+    def _load_response(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        return function(
+            self.model,
+            objects.load(case, table.load),
+            table.frequency,
+            start=table.start,
+            stop=table.stop,
+            **_curve_options(table, file, progress),
+        )
+
+    def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        return function(self.model, table.mode, table.start, table.stop)
+
+
+def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str, Any]:
+    return {
+        "periods": table.periods,
+        "steps": table.steps,
+        "modes": table.modes,
+        "points": table.points,
+        "largest_step": math.inf if table.largest_step is None else table.largest_step,
+        "stability": table.stability,
+        "file": file,
+        "resume": file is not None,
+        "progress": progress,
+    }
+
+
+def _places(load: Any) -> list[Any]:
+    """What a load's unit loads and band depend on: all but amplitudes and phases."""
+    parts = [load.kind, getattr(load, "point", None), getattr(load, "edge_set", None)]
+    for key in COMPONENTS:
+        value = getattr(load, key, 0.0)
+        if not hasattr(value, "kind"):
+            parts.append([key, value != 0.0])
+        else:
+            parts.append([key, value.kind, getattr(value, "frequency", None)])
+    return parts
+
+
+def steps_of_two_tones(low: float, high: float) -> int:
+    """Time steps a period of the low tone that give the high one 64."""
+    return max(512, math.ceil(64.0 * high / low))
+
+
+def common_period(low: float, high: float, longest: int) -> float:
+    """Common period of two tones, s."""
+    ratio = Fraction(high / low).limit_denominator(longest)
+    return ratio.denominator / low
+
+
+def modulation(
+    table: Any, result: Any, noisy: Callable[[np.ndarray], np.ndarray] | None = None
+) -> dict[str, Any]:
+    """Sidebands of a modulation, read from the motion or from what `noisy` makes of it."""
+    values = result.displacement(table.point)[:, "xy".index(table.direction)]
+    period = common_period(table.pump_frequency, table.probe_frequency, table.longest)
+    # sidebands ask for two periods of the low tone at least, which a periodic motion has
+    repeats = max(1, math.ceil(2.0 / (period * table.pump_frequency) - ROUNDING))
+    values = np.tile(values, repeats)
+    if noisy is not None:
+        values = noisy(values)
+    time = np.arange(len(values)) * (repeats * period / len(values))
+    return {
+        "sidebands": indicators.sidebands(
+            time, values, table.probe_frequency, table.pump_frequency, table.pairs
+        ),
+        "common_period": period,
+    }

@@ -1,0 +1,22 @@
+// A bracket of 0.2 x 0.05 m with a slit crack from its upper edge; lengths in m.
+lc = 0.012;
+Point(1) = {0.0, 0.0, 0, lc};
+Point(2) = {0.2, 0.0, 0, lc};
+Point(3) = {0.2, 0.05, 0, lc};
+Point(4) = {0.06, 0.05, 0, lc / 3};
+Point(5) = {0.0, 0.05, 0, lc};
+Point(6) = {0.06, 0.03, 0, lc / 6};
+Line(1) = {1, 2};
+Line(2) = {2, 3};
+Line(3) = {3, 4};
+Line(4) = {4, 5};
+Line(5) = {5, 1};
+Line(6) = {4, 6};
+Curve Loop(1) = {1, 2, 3, 4, 5};
+Plane Surface(1) = {1};
+Line{6} In Surface{1};
+Physical Surface("body") = {1};
+Physical Curve("wall") = {5};
+Physical Curve("top") = {3};
+Physical Curve("crack:slit") = {6};
+Physical Point("end") = {3};

@@ -1,0 +1,296 @@
+"""Results of analyses as trees of named quantities, for HDF5, JSON and reports."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from .. import indicators
+
+# Harmonics of a periodic motion that are kept beside its whole waveform.
+HARMONICS = 41
+# Instants up to which a history stands in the summary itself; beyond, the summary says where it is.
+LONGEST_IN_SUMMARY = 100_000
+
+
+@dataclass(frozen=True, eq=False)
+class Quantity:
+    """A value with its unit and description.
+
+    Attributes
+    ----------
+    value : float, int, bool, str, None or array
+    unit : str
+        "1" without dimension.
+    text : str
+    detail : bool
+        Whether it is left out of the summary in JSON.
+    """
+
+    value: Any
+    unit: str = "1"
+    text: str = ""
+    detail: bool = False
+
+
+Tree = dict[str, Any]
+
+
+def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tree:
+    """Quantities of a result.
+
+    Parameters
+    ----------
+    kind : str
+        Kind of the analysis.
+    result : Modal, Static, Transient, Orbit, Curve ...
+    points : sequence of str
+        Points whose motion is kept.
+    further
+        What the analysis adds: `sidebands` of a modulation, `stress` of a static solution.
+    """
+    makers: dict[str, Callable[..., Tree]] = {
+        "modal": _modal,
+        "static": _static,
+        "transient": _transient,
+        "periodic": _periodic,
+        "modulation": _modulation,
+        "frequency_response": _curve,
+        "load_response": _curve,
+        "backbone": _backbone,
+    }
+    return makers[kind](result, points, **further)
+
+
+def _of_points(points: Sequence[str], value: Callable[[str], Any], unit: str, text: str, **more: Any) -> Tree:
+    return {point: Quantity(value(point), unit, text, **more) for point in points}
+
+
+def _modal(result: Any, points: Sequence[str]) -> Tree:
+    return {
+        "frequencies": Quantity(result.frequencies, "Hz", "natural frequencies, open cracks"),
+        "residuals": Quantity(result.residuals, "1", "residuals of the eigenpairs"),
+        "displacement": _of_points(
+            points, result.displacement, "m", "displacement (x, y) in each mass-normalised mode"
+        ),
+        "solver": Quantity(result.solver),
+        "iterations": Quantity(int(result.iterations)),
+        "unknowns": Quantity(int(result.unknowns)),
+    }
+
+
+def _static(result: Any, points: Sequence[str], stress: dict[str, Any] | None = None) -> Tree:
+    tree: Tree = {
+        "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
+        "contact_resultant": Quantity(float(result.contact_resultant), "N", "sum of the contact forces"),
+        "contact_force": Quantity(result.contact_force, "N", "contact forces, compression positive"),
+        "gap": Quantity(result.gap, "m", "gaps of the contact pairs"),
+        "active": Quantity(result.active, "1", "pairs in contact"),
+        "stress_intensity": {
+            name: Quantity(np.asarray(values), "Pa m^(1/2)", "K_I, K_II")
+            for name, values in result.stress_intensity.items()
+        },
+        "residual": Quantity(float(result.residual), "1", "imbalance of the forces, relative to the load"),
+        "iterations": Quantity(int(result.iterations), "1", "iterations of the active set"),
+        "solver": Quantity(result.solver),
+    }
+    if stress:
+        tree["stress"] = {
+            name: Quantity(np.asarray(values), "Pa", "stress xx, yy, xy") for name, values in stress.items()
+        }
+    return tree
+
+
+def _transient(result: Any, points: Sequence[str]) -> Tree:
+    energy = result.energy
+    supplied = float(np.abs(energy.external).max(initial=0.0))
+    tree: Tree = {
+        "time": Quantity(result.time, "s", "instants"),
+        "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
+        "velocity": _of_points(points, result.velocity, "m/s", "velocity (x, y)", detail=True),
+        "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+        "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+        "energy": {
+            name: Quantity(getattr(energy, name), "J", text, detail=True)
+            for name, text in (
+                ("kinetic", "kinetic energy"),
+                ("strain", "strain energy"),
+                ("external", "work of the loads"),
+                ("damping", "energy dissipated by damping"),
+                ("contact", "work of the contact forces"),
+            )
+        },
+        "energy_error": Quantity(
+            float(np.abs(energy.balance).max()) / supplied if supplied > 0.0 else 0.0,
+            "1",
+            "largest imbalance of the energies, relative to the loads' work",
+        ),
+    }
+    if hasattr(result, "acceleration"):
+        tree["acceleration"] = _of_points(
+            points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True
+        )
+    tips = getattr(getattr(result, "reduction", None), "tips", ())
+    if tips:
+        tree["stress_intensity"] = {
+            name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II", detail=True)
+            for name in tips
+        }
+    if hasattr(result, "step"):
+        tree["step"] = Quantity(float(result.step), "s", "time step")
+    return tree
+
+
+def _periodic(result: Any, points: Sequence[str]) -> Tree:
+    tree: Tree = {
+        "frequency": Quantity(float(result.frequency), "Hz", "forcing frequency"),
+        "periods": Quantity(int(result.periods), "1", "forcing periods in one period of the motion"),
+        "harmonics": _of_points(
+            points,
+            lambda point: result.harmonics(point)[:HARMONICS],
+            "m",
+            "complex harmonics of u_y, the mean first",
+        ),
+        "harmonics_x": _of_points(
+            points,
+            lambda point: result.harmonics(point, "x")[:HARMONICS],
+            "m",
+            "complex harmonics of u_x, the mean first",
+        ),
+        "amplitude": _of_points(
+            points,
+            lambda point: 0.5 * float(np.ptp(result.displacement(point)[:, 1])),
+            "m",
+            "half the peak-to-peak of u_y",
+        ),
+        "converged": Quantity(bool(result.converged)),
+        "stable": Quantity(getattr(result, "stable", None), "1", "stability, None if it was not asked for"),
+        "time": Quantity(result.time, "s", "instants of one period"),
+        "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
+        "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+        "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+    }
+    if result.periods > 1 and hasattr(result, "subharmonics"):
+        tree["subharmonics"] = _of_points(
+            points, result.subharmonics, "m", "complex amplitudes of u_y at j f / periods"
+        )
+    for name, unit, text in (
+        ("multipliers", "1", "Floquet multipliers"),
+        ("multiplier_error", "1", "uncertainty of the largest modulus"),
+        ("iterations", "1", "Newton iterations"),
+        ("residuals", "1", "norm of x(T) - x(0) at each iterate"),
+        ("path", "1", "how the motion was reached"),
+    ):
+        if hasattr(result, name):
+            value = getattr(result, name)
+            tree[name] = Quantity(np.asarray(value) if isinstance(value, tuple) else value, unit, text)
+    return tree
+
+
+def _modulation(
+    result: Any, points: Sequence[str], sidebands: indicators.Sidebands, common_period: float
+) -> Tree:
+    tree = _periodic(result, points)
+    tree["common_period"] = Quantity(common_period, "s", "common period of both tones")
+    tree["sidebands"] = {
+        "carrier": Quantity(sidebands.carrier, "Hz", "high tone"),
+        "modulation": Quantity(sidebands.modulation, "Hz", "low tone"),
+        "centre": Quantity(np.asarray(sidebands.centre), "m", "complex amplitude at the high tone"),
+        "lower": Quantity(sidebands.lower, "m", "complex amplitudes at high - n low"),
+        "upper": Quantity(sidebands.upper, "m", "complex amplitudes at high + n low"),
+        "indices": Quantity(sidebands.indices, "1", "(|lower| + |upper|) / |centre| of each pair"),
+        "modulation_index": Quantity(sidebands.modulation_index, "1", "that of the first pair"),
+    }
+    return tree
+
+
+def _curve(result: Any, points: Sequence[str]) -> Tree:
+    tree: Tree = {
+        "parameter": Quantity(result.parameter),
+        "frequency": Quantity(np.asarray(result.frequency), "Hz", "forcing frequency"),
+        "value": Quantity(
+            result.value,
+            "Hz" if result.parameter == "frequency" else "1",
+            "frequency, or factor on the loads",
+        ),
+        "amplitude": _of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
+        "harmonics": _of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
+        "stable": Quantity(result.stable, "1", "stability of each point"),
+        "converged": Quantity(result.converged),
+        "contact_peak": Quantity(result.contact_peak, "N", "largest contact resultant"),
+        "bifurcations": [
+            {"kind": item.kind, "value": float(item.value), "multiplier": complex(item.multiplier)}
+            for item in result.bifurcations
+        ],
+        "complete": Quantity(bool(result.complete)),
+        "reason": Quantity(result.reason, "1", "why the curve ends"),
+    }
+    if result.parameter == "frequency":
+        tree["peak"] = {point: _peak(result.peak(point)) for point in points}
+    return tree
+
+
+def _peak(peak: Any) -> Tree:
+    return {
+        "frequency": Quantity(peak.frequency, "Hz", "of the largest amplitude"),
+        "amplitude": Quantity(peak.amplitude, "m", "largest amplitude"),
+        "lower": Quantity(peak.lower, "Hz", "lower half-power frequency"),
+        "upper": Quantity(peak.upper, "Hz", "upper half-power frequency"),
+        "bandwidth": Quantity(peak.bandwidth, "Hz", "half-power bandwidth"),
+        "skewness": Quantity(peak.skewness, "1", "0 symmetric, +1 leaning to higher frequencies"),
+    }
+
+
+def _backbone(result: Any, points: Sequence[str]) -> Tree:
+    tree: Tree = {
+        "energy": Quantity(np.asarray(result.energy), "J", "energy of the motion"),
+        "frequency": Quantity(np.asarray(result.frequency), "Hz", "frequency of the motion"),
+    }
+    for name, unit in (("stable", "1"), ("converged", "1"), ("complete", "1"), ("reason", "1")):
+        if hasattr(result, name):
+            tree[name] = Quantity(getattr(result, name), unit)
+    for name in ("amplitude", "harmonics"):
+        if hasattr(result, name):
+            tree[name] = _of_points(points, getattr(result, name), "m", name)
+    return tree
+
+
+def plain(tree: Any, where: str = "") -> Any:
+    """A tree as JSON can hold it: complex numbers as magnitude and phase, nan as null.
+
+    Parameters
+    ----------
+    tree : Tree, Quantity or value
+    where : str
+        Path of the tree in the results file, for histories too long to stand in the summary.
+    """
+    if isinstance(tree, dict):
+        return {
+            key: plain(value, f"{where}/{key}")
+            for key, value in tree.items()
+            if not (isinstance(value, Quantity) and value.detail)
+            and not (
+                isinstance(value, dict)
+                and value
+                and all(isinstance(v, Quantity) and v.detail for v in value.values())
+            )
+        }
+    if isinstance(tree, list):
+        return [plain(value, where) for value in tree]
+    value = tree.value if isinstance(tree, Quantity) else tree
+    if isinstance(value, np.ndarray) and value.ndim and len(value) > LONGEST_IN_SUMMARY:
+        return {"dataset": where, "shape": list(value.shape)}
+    if isinstance(value, complex) or (isinstance(value, np.ndarray) and np.iscomplexobj(value)):
+        return {"magnitude": plain(np.abs(value)), "phase": plain(np.angle(value))}
+    if isinstance(value, (np.ndarray, np.generic)):
+        return plain(value.tolist())
+    if dataclasses.is_dataclass(value):
+        raise TypeError(f"{value!r} is no quantity")
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

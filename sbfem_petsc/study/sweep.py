@@ -1,0 +1,311 @@
+"""A case for many values of its keys, shared out over groups of ranks; what is finished is not repeated."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from .. import indicators
+from ..errors import SolveError
+from ..parallel import collective
+from . import parameters as paths
+from . import rows as row_files
+from .case import Case, read_case
+from .figures import figures
+from .folder import Folder
+from .rows import Row
+from .solve import Structure
+from .sweep_file import Sweep, read_sweep, together, write
+from .watch import Watch, watch_for
+
+__all__ = ["Sweep", "read_sweep", "sweep"]
+# Pieces of work for each group of ranks, at least: the last ones to end should be short.
+PIECES = 8
+
+
+def sweep(
+    case: Case | str | os.PathLike[str],
+    parameters: Mapping[str, Any] | None = None,
+    *,
+    output: str | os.PathLike[str] | None = None,
+    method: str = "grid",
+    samples: int | None = None,
+    seed: int = 0,
+    analyses: Sequence[str] | None = None,
+    healthy: Mapping[str, Any] | None = None,
+    noise: Mapping[str, float] | None = None,
+    ranks_per_row: int = 1,
+    histories: bool = False,
+    comm: Any = None,
+    replace: bool = False,
+    watch: Watch | None = None,
+) -> Sweep:
+    """Run the analyses of a case for many values of its keys. Collective.
+
+    Parameters
+    ----------
+    case : Case or path-like
+        Its [sweep] table is used unless `parameters` are given.
+    parameters : dict, optional
+        Dotted paths into the case ("geometry.notches[0].depth") to lists of values, or to
+        {"start": , "stop": , "count": , "scale": "linear" or "logarithmic"}.
+    output : path-like, optional
+        Folder of sweep.h5 and sweep.csv; an interrupted sweep goes on there. Default: nothing is kept.
+    method : {"grid", "list", "latin_hypercube"}
+        Every combination; the n-th values together; random samples that fill the ranges.
+    samples, seed : int
+        Number of Latin hypercube samples, and their seed.
+    analyses : sequence of str, optional
+        Default: all of the case.
+    healthy : dict, optional
+        Values of the structure that frequency shifts are relative to. Default: no notches, no cracks.
+    noise : dict, optional
+        {"snr": dB, "seed": int}: white noise on the motion that indicators are read from.
+    ranks_per_row : int
+        Ranks that compute a row together.
+    histories : bool
+        Keep the motion of the points too.
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+    replace : bool
+        Give up what another sweep has left in the folder.
+    watch : Watch, optional
+        Is told what is under way. Default: a bar on a terminal, lines elsewhere.
+
+    Returns
+    -------
+    Sweep
+        On all ranks.
+
+    Raises
+    ------
+    ValueError
+        For input that makes no sense, on all ranks. A row that fails keeps its reason.
+    """
+    from mpi4py import MPI
+
+    from ..results.hdf5 import check_output_folder
+
+    comm = MPI.COMM_WORLD if comm is None else comm
+    with collective(comm):
+        checked = case if isinstance(case, Case) else read_case(case)
+        if parameters is not None:
+            table = {
+                "parameters": dict(parameters),
+                "method": method,
+                "samples": samples,
+                "seed": seed,
+                "analyses": None if analyses is None else list(analyses),
+                "healthy": None if healthy is None else dict(healthy),
+                "noise": None if noise is None else dict(noise),
+                "ranks_per_row": ranks_per_row,
+                "histories": histories,
+            }
+            checked = checked.with_data(
+                {**checked.data, "sweep": {k: v for k, v in table.items() if v is not None}}
+            )
+        if checked.tables.sweep is None:
+            raise checked.problem(("sweep",), "is missing; add [sweep.parameters] with the keys that vary")
+        together_on = checked.tables.sweep.ranks_per_row
+        if comm.size % together_on:
+            raise checked.problem(
+                ("sweep", "ranks_per_row"),
+                f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
+            )
+    with tempfile.TemporaryDirectory() as spare, watch or watch_for(comm) as told:
+        place = comm.bcast(spare) if output is None else os.fspath(output)
+        folder_path = check_output_folder(place, comm)
+        folder: Folder | None = None
+        with collective(comm):
+            if comm.rank == 0:
+                folder = Folder(folder_path, checked, "sweep", replace)
+        try:
+            return _Sweeping(checked, folder_path, comm, told).all()
+        finally:
+            if folder is not None:
+                folder.close()
+            comm.Barrier()  # nobody's folder goes while others read it
+
+
+class _Sweeping:
+    """A sweep under way on this rank.
+
+    Attributes
+    ----------
+    group : Comm
+        Ranks that compute a row together with this one.
+    """
+
+    def __init__(self, case: Case, path: str, comm: Any, watch: Watch):
+        assert case.tables.sweep is not None
+        self.case, self.comm, self.watch, self.table = case, comm, watch, case.tables.sweep
+        self.folder, self.path = os.path.join(path, "rows"), path
+        self.inputs = paths.rows(self.table)
+        self.names = self.table.analyses or list(case.tables.analyses)
+        self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
+        self.groups = comm.size // self.table.ranks_per_row
+        self.file = os.path.join(self.folder, f"{comm.rank // self.table.ranks_per_row:05d}.rows")
+        self.healthy: dict[str, np.ndarray] = {}
+
+    def all(self) -> Sweep:
+        """Compute what is missing and put the table together."""
+        comm = self.comm
+        done: list[int] = []
+        with collective(comm):
+            if comm.rank == 0:
+                done = [k for k, row in row_files.read(self.folder).items() if not row.reason]
+        finished = set(comm.bcast(done))
+        total = len(self.inputs)
+        self.watch.stage(f"{total} rows, {len(finished)} of them finished before")
+        pieces = self._pieces(finished)
+        try:
+            for k in _shared(comm, self.group, len(pieces)):
+                self._piece(pieces[k], total)
+        finally:
+            self.group.Free()
+        comm.Barrier()
+        table: Sweep | None = None
+        with collective(comm):
+            if comm.rank == 0:
+                table = together(self.case, self.inputs, row_files.read(self.folder))
+                write(table, self.case, self.path)
+        result: Sweep = comm.bcast(table)
+        return result
+
+    def _pieces(self, finished: set[int]) -> list[list[int]]:
+        """Rows that are not finished, those of one structure together, none of the pieces too long."""
+        longest = max(1, len(self.inputs) // (PIECES * self.groups))
+        alike: dict[tuple, list[int]] = {}
+        for k, row in enumerate(self.inputs):
+            if k not in finished:
+                alike.setdefault(paths.structural(row), []).append(k)
+        return [
+            numbers[first : first + longest]
+            for numbers in alike.values()
+            for first in range(0, len(numbers), longest)
+        ]
+
+    def _piece(self, numbers: list[int], total: int) -> None:
+        """Rows of one structure."""
+        structure: Structure | None = None
+        reason = ""
+        modal: dict[str, Any] = {}
+        try:
+            for number in numbers:
+                began = time.monotonic()
+                values: dict[str, tuple[Any, str]] = {}
+                if not reason or structure is not None:
+                    try:
+                        case = self.case.with_values(self.inputs[number])
+                        if structure is None:
+                            structure = Structure(case, self.group)
+                        values, reason = self._row(case, number, structure, modal), ""
+                    except Exception as error:  # a row that fails must not end the others
+                        reason = _reason(error)
+                row = Row(
+                    number,
+                    reason,
+                    time.monotonic() - began,
+                    {name: np.asarray(value) for name, (value, _) in values.items()},
+                    {name: unit for name, (_, unit) in values.items()},
+                )
+                if self.group.rank == 0:
+                    row_files.append(self.file, row)
+                if self.comm.rank == 0:
+                    self.watch.fraction(min(1.0, row_files.count(self.folder) / total))
+        finally:
+            if structure is not None:
+                structure.destroy()
+
+    def _row(
+        self, case: Case, number: int, structure: Structure, modal: dict[str, Any]
+    ) -> dict[str, tuple[Any, str]]:
+        points = structure.points(case)
+        values: dict[str, tuple[Any, str]] = {}
+        for name in self.names:
+            table = case.tables.analyses[name]
+            key = table.model_dump_json() if table.kind == "modal" else ""
+            result = modal.get(key) or structure.solve(case, name)
+            if key:
+                modal[key] = result
+            found = figures(
+                case,
+                name,
+                result,
+                points,
+                number,
+                noise=self.table.noise,
+                histories=self.table.histories,
+            )
+            values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})
+            if table.kind == "modal":
+                healthy = self._healthy(case, name)
+                if healthy is not None:
+                    shift = _shift(np.asarray(result.frequencies), healthy)
+                    values[f"{name}/frequency_shift"] = (shift, "1")
+        return values
+
+    def _healthy(self, case: Case, name: str) -> np.ndarray | None:
+        """Frequencies of the healthy structure beside a row; None where there is none."""
+        changes = self.table.healthy
+        if changes is None:
+            removed = {"beam": "geometry.notches", "plate": "geometry.cracks"}
+            if case.tables.geometry.kind not in removed:
+                return None
+            changes = {removed[case.tables.geometry.kind]: []}
+        reference = case.with_values(changes)
+        key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
+        if key not in self.healthy:
+            structure = Structure(reference, self.group)
+            try:
+                self.healthy[key] = np.asarray(structure.solve(reference, name).frequencies)
+            finally:
+                structure.destroy()
+        return self.healthy[key]
+
+
+def _shift(cracked: np.ndarray, healthy: np.ndarray) -> np.ndarray:
+    """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
+    shift = np.full(len(cracked), np.nan)
+    both = min(len(cracked), len(healthy))
+    shift[:both] = indicators.frequency_shift(cracked[:both].tolist(), healthy[:both].tolist())
+    return shift
+
+
+def _reason(error: Exception) -> str:
+    expected = isinstance(error, (ValueError, KeyError, SolveError))
+    return str(error) if expected else f"{type(error).__name__}: {error}"
+
+
+def _shared(comm: Any, group: Any, count: int) -> Iterator[int]:
+    """Numbers from 0 below `count`, each for one group: whoever is free takes the next. Collective."""
+    from mpi4py import MPI
+
+    window = MPI.Win.Allocate(8 if comm.rank == 0 else 0, 8, comm=comm)
+    if comm.rank == 0:
+        counter: Any = window.tomemory()
+        np.frombuffer(counter, dtype=np.int64)[:] = 0
+    comm.Barrier()
+    one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
+    try:
+        while True:
+            if group.rank == 0:
+                window.Lock(0, MPI.LOCK_SHARED)
+                window.Fetch_and_op(one, found, 0, 0, MPI.SUM)
+                window.Unlock(0)
+            number = int(group.bcast(int(found[0]) if group.rank == 0 else None))
+            if number >= count:
+                break
+            yield number
+    finally:
+        # an error on one rank alone ends the program; waiting for the others here would hide it
+        import sys
+
+        if sys.exc_info()[0] is None:
+            comm.Barrier()
+            window.Free()

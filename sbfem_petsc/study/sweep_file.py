@@ -1,0 +1,208 @@
+"""A sweep's table: rows put together, HDF5 and CSV."""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import h5py
+import numpy as np
+
+import sbfem_petsc as sb
+
+from .case import Case
+from .rows import Row
+from .run import write_case
+from .storage import opened, replaced
+
+FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 1
+FILE, TABLE = "sweep.h5", "sweep.csv"
+# Entries up to which an array stands in the CSV file, a column each.
+WIDEST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """The rows of a sweep.
+
+    Attributes
+    ----------
+    inputs : dict of str to (n,) array
+        Values of the parameters, by their dotted paths.
+    values : dict of str to (n, ...) array
+        By "analysis/quantity" or "analysis/quantity/point"; nan where a row failed, and where arrays of other
+        rows are longer.
+    units : dict of str to str
+        Of the values.
+    reasons : list of str
+        Why a row failed; "" where it did not.
+    seconds : (n,) array
+        Wall time of each row, what it shares with others counted in the first of them.
+    text : str
+        The case.
+    case_file : str
+    """
+
+    inputs: dict[str, np.ndarray]
+    values: dict[str, np.ndarray]
+    units: dict[str, str]
+    reasons: list[str]
+    seconds: np.ndarray
+    text: str
+    case_file: str
+
+    def __len__(self) -> int:
+        return len(self.reasons)
+
+    @property
+    def failed(self) -> int:
+        """Number of rows that failed."""
+        return sum(map(bool, self.reasons))
+
+    def facts(self) -> dict[str, Any]:
+        """Size, failures, names and ranges, as JSON can hold them."""
+        return {
+            "rows": len(self),
+            "failed": self.failed,
+            "reasons": sorted({reason for reason in self.reasons if reason}),
+            "inputs": {name: [_plain(v) for v in np.unique(column)] for name, column in self.inputs.items()},
+            "values": {
+                name: {"shape": list(array.shape), "unit": self.units.get(name, "1")}
+                for name, array in self.values.items()
+            },
+            "seconds": float(np.nansum(self.seconds)),
+        }
+
+    def __repr__(self) -> str:
+        return (
+            f"Sweep({len(self)} rows over {', '.join(self.inputs)}; {self.failed} failed, {len(self.values)} "
+            f"quantities, {np.nansum(self.seconds):.1f} s in all rows)"
+        )
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int, Row]) -> Sweep:
+    """The table of all rows; rows that are missing have the reason "not computed"."""
+    units: dict[str, str] = {}
+    shapes: dict[str, tuple[int, ...]] = {}
+    kinds: dict[str, np.dtype] = {}
+    for row in found.values():
+        for name, value in row.values.items():
+            shape = shapes.get(name, value.shape)
+            shapes[name] = tuple(map(max, shape, value.shape))
+            kinds[name] = np.result_type(kinds.get(name, np.dtype(float)), value.dtype)
+        units.update(row.units)
+    values = {name: np.full((len(inputs), *shape), np.nan, kinds[name]) for name, shape in shapes.items()}
+    for number, row in found.items():
+        for name, value in row.values.items():
+            values[name][(number, *map(slice, value.shape))] = value
+    names = list(inputs[0]) if inputs else []
+    columns = {name: np.array([row[name] for row in inputs]) for name in names}
+    reasons = [found[k].reason if k in found else "not computed" for k in range(len(inputs))]
+    seconds = np.array([found[k].seconds if k in found else np.nan for k in range(len(inputs))])
+    order = sorted(values)
+    return Sweep(
+        columns, {name: values[name] for name in order}, units, reasons, seconds, case.text, case.file
+    )
+
+
+def write(sweep: Sweep, case: Case, folder: str) -> None:
+    """Write sweep.h5 and sweep.csv, each replaced as a whole."""
+    with replaced(os.path.join(folder, FILE)) as temporary, h5py.File(temporary, "w") as file:
+        file.attrs.update(
+            {
+                "format": FORMAT,
+                "format_version": FORMAT_VERSION,
+                "version": sb.__version__,
+                "rows": len(sweep),
+            }
+        )
+        write_case(file.create_group("case"), case)
+        text = h5py.string_dtype()
+        # paths with dots and brackets are attributes: readers stumble over them in names
+        for k, (name, column) in enumerate(sweep.inputs.items()):
+            kind = text if column.dtype.kind in "US" else None
+            data = file.create_dataset(
+                f"inputs/{k:02d}", data=column.astype(object) if kind else column, dtype=kind
+            )
+            data.attrs["name"] = name
+        for name, array in sweep.values.items():
+            data = file.create_dataset(f"values/{name}", data=array, compression="gzip")
+            data.attrs["unit"] = sweep.units.get(name, "1")
+        file.create_dataset("reasons", data=np.array(sweep.reasons, dtype=object), dtype=text)
+        file.create_dataset("seconds", data=sweep.seconds).attrs["unit"] = "s"
+    with replaced(os.path.join(folder, TABLE)) as temporary:
+        write_csv(sweep, temporary)
+
+
+def write_csv(sweep: Sweep, path: str) -> None:
+    """Write inputs, scalar values and short arrays, a row a line; units in the heading."""
+    heading: list[str] = ["row"]
+    columns: list[list[Any]] = [list(range(len(sweep)))]
+    for name, column in sweep.inputs.items():
+        heading.append(name)
+        columns.append(column.tolist())
+    for name, array in sweep.values.items():
+        unit = sweep.units.get(name, "1")
+        ending = "" if unit == "1" else f" [{unit}]"
+        if np.iscomplexobj(array) or array.ndim > 2 or (array.ndim == 2 and array.shape[1] > WIDEST):
+            continue
+        if array.ndim == 1:
+            heading.append(f"{name}{ending}")
+            columns.append(array.tolist())
+            continue
+        for k in range(array.shape[1]):
+            heading.append(f"{name}/{k + 1}{ending}")
+            columns.append(array[:, k].tolist())
+    heading += ["seconds", "reason"]
+    columns += [sweep.seconds.tolist(), sweep.reasons]
+    with open(path, "w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(heading)
+        writer.writerows(zip(*columns))
+
+
+def read_sweep(path: str | os.PathLike[str]) -> Sweep:
+    """Read a sweep.
+
+    Parameters
+    ----------
+    path : path-like
+        sweep.h5, or its folder.
+
+    Raises
+    ------
+    ValueError
+        If it is missing, truncated or of another kind.
+    """
+    name = os.fspath(path)
+    name = os.path.join(name, FILE) if os.path.isdir(name) else name
+    with opened(name, FORMAT, "sweep file") as file:
+        values: dict[str, np.ndarray] = {}
+        units: dict[str, str] = {}
+
+        def visit(key: str, entry: Any) -> None:
+            if isinstance(entry, h5py.Dataset):
+                values[key], units[key] = entry[()], str(entry.attrs["unit"])
+
+        if "values" in file:
+            file["values"].visititems(visit)
+        inputs = {}
+        for entry in file["inputs"].values():
+            column = entry.asstr()[()] if h5py.check_string_dtype(entry.dtype) else entry[()]
+            inputs[str(entry.attrs["name"])] = np.asarray(column)
+        return Sweep(
+            inputs,
+            values,
+            units,
+            [str(reason) for reason in file["reasons"].asstr()[()]],
+            file["seconds"][()],
+            file["case/text"][()].decode(),
+            str(file["case"].attrs["file"]),
+        )

@@ -1,0 +1,107 @@
+"""What all tables of a case file have in common, and how a value finds the table it belongs to."""
+
+from __future__ import annotations
+
+import types
+import typing
+from typing import Annotated, Any
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+
+
+class Table(BaseModel):
+    """A table of a case file: unknown keys, other types, nan and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
+
+
+def item(default: Any = ..., *, text: str, unit: str = "", **bounds: Any) -> Any:
+    """A key with its description, unit and default."""
+    return Field(default, description=text, json_schema_extra={"unit": unit}, **bounds)
+
+
+Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+Name = Annotated[str, Field(min_length=1)]
+
+
+def _listed(value: Any) -> Any:
+    return [value] if isinstance(value, str) else value
+
+
+_ONE_OR_MORE = BeforeValidator(_listed, json_schema_input_type=str | list[str])
+# One name stands for a list of one.
+Names = Annotated[list[Name], _ONE_OR_MORE, Field(min_length=1)]
+AnyNames = Annotated[list[Name], _ONE_OR_MORE]
+
+
+def kind_of(value: Any) -> Any:
+    """Mark of a table in a union: its `kind`."""
+    return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
+
+
+def by_kind(*tables: type[Table]) -> Any:
+    """Union of tables told apart by their key `kind`."""
+    members = tuple(Annotated[table, Tag(_kind(table))] for table in tables)
+    return Annotated[typing.Union[members], Discriminator(kind_of)]  # noqa: UP007 - made at run time
+
+
+def _kind(table: type[BaseModel]) -> str:
+    return str(typing.get_args(table.model_fields["kind"].annotation)[0])
+
+
+def members(annotation: Any) -> list[type[BaseModel]]:
+    """Tables in an annotation, however deep."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [table for part in typing.get_args(annotation) for table in members(part)]
+
+
+def member_of(table: Any, key: str | int, value: Any) -> Any:
+    """The table class, or the annotation, that a value under `key` of a table stands for."""
+    if isinstance(table, type) and issubclass(table, BaseModel):
+        field = table.model_fields.get(str(key))
+        annotation = field.annotation if field is not None else None
+        if field is not None and field.metadata:
+            annotation = Annotated[(annotation, *field.metadata)]  # type: ignore[assignment]
+    else:
+        annotation = _element(table)
+    return _chosen(annotation, value)
+
+
+def _element(annotation: Any) -> Any:
+    """Annotation of the elements of an array or of the values of a table of tables."""
+    origin, parts = typing.get_origin(annotation), typing.get_args(annotation)
+    if origin is Annotated:
+        return _element(parts[0])
+    if origin in (list, dict):
+        return parts[-1]
+    for part in parts:
+        found = _element(part)
+        if found is not None:
+            return found
+    return None
+
+
+def _chosen(annotation: Any, value: Any) -> Any:
+    origin = typing.get_origin(annotation)
+    if isinstance(value, dict) and origin not in (dict, list):
+        if origin is Annotated and typing.get_origin(typing.get_args(annotation)[0]) in (dict, list):
+            return annotation
+        found = members(annotation)
+        if origin in (typing.Union, types.UnionType) or origin is Annotated:
+            nested = [p for p in typing.get_args(annotation) if typing.get_origin(p) in (dict, list)]
+            if nested and not found:
+                return nested[0]
+        wanted = value.get("kind")
+        for table in found:
+            if "kind" not in table.model_fields:
+                continue
+            if _kind(table) == wanted or (wanted is None and not table.model_fields["kind"].is_required()):
+                return table
+        return found[0] if len(found) == 1 else annotation
+    return annotation
+
+
+def kind_names(annotation: Any) -> list[str]:
+    """Kinds of the tables in an annotation."""
+    return [_kind(table) for table in members(annotation) if "kind" in table.model_fields]

@@ -1,0 +1,198 @@
+"""Forces and springs on the boundary of this rank's S-elements, and forces of inertia."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..loads import as_loads
+from ..petsc import PETSc
+from ..selement.basis import tabulated
+from .assembly import Triples, block_triples
+
+
+def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
+    """|dx/d eta| (edges, points) and outward unit normals (edges, points, 2) at the Gauss points.
+
+    Parameters
+    ----------
+    coordinates : (edges, order + 1, 2) array
+        m; the material lies on the left of an edge.
+    order : int
+    """
+    _, derivatives, _ = tabulated(order, order + 2)
+    tangent = derivatives @ coordinates
+    length = np.sqrt((tangent**2).sum(axis=2))
+    return length, np.stack([tangent[..., 1], -tangent[..., 0]], axis=-1) / length[..., None]
+
+
+@dataclass(frozen=True, eq=False)
+class LoadColumns:
+    """What loads do, one column each.
+
+    Attributes
+    ----------
+    forces : (owned, k) array
+        Nodal forces on this rank's displacement unknowns, N.
+    gaps : (c, k) array
+        Gaps of the contact rows that loads on the faces inside tip elements open at given displacements, m.
+    tips : (2 tips, k) array
+        Their share of K_I and K_II, Pa m^(1/2).
+    flexibility : (k, k) array
+        Their work on each other's displacements at given nodal displacements, J.
+    """
+
+    forces: np.ndarray
+    gaps: np.ndarray
+    tips: np.ndarray
+    flexibility: np.ndarray
+
+    def combined(self, amplitudes: np.ndarray) -> LoadColumns:
+        """One column: the loads with their amplitudes (k,) together."""
+        weights = np.asarray(amplitudes, dtype=float)[:, None]
+        flexibility = weights.T @ self.flexibility @ weights
+        return LoadColumns(self.forces @ weights, self.gaps @ weights, self.tips @ weights, flexibility)
+
+
+class NodalForces:
+    """Collects what loads do that assemble themselves (`loads.LoadAssembler`).
+
+    Parameters
+    ----------
+    model : Structure
+    vector : PETSc.Vec or None
+        Over the displacement unknowns; the forces are added to it. None: for checks of places only.
+    """
+
+    def __init__(self, model, vector: PETSc.Vec | None):
+        self._model, self._vector = model, vector
+        self.points, self.edge_sets = model.points, model.edge_set_names
+        # forces of the traction modes of the tips that this rank holds
+        self.tip_forces: dict[int, np.ndarray] = {}
+
+    def point_force(self, point: str, force: tuple[float, float]) -> None:
+        """Add a force (N) on a named point."""
+        if self._model.comm.rank == 0:
+            self._add(np.array(self.points[point][1]), np.array(force, dtype=float))
+
+    def edge_traction(self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Add a traction (Pa), a function of the outward normals, on the edges of a set.
+
+        Of a crack's face the part inside a tip element belongs to the set.
+        """
+        part, order = self._model.part, self._model.order
+        edges = part.edge_sets[edge_set]
+        if len(edges):
+            values, _, weights = tabulated(order, order + 2)
+            length, normal = edge_metric(part.coordinates[edges], order)
+            forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
+            self._add(part.unknowns[edges], self._model.thickness * forces)
+        for faces in self._model.tip_faces:
+            chosen = [edge_set in names for names in self._model.tip_face_sets[faces.number]]
+            if any(chosen):
+                forces = faces.uniform(chosen, traction, self._model.thickness)
+                self._add(self._model.part.unknowns[faces.group.nodes[faces.member]], faces.rows.T @ forces)
+                self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
+
+    def inertia(self, acceleration: tuple[float, float]) -> None:
+        """Add the force -density * acceleration (m/s^2) on the whole body."""
+        model = self._model
+        for group in model.groups:
+            steady = np.tile(acceleration, len(group.shape))
+            forces = -model.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ steady)
+            self._add(model.unknowns_of(group), forces)
+
+    def _add(self, unknowns: np.ndarray, forces: np.ndarray) -> None:
+        unknowns, forces = unknowns.ravel(), forces.ravel()
+        keep = unknowns >= 0
+        self._vector.setValues(unknowns[keep].astype(PETSc.IntType), forces[keep], addv=True)
+
+
+def load_columns(model, loads) -> LoadColumns:
+    """What several constant, checked loads do. Collective."""
+    columns, collected = [], []
+    vector = model.stiffness.createVecRight()
+    try:
+        for load in loads:
+            vector.set(0.0)
+            forces = NodalForces(model, vector)
+            for item in as_loads(load).parts:
+                item.assemble(forces)
+            vector.assemble()
+            columns.append(vector.array_r.copy())
+            collected.append(forces.tip_forces)
+    finally:
+        vector.destroy()
+    count, gap, tips = len(columns), model.gap_operator, model.tips
+    gaps, intensities, flexibility = (
+        np.zeros((len(gap), count)),
+        np.zeros((len(tips.rows), count)),
+        np.zeros((count, count)),
+    )
+    for faces in model.tip_faces:
+        acting = [forces.get(faces.number) for forces in collected]
+        if all(forces is None for forces in acting):
+            continue
+        modes, first = faces.modes, gap.pairs + faces.modes * faces.number
+        table = np.stack([np.zeros(len(faces.flexibility)) if f is None else f for f in acting], axis=1)
+        means = faces.flexibility @ table
+        gaps[first : first + modes] = means[:modes]
+        intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
+        flexibility += table.T @ means
+    gaps, intensities, flexibility = (model.comm.allreduce(part) for part in (gaps, intensities, flexibility))
+    size = model.owned.stop - model.owned.start
+    forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
+    return LoadColumns(forces, gaps, intensities, flexibility)
+
+
+def spring_triples(model) -> list[Triples]:
+    """Entries of the elastic supports."""
+    triples = []
+    part, order = model.part, model.order
+    values, _, weights = tabulated(order, order + 2)
+    for support in model.supports:
+        springs = np.array(support.springs)
+        if not springs.any():
+            continue
+        if support.where in model.edge_set_names:
+            edges = part.edge_sets[support.where]
+            if len(edges) == 0:
+                continue
+            lengths, _ = edge_metric(part.coordinates[edges], order)
+            stiffness = np.einsum(
+                "eq,q,qa,qb,i,ij->eaibj",
+                lengths,
+                weights,
+                values,
+                values,
+                springs * model.thickness,
+                np.eye(2),
+            )
+            unknowns = part.unknowns[edges].reshape(len(edges), -1)
+            triples.append(
+                block_triples(unknowns, unknowns, stiffness.reshape(len(edges), unknowns.shape[1], -1))
+            )
+        elif model.comm.rank == 0:
+            unknowns = np.array(model.points[support.where][1])[None, :]
+            triples.append(block_triples(unknowns, unknowns, np.diag(springs)[None]))
+    return triples
+
+
+def is_supported(model) -> bool:
+    """Whether the supports admit no rigid-body motion. Collective."""
+    lower, upper = model.extent
+    centre, size = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
+    gram = np.zeros((3, 3))
+    for support in model.supports:
+        acts = np.array(support.fixed) | (np.array(support.springs) > 0)
+        if support.where in model.edge_set_names:
+            places = model.part.coordinates[np.unique(model.part.edge_sets[support.where])]
+        else:
+            places = np.array([model.points[support.where][0]])
+        for x, y in (places - centre) / size:
+            rows = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])[acts]
+            gram += rows.T @ rows
+    gram = model.comm.allreduce(gram)
+    return bool(np.linalg.eigvalsh(gram)[0] > 1e-9 * max(np.trace(gram), 1.0))

@@ -1,0 +1,245 @@
+"""The discrete structure: S-elements on their ranks, numbered unknowns, stiffness, loads, contact rows, fields."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Iterable
+
+import numpy as np
+
+from meshing.boundary_mesh import BoundaryMesh
+
+from ..errors import SolveError, listed, on_all_ranks
+from ..loads import Loads, as_loads
+from ..parallel import collective
+from ..petsc import MPI, PETSc
+from ..supports import Support
+from .assembly import Triples, assemble, block_triples
+from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_triples
+from .distribution import distribute
+from .gap_operator import GapOperator, gap_operator
+from .rows import Rows
+from .shapes import Group, solve_groups
+from .tip_faces import TipFaces, tip_faces
+from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
+
+
+class Structure:
+    """A distributed structure of S-elements and its operators; `Model` is what a user sees of it.
+
+    Parameters
+    ----------
+    comm : Comm
+    mesh : BoundaryMesh or None
+    supports : tuple of Support
+    materials : callable
+        Materials in the order of the mesh's names, which it is given.
+    terms : int
+        Of the continued fraction.
+    thickness : float
+        m.
+    tip_modes : int
+        Pressure modes on the faces inside each tip element.
+    """
+
+    def __init__(
+        self,
+        comm: MPI.Comm,
+        mesh: BoundaryMesh | None,
+        supports: tuple[Support, ...],
+        materials,
+        *,
+        terms: int,
+        thickness: float,
+        tip_modes: int,
+    ):
+        self.comm, self.supports, self.thickness, self.continued_fraction = comm, supports, thickness, terms
+        self.tip_modes = tip_modes
+        self._freed = False
+        found = distribute(comm, mesh, supports)
+        self.order, self.elements, self.part, self.ranges = (
+            found.order,
+            found.elements,
+            found.part,
+            found.ranges,
+        )
+        self.points, self.cracks, self.pairs, self.pair_unknowns = (
+            found.points,
+            found.cracks,
+            found.pairs,
+            found.pair_unknowns,
+        )
+        self.edge_set_names, self.material_names = found.edge_sets, found.material_names
+        self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
+        self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
+        self.boundary_unknowns = int(self.ranges[-1])
+        with collective(comm):
+            self.materials = materials(self.material_names)
+            if self.boundary_unknowns == 0:
+                raise ValueError(
+                    f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
+                )
+        self.groups, self.shapes = solve_groups(comm, self.part, self.order, self.materials, terms)
+        auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
+        self.unknowns = self.boundary_unknowns + comm.allreduce(auxiliary)
+
+    @property
+    def owned(self) -> slice:
+        """Numbers of the displacement unknowns that this rank owns."""
+        return slice(int(self.ranges[self.comm.rank]), int(self.ranges[self.comm.rank + 1]))
+
+    # ------------------------------------------------------------------ matrices
+    def unknowns_of(self, group: Group) -> np.ndarray:
+        """(k, n) unknowns of the S-elements of a group, -1 where held fixed."""
+        return self.part.unknowns[group.nodes].reshape(len(group.sizes), -1)
+
+    def scales(self, group: Group) -> tuple[float, np.ndarray]:
+        """Stiffness scale E t (N/m) and inertia scale rho h^2 t (kg), (k,)."""
+        material = self.materials[group.material]
+        return material.modulus * self.thickness, material.density * group.sizes**2 * self.thickness
+
+    @functools.cached_property
+    def stiffness(self) -> PETSc.Mat:
+        """K over the displacement unknowns, N/m; with the rigid-body motions as near null space for multigrid
+        where every node has both unknowns or none.
+        """
+        if self._freed:
+            raise SolveError("Model: it has been destroyed; make it again, or use it inside its `with` block")
+        free = self.part.unknowns >= 0
+        blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
+        triples = [self._stiffness_triples(group) for group in self.groups] + self.spring_triples()
+        matrix = assemble(self.comm, self.ranges, triples, block_size=2 if blocks else 1)
+        if blocks:
+            self._attach_rigid_motions(matrix, free)
+        return matrix
+
+    def _stiffness_triples(self, group: Group) -> Triples:
+        unknowns = self.unknowns_of(group)
+        scaled = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
+        return block_triples(unknowns, unknowns, scaled)
+
+    def spring_triples(self) -> list[Triples]:
+        """Entries of the elastic supports."""
+        return spring_triples(self)
+
+    def _attach_rigid_motions(self, matrix: PETSc.Mat, free: np.ndarray) -> None:
+        places = matrix.createVecRight()
+        owned = free & (self.part.unknowns >= self.owned.start) & (self.part.unknowns < self.owned.stop)
+        places.array[self.part.unknowns[owned] - self.owned.start] = self.part.coordinates[owned]
+        motions = PETSc.NullSpace().createRigidBody(places)
+        matrix.setNearNullSpace(motions)
+        motions.destroy()
+        places.destroy()
+
+    # ------------------------------------------------------------------ loads and supports
+    def load_columns(self, loads: Iterable) -> LoadColumns:
+        """What several constant loads do, one column each. Collective.
+
+        Raises
+        ------
+        KeyError, ValueError, TypeError
+            If a point or edge set does not exist or a component is not finite.
+        """
+        loads = list(loads)
+        with collective(self.comm):
+            for load in loads:
+                self.checked_loads(load)
+        return load_columns(self, loads)
+
+    def checked_loads(self, load, constant: bool = True) -> Loads:
+        """The loads, each with an existing place and finite components, or signals unless `constant`."""
+        loads = as_loads(load)
+        places = NodalForces(self, None)
+        for item in loads.parts:
+            item.check(places, constant)
+        return loads
+
+    @functools.cached_property
+    def supported(self) -> bool:
+        """Whether the supports admit no rigid-body motion. Collective."""
+        return is_supported(self)
+
+    def require_support(self, analysis: str) -> None:
+        """Raise ValueError, on all ranks, if the supports admit a rigid-body motion."""
+        if not self.supported:
+            held = listed(s.where for s in self.supports) if self.supports else "nothing"
+            raise on_all_ranks(
+                ValueError(
+                    f"{analysis} needs a structure held against every rigid-body motion, but the supports "
+                    f"({held}) leave one free; clamp an edge set or add supports"
+                )
+            )
+
+    # ------------------------------------------------------------------ contact and outputs
+    @functools.cached_property
+    def tip_places(self) -> list[TipPlace]:
+        """The tip elements that this rank holds."""
+        return tip_places(self)
+
+    @functools.cached_property
+    def tip_faces(self) -> list[TipFaces]:
+        """Traction modes on the faces inside the tip elements that this rank holds. Collective."""
+        return tip_faces(self)
+
+    @functools.cached_property
+    def gap_operator(self) -> GapOperator:
+        """Contact rows."""
+        return gap_operator(self)
+
+    @functools.cached_property
+    def point_rows(self) -> Rows:
+        """x and y displacement of each named point, two rows a point."""
+        one = np.ones(1)
+        unknowns = [np.array([u]) for _, place in self.points.values() for u in place]
+        return Rows.of(self.comm, self.ranges, [(u, one) for u in unknowns])
+
+    @functools.cached_property
+    def tips(self) -> TipIntensities:
+        """Stress intensity factors of the crack tips. Collective."""
+        return tip_intensities(self)
+
+    def at_points(self, owned: np.ndarray) -> dict[str, np.ndarray]:
+        """Displacement of every named point, on all ranks. Collective.
+
+        Parameters
+        ----------
+        owned : (k,) or (k, n) array
+            This rank's displacement unknowns, of one field or of n fields.
+
+        Returns
+        -------
+        dict of str to (2,) or (n, 2) array
+        """
+        table = self.point_rows(owned).reshape(len(self.points), 2, *owned.shape[1:])
+        return dict(zip(self.points, np.moveaxis(table, 1, -1)))
+
+    @functools.cached_property
+    def _ghosts(self) -> tuple[PETSc.Scatter, PETSc.Vec, PETSc.Vec, np.ndarray]:
+        """Scatter from the distributed displacement unknowns to those of this rank's nodes."""
+        needed = self.part.unknowns[self.part.unknowns >= 0].astype(PETSc.IntType)
+        places = PETSc.IS().createGeneral(needed, comm=PETSc.COMM_SELF)
+        target = PETSc.Vec().createSeq(len(needed))
+        source = self.stiffness.createVecRight()
+        scatter = PETSc.Scatter().create(source, places, target, None)
+        places.destroy()
+        return scatter, source, target, self.part.unknowns >= 0
+
+    def nodal(self, owned: np.ndarray) -> np.ndarray:
+        """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed.
+        Collective.
+        """
+        scatter, source, target, free = self._ghosts
+        source.array = owned
+        scatter.scatter(source, target)
+        result = np.zeros(self.part.unknowns.shape)
+        result[free] = target.array_r
+        return result
+
+    def destroy(self) -> None:
+        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        self._freed = True
+        for name in ("_ghosts", "stiffness"):
+            held = self.__dict__.pop(name, None)
+            for item in held if isinstance(held, tuple) else (held,):
+                if isinstance(item, PETSc.Object):
+                    item.destroy()

@@ -1,0 +1,119 @@
+"""The faces inside tip elements: they carry no nodes, but contact and loads by traction modes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..parallel import collective
+from ..selement.coefficients import SElementError
+from ..selement.face_tractions import (
+    FaceTractions,
+    face_tractions,
+    opening_direction,
+    single_face_directions,
+)
+from .shapes import Group
+
+
+@dataclass(frozen=True, eq=False)
+class TipFaces:
+    """Traction modes on the faces of one tip element that this rank holds.
+
+    The first `modes` of them press the faces apart (contact); then follow tractions along x and y of the
+    reference frame on the first and on the last face.
+
+    Attributes
+    ----------
+    number : int
+        Of the tip among those with an element.
+    group : Group
+    member : int
+        Row of the group.
+    tractions : FaceTractions
+    modes : int
+    stiffness : float
+        E times the thickness, N/m.
+    """
+
+    number: int
+    group: Group
+    member: int
+    tractions: FaceTractions
+    modes: int
+    stiffness: float
+
+    @property
+    def size(self) -> float:
+        """m."""
+        return float(self.group.sizes[self.member])
+
+    @property
+    def rotation(self) -> np.ndarray:
+        """(2, 2): from the element's frame to the reference frame."""
+        return self.group.rotations[self.member]
+
+    @property
+    def rows(self) -> np.ndarray:
+        """(m, n): means of the modes for displacements of the element's nodes in its own frame."""
+        return (self.tractions.rows.reshape(len(self.tractions.rows), -1, 2) @ self.rotation).reshape(
+            len(self.tractions.rows), -1
+        )
+
+    @property
+    def flexibility(self) -> np.ndarray:
+        """(m, m), m/N."""
+        return self.tractions.flexibility / self.stiffness
+
+    def initial_gap(self) -> np.ndarray:
+        """(modes,): mean gaps of the undeformed faces, m."""
+        shape = self.group.shape
+        opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
+        # faces of a closed crack coincide to round-off
+        at_boundary = self.size * opening if opening > 1e-12 else 0.0
+        return self.tractions.initial_mean(0.0, at_boundary)
+
+    def uniform(
+        self, faces: list[bool], traction: Callable[[np.ndarray], np.ndarray], thickness: float
+    ) -> np.ndarray:
+        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the first and last face."""
+        values = np.zeros(5)
+        turn = np.linalg.det(self.rotation)
+        for face, loaded in enumerate(faces):
+            if not loaded:
+                continue
+            # along the outline, with the material on the left: out along the first face, back along the last
+            along = (1.0 - 2.0 * face) * turn * (self.group.shape[(0, -1)[face]] @ self.rotation)
+            normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+            values[1 + 2 * face : 3 + 2 * face] = self.rotation @ traction(normal)
+        return self.tractions.uniform_force(values) * self.size * thickness
+
+
+def tip_faces(model) -> list[TipFaces]:
+    """Those of the tip elements that this rank holds. Collective."""
+    found: list[TipFaces] = []
+    if not model.tip_modes:
+        return found
+    with collective(model.comm):
+        for place in model.tip_places:
+            group, material = place.group, model.materials[place.group.material]
+            directions = np.concatenate(
+                [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
+            )
+            try:
+                tractions = face_tractions(
+                    group.shape,
+                    group.order,
+                    material.elasticity,
+                    stiffness=group.solution.stiffness,
+                    radial=group.solution.radial,
+                    directions=directions,
+                    modes=model.tip_modes,
+                )
+            except SElementError as error:
+                raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
+            stiffness = material.modulus * model.thickness
+            found.append(TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness))
+    return found

@@ -1,0 +1,139 @@
+"""The two ways to the stiffness against each other, the inertia against SciPy, and inertia computed later."""
+
+import numpy as np
+import pytest
+from scipy import linalg
+
+from sbfem_petsc.material import Material, OrthotropicMaterial
+from sbfem_petsc.selement import inertia, stiffness
+from sbfem_petsc.selement.coefficients import coefficient_matrices
+from sbfem_petsc.selement.solution import solve_selement
+from tests.selement.test_solution import polygon
+
+STRESS = Material(1.0, 0.3, 1.0)
+NEARLY_INCOMPRESSIBLE = Material(1.0, 0.499, 1.0, plane="strain")
+ORTHOTROPIC = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=30.0)
+QUADRILATERAL = np.array([[-0.9, -0.7], [0.8, -0.9], [0.7, 0.6], [-0.6, 1.0]])
+SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+TIP = np.array([[1, 0], [1, 0.8], [-0.4, 1.1], [-1.2, -0.3], [-0.2, -0.9], [0.9, -0.8], [1, 0]]) / 1.3
+NOTCH = np.array([[0.9, 0.4], [0, 1], [-1, 0], [0, -1], [0.9, -0.4]])
+STEPS = np.concatenate([1.0 - 2.0 * 2.5 ** -np.arange(9.0), [1.0]])
+GRADED = np.concatenate([np.stack([-STEPS[::-1], -np.ones(10)], axis=1), [[1, 1], [-1, 1]]])
+
+
+def relative(a, b):
+    return np.abs(a - b).max() / np.abs(b).max()
+
+
+CASES = {
+    **{f"quadrilateral of order {p}": (QUADRILATERAL, p, True, STRESS) for p in range(1, 17)},
+    **{f"tip of order {p}": (TIP, p, False, STRESS) for p in (1, 2, 5, 9)},
+    **{f"orthotropic tip of order {p}": (TIP, p, False, ORTHOTROPIC) for p in (1, 5, 9)},
+    "symmetric square": (SQUARE, 5, True, STRESS),
+    "notch": (NOTCH, 6, False, STRESS),
+    "aspect ratio 10": (SQUARE * [1.0, 0.1], 5, True, STRESS),
+    "aspect ratio 100": (SQUARE * [1.0, 0.01], 5, True, STRESS),
+    "graded": (GRADED, 5, True, STRESS),
+    "nearly incompressible": (QUADRILATERAL, 5, True, NEARLY_INCOMPRESSIBLE),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_doubling_and_schur_agree(case):
+    corners, order, closed, material = CASES[case]
+    shape = polygon(corners, order, closed)
+    first, second = (
+        solve_selement(shape, order, closed, material.elasticity, None, material.isotropic, method=method)
+        for method in ("doubling", "schur")
+    )
+    # both lose what the equation's condition costs: 2e-13 in the graded and the flat shapes
+    assert relative(first.stiffness, second.stiffness) < 1e-12
+    assert first.asymmetry < 1e-13 and first.riccati_residual < 1e-12
+
+
+def test_schur_where_doubling_fails(monkeypatch):
+    """A residual above what is accepted leads to the Schur form, never to the poorer solution."""
+    shape = polygon(QUADRILATERAL, 4)
+    expected = solve_selement(shape, 4, True, STRESS.elasticity, method="schur")
+    called = []
+    original = stiffness._invariant_subspace
+    monkeypatch.setattr(stiffness, "_invariant_subspace", lambda *a: called.append(1) or original(*a))
+    monkeypatch.setattr(stiffness, "ACCEPTED", 0.0)
+    found = solve_selement(shape, 4, True, STRESS.elasticity)
+    assert called == [1]
+    np.testing.assert_array_equal(found.stiffness, expected.stiffness)
+    monkeypatch.setattr(stiffness, "ACCEPTED", 1e-12)
+    solve_selement(shape, 4, True, STRESS.elasticity)
+    assert called == [1]
+
+
+@pytest.mark.parametrize("order", [1, 3, 8, 16])
+@pytest.mark.parametrize("closed", [True, False])
+def test_mass_solves_its_lyapunov_equation(order, closed):
+    """(A + I)^T M + M (A + I) = M0 by SciPy's solver."""
+    shape = polygon(QUADRILATERAL if closed else TIP[::2], order, closed)
+    element = solve_selement(shape, order, closed, STRESS.elasticity, 0)
+    m0 = coefficient_matrices(shape, order, closed, STRESS.elasticity).m0
+    raised = element.radial + np.eye(len(m0))
+    expected = linalg.solve_continuous_lyapunov(raised.T, m0)
+    assert relative(element.mass, expected) < 1e-12
+
+
+@pytest.mark.parametrize("terms", [1, 2, 4])
+@pytest.mark.parametrize("order", [2, 5, 9])
+def test_one_schur_form_for_all_terms(terms, order, monkeypatch):
+    """The equations in the first term's Schur form and each in one of its own give one dynamic stiffness."""
+    shape = polygon(QUADRILATERAL, order)
+
+    def dynamic():
+        element = solve_selement(shape, order, True, STRESS.elasticity, terms)
+        return element.coupling / (1.0 - 0.3 * element.inertia) @ element.coupling.T
+
+    monkeypatch.setattr(inertia, "_CONDITION", 0.0)
+    own = dynamic()
+    monkeypatch.setattr(inertia, "_CONDITION", 1e3)
+    assert relative(dynamic(), own) < 1e-11
+    monkeypatch.undo()
+    assert relative(dynamic(), own) < 1e-12
+
+
+@pytest.mark.parametrize("isotropic", [True, False])
+def test_inertia_computed_later(isotropic):
+    shape = polygon(SQUARE, 4)
+    at_once = solve_selement(shape, 4, True, STRESS.elasticity, 2, isotropic)
+    static = solve_selement(shape, 4, True, STRESS.elasticity, isotropic=isotropic)
+    np.testing.assert_array_equal(static.stiffness, at_once.stiffness)
+    with pytest.raises(RuntimeError, match="with_inertia"):
+        _ = static.mass
+    later = static.with_inertia(2)
+    assert later.stiffness is static.stiffness and static.dynamics is None
+    for name in ("mass", "coupling", "inertia"):
+        np.testing.assert_array_equal(getattr(later, name), getattr(at_once, name))
+
+
+def test_sectors_of_two_materials():
+    """A closed square of two materials joined along the x axis: exact layered states, the mass of each half,
+    and no use of the outline's mirrors.
+    """
+    order = 3
+    corners = np.array([[-1, 0], [-1, -1], [1, -1], [1, 0], [1, 1], [-1, 1]], float) / np.sqrt(2.0)
+    shape = polygon(corners, order)
+    soft, stiff = 0.2 * STRESS.elasticity, STRESS.elasticity
+    elasticity = np.array([soft] * 3 + [stiff] * 3)
+    density = np.array([3.0] * 3 + [1.0] * 3)
+    element = solve_selement(shape, order, True, elasticity, 0, True, density=density)
+    # tension along y: the strains across add up layer by layer, with sigma_xx for equal strain along x
+    strain_x = 0.1
+    u = np.zeros_like(shape)
+    for d, inside in ((soft, shape[:, 1] < 0.0), (stiff, shape[:, 1] >= 0.0)):
+        strain_y = (1.0 - d[1, 0] * strain_x) / d[1, 1]
+        u[inside] = shape[inside] * [strain_x, strain_y]
+    c = coefficient_matrices(shape, order, True, elasticity)
+    forces = ((c.e0 + c.e1.T) @ u.ravel()).reshape(-1, 2)
+    np.testing.assert_allclose(element.stiffness @ u.ravel(), forces.ravel(), atol=1e-13)
+    top = np.abs(shape[:, 1] - shape[:, 1].max()) < 1e-12
+    assert forces[top, 1].sum() == pytest.approx(np.sqrt(2.0), rel=1e-12)
+    translation = np.tile([1.0, 0.0], len(shape))
+    assert translation @ element.mass @ translation == pytest.approx(1.0 * 3.0 + 1.0 * 1.0, rel=1e-12)
+    later = solve_selement(shape, order, True, elasticity, None, True, density=density).with_inertia(0)
+    np.testing.assert_array_equal(later.mass, element.mass)

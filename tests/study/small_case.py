@@ -1,0 +1,126 @@
+"""A small case that runs in a second, and the command in this process."""
+
+import contextlib
+import io
+import json
+import pathlib
+import subprocess
+import sys
+from dataclasses import dataclass
+
+from tests.parallel import ROOT
+
+CASE = """\
+title = "small"
+
+[geometry]
+kind = "beam"
+length = 0.1
+height = 0.01
+
+[[geometry.notches]]
+x = 0.05
+depth = 0.004
+opening = 0.005
+
+[mesh]
+order = 3
+
+[material]
+young = 70e9
+poisson = 0.33
+density = 2700
+
+[model]
+clamped = "left"
+damping = 0.01
+
+[loads.push]
+kind = "point_force"
+point = "A"
+fy = 200.0
+
+[loads.burst]
+kind = "point_force"
+point = "A"
+fy = { kind = "tone_burst", amplitude = 100.0, frequency = 2000.0, cycles = 4 }
+
+[analyses.frequencies]
+kind = "modal"
+count = 5
+
+[analyses.push]
+kind = "static"
+load = "push"
+
+[analyses.steady]
+kind = "periodic"
+load = "push"
+frequency = 400.0
+modes = 12
+steps = 256
+
+[analyses.burst]
+kind = "transient"
+load = "burst"
+duration = 0.003
+modes = 12
+
+[output]
+pictures = false
+"""
+
+SWEEP = """
+[sweep]
+analyses = ["frequencies", "steady"]
+noise = { snr = 60.0, seed = 3 }
+
+[sweep.parameters]
+"geometry.notches[0].depth" = [0.002, 0.004]
+"loads.push.fy" = { start = 100.0, stop = 300.0, count = 3 }
+"""
+
+
+def written(folder: pathlib.Path, text: str = CASE, name: str = "case.toml") -> pathlib.Path:
+    """A case file in a folder."""
+    path = folder / name
+    path.write_text(text)
+    return path
+
+
+@dataclass
+class Done:
+    """What a command has said, and its exit code."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def answer(self):
+        """Its answer in JSON."""
+        return json.loads(self.out)
+
+
+def sbfem(*arguments) -> Done:
+    """The command in this process."""
+    from sbfem_petsc.cli import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main([str(a) for a in arguments])
+        except SystemExit as ended:
+            code = int(ended.code or 0)
+    return Done(code, out.getvalue(), err.getvalue())
+
+
+def started(*arguments) -> subprocess.Popen:
+    """The command in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "sbfem_petsc", *map(str, arguments)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )

@@ -1,0 +1,212 @@
+"""Reading a case: lines, hashes, objects; documentation and schema in sync; starter cases."""
+
+import json
+import pathlib
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from sbfem_petsc.study import documentation, objects
+from sbfem_petsc.study.case import case_from_text, read_case
+from sbfem_petsc.study.locations import parse
+from sbfem_petsc.study.starter import KINDS, starter_text
+from tests.parallel import ROOT
+from tests.study.small_case import CASE, SWEEP, sbfem
+
+TOML = '''\
+# a comment with [brackets] and "quotes"
+top = 1
+"quoted key" = """
+three
+lines""" # after
+dotted.key = { inline = 1, other = [1,
+  2, # comment
+  { deep = 3 }] }
+
+[table . "sub.table"]
+text = 'a # b = [c]'
+escaped = "a \\" ] # b"
+
+[[list]]
+a = 1
+[[list]]
+a = 2
+[list.inner]
+b = 3
+[[list.rows]]
+c = 4
+'''
+
+
+def test_lines():
+    """Every key of a text with all of TOML's ways to write one stands where it is found."""
+    data, lines = parse(TOML, "x.toml")
+    texts = TOML.splitlines()
+    expected = {
+        ("top",): 2,
+        ("quoted key",): 3,
+        ("dotted", "key", "inline"): 6,
+        ("dotted", "key", "other", 1): 7,
+        ("dotted", "key", "other", 2, "deep"): 8,
+        ("table", "sub.table"): 10,
+        ("table", "sub.table", "escaped"): 12,
+        ("list", 0, "a"): 15,
+        ("list", 1): 16,
+        ("list", 1, "a"): 17,
+        ("list", 1, "inner", "b"): 19,
+        ("list", 1, "rows", 0, "c"): 21,
+    }
+    assert {path: lines[path] for path in expected} == expected
+    for path, line in lines.items():
+        here = data
+        for part in path:
+            here = here[part]
+        assert 1 <= line <= len(texts)
+
+
+def test_hash():
+    """Comments, titles and pictures leave the key as it is; results' causes do not."""
+    case = case_from_text(CASE)
+    same = case_from_text("# comment\n" + CASE.replace("small", "other").replace("pictures = false", ""))
+    assert case.key == same.key
+    for old, new in (
+        ("depth = 0.004", "depth = 0.003"),
+        ("fy = 200.0", "fy = 201.0"),
+        ("count = 5", "count = 6"),
+    ):
+        assert case_from_text(CASE.replace(old, new)).key != case.key
+    assert case_from_text(CASE.replace("fy = 200.0", "fy = 201.0")).structure_key == case.structure_key
+    assert case_from_text(CASE.replace("order = 3", "order = 4")).structure_key != case.structure_key
+
+
+def test_hash_of_named_files(tmp_path):
+    """What a named file holds belongs to the case."""
+    text = CASE.replace(
+        'fy = { kind = "tone_burst", amplitude = 100.0, frequency = 2000.0, cycles = 4 }',
+        'fy = { kind = "samples", file = "force.csv", time_scale = 1e-3 }',
+    )
+    keys = []
+    for value in (1.0, 2.0):
+        (tmp_path / "force.csv").write_text(f"0, 0\n1, {value}\n2, 0\n")
+        case = case_from_text(text, str(tmp_path / "case.toml"))
+        keys.append(case.key)
+    assert keys[0] != keys[1]
+    force = objects.load(case, ["burst"], 3.0)
+    assert force.fy(1e-3) == pytest.approx(6.0)
+
+
+def test_objects():
+    """Every kind of load, support and material becomes the object of the Python interface."""
+    text = CASE.replace(
+        'clamped = "left"', 'clamped = ["left"]\nsupports = [{ where = "A", x = false, y = 1e6 }]'
+    )
+    text = text.replace(
+        "young = 70e9\npoisson = 0.33", 'kind = "orthotropic"\nyoung_1 = 7e10\nyoung_2 = 1e10'
+    )
+    text = text.replace("density = 2700", "poisson_12 = 0.3\nshear_12 = 5e9\ndensity = 1600\nangle = 30.0")
+    text = text.replace(
+        "damping = 0.01", "rayleigh = { ratio = 0.01, low = 100.0, high = 1000.0 }\nthickness = 0.02"
+    )
+    text += """
+[loads.wind]
+kind = "edge_load"
+edge_set = "top"
+pressure = { kind = "step", amplitude = 5.0, time = 1.0 }
+[loads.weight]
+kind = "support_motion"
+ay = 9.81
+[loads.sweep]
+kind = "point_force"
+point = "A"
+fx = { kind = "chirp", amplitude = 1.0, start = 10.0, stop = 20.0, duration = 2.0 }
+fy = { kind = "constant", value = 4.0 }
+"""
+    case = case_from_text(text)
+    model = objects.model(case, MPI.COMM_SELF)
+    material = sb.OrthotropicMaterial(
+        young_1=7e10, young_2=1e10, poisson_12=0.3, shear_12=5e9, density=1600.0, angle=30.0
+    )
+    assert model.materials == [material]
+    assert model.supports == (sb.Support("left"), sb.Support("A", x=False, y=1e6))
+    assert model.rayleigh == sb.rayleigh_factors(0.01, 100.0, 1000.0)
+    assert model.thickness == 0.02
+    wind, weight, chirp = objects.load(case, ["wind", "weight", "sweep"], 2.0)
+    assert wind == sb.EdgeLoad("top", pressure=sb.Step(10.0, time=1.0))
+    assert weight == sb.SupportMotion(ay=19.62)
+    assert chirp == sb.PointForce("A", fx=sb.Chirp(2.0, 10.0, 20.0, 2.0), fy=sb.Constant(8.0))
+    tone = objects.load(case, ["push"], 0.5, frequency=50.0)
+    assert tone == sb.PointForce("A", fy=sb.Harmonic(100.0, 50.0))
+    model.destroy()
+
+
+def test_lacking_feature():
+    """A kind of analysis that the installed package lacks is refused with a sentence."""
+    case = case_from_text(CASE + '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\n')
+    if hasattr(sb, "backbone"):
+        assert objects.analysis_function(case, "bone") is sb.backbone
+    else:
+        with pytest.raises(ValueError, match=r"analyses\.bone\.kind needs sbfem_petsc\.backbone"):
+            objects.analysis_function(case, "bone")
+
+
+def test_documentation_in_sync():
+    """docs/case_file.md and its schema are what the tables say; python -m sbfem_petsc.study.documentation."""
+    docs = pathlib.Path(ROOT) / "docs"
+    assert (docs / "case_file.md").read_text() == documentation.markdown()
+    assert (docs / "case_file.schema.json").read_text() == documentation.schema()
+
+
+def test_every_key_is_documented():
+    """Each key of each table has a description, and each number with a dimension a unit."""
+    text = documentation.markdown()
+    schema = json.loads(documentation.schema())
+    for name, table in schema["$defs"].items():
+        for key, entry in table["properties"].items():
+            assert f"`{key}`" in text, (name, key)
+            assert entry.get("description"), (name, key)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_starter_cases(kind, tmp_path):
+    """`new` writes a case that `check` finds valid, and does not overwrite one."""
+    path = tmp_path / f"{kind}.toml"
+    assert sbfem("new", kind, path).code == 0
+    read_case(path)
+    if kind == "plate":
+        pytest.importorskip("meshing").__dict__.get("Plate") or pytest.skip("this version has no Plate")
+    done = sbfem("check", path, "--json")
+    assert done.code == 0, done.err
+    assert done.answer["contact_pairs"] > 0 and done.answer["unknowns"] > done.answer["boundary_unknowns"]
+    again = sbfem("new", kind, path)
+    assert again.code == 2 and "--replace" in again.err
+    assert sbfem("new", kind, path, "--replace").code == 0
+
+
+@pytest.mark.parametrize("kind", ["gmsh", "modulation"])
+def test_starter_cases_run(kind, tmp_path):
+    """With a coarse mesh and few modes, to be quick."""
+    path = tmp_path / f"{kind}.toml"
+    sbfem("new", kind, path)
+    text = starter_text(f"{kind}.toml")
+    if kind == "gmsh":
+        text = text.replace("order = 4", "order = 2")
+    else:
+        text = text.replace("[model]", "[mesh]\norder = 3\n[model]").replace(
+            "pairs = 3", "pairs = 3\nmodes = 24"
+        )
+    path.write_text(text + "\n[output]\npictures = false\n")
+    done = sbfem("run", path, "--output", tmp_path / "out", "--json", "--quiet")
+    assert done.code == 0, done.err
+    if kind == "gmsh":
+        assert (np.diff(done.answer["frequencies"]["frequencies"]) > 0).all()
+        assert done.answer["pressure"]["displacement"]["end"][1] < 0.0
+    else:
+        found = done.answer["modulation"]
+        assert found["common_period"] == pytest.approx(2 / 430)
+        assert found["sidebands"]["modulation_index"] > 1e-3
+
+
+def test_sweep_table():
+    assert case_from_text(CASE + SWEEP).tables.sweep.parameters["loads.push.fy"].count == 3

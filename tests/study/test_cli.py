@@ -1,0 +1,226 @@
+"""The command: help, exit codes, reports, exports, pictures, PETSc's options, logs."""
+
+import html.parser
+import io
+import json
+import re
+import signal
+import time
+
+import h5py
+import numpy as np
+import pytest
+
+from sbfem_petsc.study.watch import LogLines
+from tests.parallel import on_ranks
+from tests.study.small_case import CASE, SWEEP, sbfem, started, written
+
+COMMANDS = ("new", "check", "mesh", "run", "sweep", "plot", "report", "info", "export", "doctor")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder with a case, its results in out/ and its sweep in swept/."""
+    folder = tmp_path_factory.mktemp("cli")
+    short = CASE.replace("pictures = false", "vtu = true")
+    assert sbfem("run", written(folder, short), "--output", folder / "out", "--quiet").code == 0
+    swept = written(folder, CASE + SWEEP, "sweep.toml")
+    assert sbfem("sweep", swept, "--output", folder / "swept", "--quiet").code == 0
+    return folder
+
+
+def test_version_and_help():
+    done = sbfem("--version")
+    assert done.code == 0 and re.fullmatch(r"sbfem-petsc \d+\.\d+\S*\n", done.out)
+    done = sbfem("--help")
+    assert done.code == 0 and all(command in done.out for command in COMMANDS)
+    assert "130" in done.out and "-static_" in done.out
+    for command in COMMANDS:
+        done = sbfem(command, "--help")
+        assert done.code == 0 and f"usage: sbfem {command}" in done.out
+
+
+@pytest.mark.parametrize(
+    "arguments, words",
+    [
+        ((), "required: COMMAND"),
+        (("rnu", "case.toml"), "invalid choice: 'rnu'"),
+        (("run",), "CASE"),
+        (("run", "nowhere.toml"), "nowhere.toml: cannot be read"),
+        (("run", "case.toml", "--outptu", "x"), "--outptu"),
+        (("check", "nowhere.toml", "--", "-statik_ksp_type", "cg"), "-statik_ksp_type belongs to no solve"),
+        (("check", "nowhere.toml", "--", "cg"), "'cg' belongs to no option"),
+        (("new", "bean", "x.toml"), "did you mean 'beam'?"),
+        (("info", "nowhere.h5"), "do not exist"),
+        (("report", "."), "holds neither results.h5 nor sweep.h5"),
+        (("export", "nowhere.h5", "--csv"), "do not exist"),
+        (("export", "nowhere.h5"), "give --csv, --vtu or --json"),
+        (("plot", "nowhere.h5"), "do not exist"),
+    ],
+)
+def test_wrong_command_lines(arguments, words, tmp_path, monkeypatch):
+    """Exit code 2 and a sentence."""
+    monkeypatch.chdir(tmp_path)
+    done = sbfem(*arguments)
+    assert done.code == 2 and words in done.err and done.out == ""
+
+
+def test_check(folder):
+    """Sizes are those of the model; estimates are positive and grow with the work."""
+    done = sbfem("check", folder / "case.toml", "--json")
+    facts = done.answer
+    assert facts["extent"] == [0.0, 0.0, 0.1, 0.01]
+    summary = json.loads((folder / "out" / "summary.json").read_text())["run"]["model"]
+    for name in ("unknowns", "boundary_unknowns", "contact_pairs", "elements"):
+        assert facts[name] == summary[name]
+    assert facts["seconds"] > 0 and facts["memory"] > 1e8 and facts["disk"] > 1e4
+    swept = sbfem("check", folder / "sweep.toml", "--json").answer["sweep"]
+    assert swept["rows"] == 6 and swept["structures"] == 2
+    text = sbfem("check", folder / "case.toml").out
+    assert "a valid case" in text and f"{facts['unknowns']:,d} with auxiliary ones" in text
+    assert sbfem("check", folder / "case.toml", "--quiet").out == ""
+
+
+def test_mesh(folder, tmp_path):
+    done = sbfem("mesh", folder / "case.toml", "--output", tmp_path / "mesh.png", "--quiet")
+    assert done.code == 0 and (tmp_path / "mesh.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_info(folder):
+    done = sbfem("info", folder / "out")
+    assert "frequencies (modal" in done.out and "contact_resultant" in done.out
+    assert sbfem("info", folder / "out", "--case").out == (folder / "case.toml").read_text()
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    assert sbfem("info", folder / "out" / "results.h5", "--json").answer == summary
+    assert sbfem("info", folder / "swept", "--json").answer["rows"] == 6
+    assert "A2_A1" in sbfem("info", folder / "swept").out
+
+
+class Tags(html.parser.HTMLParser):
+    """Collects what a page refers to, and checks that its tags are closed."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.sources, self.text = [], [], ""
+
+    def handle_starttag(self, tag, attributes):
+        if tag not in ("meta", "img", "br"):
+            self.open.append(tag)
+        self.sources += [value for key, value in attributes if key in ("src", "href")]
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.text += data
+
+
+@pytest.mark.parametrize("results", ["out", "swept"])
+def test_report(folder, tmp_path, results):
+    """One file that refers to nothing outside itself, with numbers and pictures."""
+    path = tmp_path / "report.html"
+    assert sbfem("report", folder / results, "--output", path).code == 0
+    page = Tags()
+    page.feed(path.read_text())
+    assert page.open == []
+    assert len(page.sources) >= 5 and all(
+        source.startswith("data:image/png;base64,") for source in page.sources
+    )
+    assert "[geometry]" in page.text
+    if results == "out":
+        summary = json.loads((folder / "out" / "summary.json").read_text())
+        for frequency in summary["frequencies"]["frequencies"]:
+            assert f"{frequency:.6g}" in page.text
+
+
+def test_plot_again(folder, tmp_path):
+    """Pictures drawn from the results are those that the run has drawn."""
+    assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet").code == 0
+    first = {path.name for path in (folder / "out" / "pictures").glob("*.png")}
+    assert first == {path.name for path in tmp_path.glob("*.png")} and len(first) >= 6
+    assert sbfem("plot", folder / "swept", "--quiet").code == 0
+    assert (folder / "swept" / "pictures" / "steady_A2_A1_A.png").stat().st_size > 5000
+
+
+def test_export(folder, tmp_path):
+    done = sbfem("export", folder / "out", "--csv", "--json", "--vtu", "--output", tmp_path, "--quiet")
+    assert done.code == 0, done.err
+    summary = json.loads((folder / "out" / "summary.json").read_text())
+    rows = np.genfromtxt(tmp_path / "frequencies_5.csv", delimiter=",", names=True)
+    assert rows["frequencies_Hz"].tolist() == summary["frequencies"]["frequencies"]
+    whole = json.loads((tmp_path / "results.json").read_text())
+    assert whole["steady"]["harmonics"] == summary["steady"]["harmonics"]
+    assert len(whole["burst"]["velocity"]["A"]) == len(whole["burst"]["time"])
+    for name in ("frequencies", "push"):
+        assert (tmp_path / f"{name}.vtu").read_bytes() == (
+            folder / "out/pictures" / f"{name}.vtu"
+        ).read_bytes()
+    assert sbfem("export", folder / "swept", "--vtu").code == 2
+    done = sbfem("export", folder / "swept", "--csv", "--output", tmp_path, "--quiet")
+    assert (tmp_path / "sweep.csv").read_text() == (folder / "swept" / "sweep.csv").read_text()
+
+
+def test_broken_results(folder, tmp_path):
+    """Truncated files and files of another kind are told apart."""
+    whole = (folder / "out" / "results.h5").read_bytes()
+    (tmp_path / "results.h5").write_bytes(whole[: len(whole) // 2])
+    done = sbfem("info", tmp_path / "results.h5")
+    assert done.code == 2 and "truncated" in done.err
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file["x"] = 1
+    done = sbfem("info", tmp_path / "other.h5")
+    assert done.code == 2 and "another kind" in done.err
+
+
+def test_doctor():
+    done = sbfem("doctor", "--json")
+    found = done.answer
+    assert found["packages"]["numpy"] == np.__version__ and "PETSc" in found["libraries"]
+    assert found["scalar"] in ("float64", "complex128")
+    assert done.code == (1 if found["faults"] else 0)
+
+
+def test_petsc_options(tmp_path):
+    """Words after -- reach the solves; one that no solve has asked for is told."""
+    path = written(
+        tmp_path,
+        CASE[: CASE.index("[analyses.frequencies]")] + '[analyses.push]\nkind = "static"\nload = "push"\n',
+    )
+    script = (
+        f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}, '--output', "
+        f"{str(tmp_path / 'out')!r}, "
+        "'--', '-static_ksp_type', 'cg', '-static_ksp_monitir'])"
+    )
+    done = on_ranks(1, script)
+    assert "cg" in json.loads((tmp_path / "out" / "summary.json").read_text())["push"]["solver"]
+    assert "static_ksp_monitir" in done.stdout + done.stderr
+
+
+def test_interrupt_and_termination(tmp_path):
+    """SIGINT: 130, SIGTERM: 143, and the sentence that tells how to go on."""
+    path = written(
+        tmp_path, CASE.replace("duration = 0.003", "duration = 600.0\ndecimation = 1000\nstep = 1e-6")
+    )
+    for number, code in ((signal.SIGINT, 130), (signal.SIGTERM, 143)):
+        process = started("run", path, "--output", tmp_path / "out")
+        limit, seen = time.monotonic() + 120, ""
+        while "(transient)" not in seen and time.monotonic() < limit:
+            seen = process.stderr.readline()
+        time.sleep(0.5)
+        process.send_signal(number)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == code and "goes on where it was" in err
+
+
+def test_log_lines():
+    """Plain lines: at once for each piece of work, and again within the pause while it lasts."""
+    stream = io.StringIO()
+    with LogLines(stream, pause=0.2) as watch:
+        watch.stage("long work")
+        watch.fraction(0.25)
+        time.sleep(0.75)
+        watch.say("done")
+    lines = stream.getvalue().splitlines()
+    assert lines[0] == "long work" and lines[-1] == "done"
+    assert 2 <= sum(line.startswith("long work: 25 %,") for line in lines) <= 5
+    assert "\x1b" not in stream.getvalue()

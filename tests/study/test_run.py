@@ -1,0 +1,247 @@
+"""Runs into a folder: numbers of the Python interface, resuming, failures, exit codes, ranks."""
+
+import json
+import os
+import shutil
+import signal
+import time
+
+import h5py
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.study.case import case_from_text, read_case
+from sbfem_petsc.study.run import read_run, run_case
+from sbfem_petsc.study.solve import Structure
+from tests.parallel import on_ranks
+from tests.study.small_case import CASE, sbfem, started, written
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder with the case and its results in out/."""
+    folder = tmp_path_factory.mktemp("run")
+    done = sbfem("run", written(folder), "--output", folder / "out", "--quiet")
+    assert done.code == 0, done.err
+    return folder
+
+
+@pytest.fixture(scope="module")
+def summary(folder):
+    return json.loads((folder / "out" / "summary.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def model():
+    beam = Beam(length=0.1, height=0.01, notches=[VNotch(x=0.05, depth=0.004, opening=0.005)])
+    return sb.Model(
+        beam.mesh(order=3),
+        sb.Material(young=70e9, poisson=0.33, density=2700),
+        clamped="left",
+        damping=0.01,
+        comm=MPI.COMM_SELF,
+    )
+
+
+FORCE = sb.PointForce("A", fy=200.0)
+
+
+def test_modal_and_static(summary, model):
+    """The numbers of the Python interface, to its rank-to-rank tolerances."""
+    np.testing.assert_allclose(
+        summary["frequencies"]["frequencies"], sb.modal(model, count=5).frequencies, rtol=1e-7
+    )
+    push = sb.static(model, FORCE)
+    for point in ("A", "B", "C"):
+        np.testing.assert_allclose(
+            summary["push"]["displacement"][point], push.displacement(point), rtol=1e-6
+        )
+    assert summary["push"]["contact_resultant"] == pytest.approx(push.contact_resultant, rel=1e-6)
+    np.testing.assert_allclose(
+        summary["push"]["stress_intensity"]["crack1"], push.stress_intensity["crack1"], rtol=1e-6
+    )
+
+
+def test_periodic(summary, model):
+    orbit = sb.periodic(model, FORCE, 400.0, modes=12, steps=256)
+    harmonics = summary["steady"]["harmonics"]["A"]
+    found = np.array(harmonics["magnitude"]) * np.exp(1j * np.array(harmonics["phase"]))
+    exact = orbit.harmonics("A")[: len(found)]
+    assert len(found) >= 21
+    # 1e-6: the project's tolerance between ranks for histories
+    np.testing.assert_allclose(found, exact, atol=1e-6 * np.abs(exact).max())
+    assert summary["steady"]["stable"] is orbit.stable is True and summary["steady"]["converged"] is True
+    assert orbit.contact_resultant.max() > 0.0  # the crack breathes
+
+
+def test_transient(summary, model, folder):
+    load = sb.PointForce("A", fy=sb.ToneBurst(100.0, 2000.0, 4))
+    history = sb.transient(model, load, duration=0.003, modes=12)
+    found = np.array(summary["burst"]["displacement"]["A"])
+    assert found.shape == history.displacement("A").shape
+    scale = np.abs(history.displacement("A")).max()
+    np.testing.assert_allclose(found, history.displacement("A"), atol=1e-6 * scale)
+    results = read_run(folder / "out")
+    np.testing.assert_allclose(
+        results.value("burst", "velocity", "A"),
+        history.velocity("A"),
+        atol=1e-6 * np.abs(history.velocity("A")).max(),
+    )
+
+
+def test_results_file(folder):
+    """Units stand beside the numbers, and the case can be run again from the file."""
+    results = read_run(folder / "out")
+    assert case_from_text(results.text).key == read_case(folder / "case.toml").key
+    with h5py.File(folder / "out" / "results.h5") as file:
+        data = file["analyses/frequencies/frequencies"]
+        assert data.attrs["unit"] == "Hz" and data.attrs["description"]
+    assert results.kinds == {
+        "frequencies": "modal",
+        "push": "static",
+        "steady": "periodic",
+        "burst": "transient",
+    }
+
+
+def test_nothing_is_repeated(folder, monkeypatch):
+    """A second run solves nothing and leaves the numbers as they are."""
+    before = (folder / "out" / "summary.json").read_text()
+    monkeypatch.setattr(Structure, "__init__", lambda *a: pytest.fail("a model was made"))
+    done = sbfem("run", folder / "case.toml", "--output", folder / "out")
+    assert done.code == 0 and "frequencies: finished before" in done.err
+    first, second = json.loads(before), json.loads((folder / "out" / "summary.json").read_text())
+    assert {k: v for k, v in first.items() if k != "run"} == {k: v for k, v in second.items() if k != "run"}
+
+
+def test_another_case_is_refused(folder, tmp_path):
+    out = tmp_path / "out"
+    shutil.copytree(folder / "out", out)
+    other = written(tmp_path, CASE.replace("count = 5", "count = 3"))
+    done = sbfem("run", other, "--output", out)
+    assert done.code == 2 and "another case" in done.err and "--replace" in done.err
+    assert json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"][4] > 0
+    done = sbfem("run", other, "--output", out, "--replace", "--quiet")
+    assert done.code == 0
+    assert len(json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"]) == 3
+
+
+def test_interrupted_and_resumed(tmp_path, monkeypatch):
+    """Ctrl-C in the third analysis: exit code 130; the next run solves the third and fourth alone."""
+    path, solve, solved = written(tmp_path), Structure.solve, []
+
+    def stopped(self, case, name, **options):
+        if name == "steady" and not solved.count("steady"):
+            solved.append(name)
+            raise KeyboardInterrupt
+        solved.append(name)
+        return solve(self, case, name, **options)
+
+    monkeypatch.setattr(Structure, "solve", stopped)
+    done = sbfem("run", path, "--output", tmp_path / "out", "--quiet")
+    assert done.code == 130 and "goes on where it was" in done.err
+    partial = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert set(partial) == {"run", "frequencies", "push"} and not partial["run"]["complete"]
+    assert sbfem("run", path, "--output", tmp_path / "out", "--quiet").code == 0
+    assert solved == ["frequencies", "push", "steady", "steady", "burst"]
+    assert json.loads((tmp_path / "out" / "summary.json").read_text())["run"]["complete"]
+
+
+def test_killed_and_resumed(folder, summary, tmp_path):
+    """kill -9 after the first analysis: nothing is lost, and the numbers are those of an undisturbed run."""
+    path, out = written(tmp_path), tmp_path / "out"
+    process = started("run", path, "--output", out, "--quiet")
+    first, limit = out / "analyses" / "push.h5", time.monotonic() + 120
+    while not first.exists() and process.poll() is None and time.monotonic() < limit:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    state = json.loads((out / "run.json").read_text())
+    assert "frequencies" in state["done"]
+    stamp = os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns
+    assert sbfem("run", path, "--output", out, "--quiet").code == 0
+    assert os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns == stamp
+    found = json.loads((out / "summary.json").read_text())
+    np.testing.assert_allclose(
+        found["steady"]["harmonics"]["A"]["magnitude"][:3],
+        summary["steady"]["harmonics"]["A"]["magnitude"][:3],
+        rtol=1e-6,
+    )
+    assert not [
+        name for name in os.listdir(out) if name.startswith(".results") or name.startswith(".summary")
+    ]
+
+
+def test_failed_analysis(tmp_path, monkeypatch):
+    """A solve that fails: exit code 1, its reason is kept, the others are finished; it is tried again."""
+    path, solve = written(tmp_path), Structure.solve
+
+    def failing(self, case, name, **options):
+        if name == "push":
+            raise sb.SolveError("static: no luck")
+        return solve(self, case, name, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Structure, "solve", failing)
+        done = sbfem("run", path, "--output", tmp_path / "out", "--quiet", "--json")
+    assert done.code == 1 and "push: static: no luck" in done.err
+    assert done.answer["run"]["failed"] == {"push": "static: no luck"}
+    assert "push" not in done.answer and "burst" in done.answer
+    assert sbfem("run", path, "--output", tmp_path / "out", "--quiet").code == 0
+
+
+def test_wrong_input_of_an_analysis(tmp_path):
+    """What the analysis itself refuses: exit code 2, with the line of its table."""
+    path = written(tmp_path, CASE.replace("count = 5", "count = 5000"))
+    done = sbfem("run", path, "--output", tmp_path / "out", "--quiet")
+    line = CASE.splitlines().index("count = 5") + 1
+    assert (
+        done.code == 2 and f"case.toml, line {line}: analyses.frequencies" in done.err and "5000" in done.err
+    )
+
+
+def test_two_runs_at_once(folder):
+    """A folder in which another process is at work is left alone."""
+    import fcntl
+
+    with open(folder / "out" / ".lock", "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        done = sbfem("run", folder / "case.toml", "--output", folder / "out")
+    assert done.code == 2 and "another process is at work" in done.err
+
+
+def test_two_ranks(summary, tmp_path):
+    """One rank's numbers, to the tolerances between ranks."""
+    path = written(tmp_path, CASE[: CASE.index("[analyses.burst]")])
+    words = ["run", str(path), "--output", str(tmp_path / "out")]
+    script = f"from sbfem_petsc.cli import main; main({words!r})"
+    done = on_ranks(2, script)
+    assert done.stderr.count("[1/3] frequencies (modal)") == 1
+    found = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert found["run"]["ranks"] == 2
+    np.testing.assert_allclose(
+        found["frequencies"]["frequencies"], summary["frequencies"]["frequencies"], rtol=1e-7
+    )
+    np.testing.assert_allclose(
+        found["push"]["displacement"]["A"], summary["push"]["displacement"]["A"], rtol=1e-6
+    )
+    one, two = (s["steady"]["harmonics"]["A"]["magnitude"] for s in (summary, found))
+    np.testing.assert_allclose(two, one, atol=1e-6 * max(one))
+
+
+def test_wrong_case_on_two_ranks(tmp_path):
+    """One sentence, exit code 2."""
+    path = written(tmp_path, CASE.replace("order = 3", "ordre = 3"))
+    script = f"from sbfem_petsc.cli import main; main(['run', {str(path)!r}])"
+    done = on_ranks(2, script, check=False)
+    assert done.returncode == 2
+    assert done.stderr.count("did you mean 'order'?") == 1
+
+
+def test_from_python(folder):
+    """`run_case` gives the summary too."""
+    outcome = run_case(folder / "case.toml", folder / "out", comm=MPI.COMM_SELF)
+    assert not outcome.failed and outcome.summary["push"]["kind"] == "static"

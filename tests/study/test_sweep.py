@@ -1,0 +1,275 @@
+"""Sweeps: their rows, numbers of the Python interface, resuming after kill -9, ranks, failed rows, noise."""
+
+import csv
+import itertools
+import json
+import signal
+import time
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc import indicators
+from sbfem_petsc.study import parameters, rows
+from sbfem_petsc.study.case import case_from_text, read_case
+from sbfem_petsc.study.rows import Row
+from sbfem_petsc.study.solve import Structure
+from sbfem_petsc.study.sweep_file import read_sweep
+from tests.parallel import on_ranks
+from tests.study.small_case import CASE, SWEEP, sbfem, started, written
+
+DEPTHS, FORCES = [0.002, 0.004], [100.0, 200.0, 300.0]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Folder with the case and its sweep in out/."""
+    folder = tmp_path_factory.mktemp("sweep")
+    done = sbfem("sweep", written(folder, CASE + SWEEP), "--output", folder / "out", "--quiet")
+    assert done.code == 0, done.err
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    return read_sweep(folder / "out")
+
+
+def model(depth):
+    notches = [VNotch(x=0.05, depth=depth, opening=0.005)] if depth else []
+    return sb.Model(
+        Beam(length=0.1, height=0.01, notches=notches).mesh(order=3),
+        sb.Material(young=70e9, poisson=0.33, density=2700),
+        clamped="left",
+        damping=0.01,
+        comm=MPI.COMM_SELF,
+    )
+
+
+# ---------------------------------------------------------------------- rows and paths
+def table(text):
+    return case_from_text(CASE + "\n[sweep]\n" + text).tables.sweep
+
+
+def test_grid():
+    """Every combination, the last parameter fastest, ends as written."""
+    got = parameters.rows(case_from_text(CASE + SWEEP).tables.sweep)
+    names = ("geometry.notches[0].depth", "loads.push.fy")
+    assert [tuple(row[n] for n in names) for row in got] == list(itertools.product(DEPTHS, FORCES))
+
+
+def test_list_and_spacing():
+    sweep = table(
+        'method = "list"\n[sweep.parameters]\n"mesh.order" = [2, 3]\n'
+        '"loads.push.fy" = { start = 1.0, stop = 100.0, count = 2, scale = "logarithmic" }'
+    )
+    got = parameters.rows(sweep)
+    assert got == [{"mesh.order": 2, "loads.push.fy": 1.0}, {"mesh.order": 3, "loads.push.fy": 100.0}]
+    assert all(type(row["mesh.order"]) is int for row in got)
+    three = table(
+        '[sweep.parameters]\n"loads.push.fy" = { start = 1.0, stop = 100.0, count = 3, scale = '
+        '"logarithmic" }'
+    )
+    np.testing.assert_allclose(
+        [row["loads.push.fy"] for row in parameters.rows(three)], [1, 10, 100], rtol=1e-14
+    )
+
+
+def test_latin_hypercube():
+    """One sample in each of n equal strips of each parameter; the seed decides."""
+    text = (
+        'method = "latin_hypercube"\nsamples = 16\nseed = {}\n[sweep.parameters]\n'
+        '"geometry.notches[0].depth" = {{ start = 0.001, stop = 0.005 }}\n'
+        '"loads.push.fy" = {{ start = 1.0, stop = 1e4, scale = "logarithmic" }}'
+    )
+    first, again, other = (parameters.rows(table(text.format(seed))) for seed in (1, 1, 2))
+    assert first == again != other
+    depth = np.array([row["geometry.notches[0].depth"] for row in first])
+    force = np.log10([row["loads.push.fy"] for row in first])
+    for share in ((depth - 0.001) / 0.004, force / 4.0):
+        assert sorted(np.floor(16 * share).astype(int)) == list(range(16))
+
+
+def test_paths():
+    assert parameters.parsed('a.b[2]."c d".e') == ("a", "b", 2, "c d", "e")
+    data = {"a": {"b": [{"c": 1}]}}
+    assert parameters.replaced_in(data, {"a.b[0].c": 2, "new.key": 3}) == {
+        "a": {"b": [{"c": 2}]},
+        "new": {"key": 3},
+    }
+    assert data == {"a": {"b": [{"c": 1}]}}
+    for wrong in ("", "a..b", "[0]", "a[x]", ".a", "a b"):
+        with pytest.raises(ValueError, match="is no path"):
+            parameters.parsed(wrong)
+
+
+# ---------------------------------------------------------------------- numbers
+def test_numbers_of_the_python_interface(found):
+    """Frequency shifts, harmonics and ratios of each row; tolerances as for single analyses."""
+    healthy_model = model(0.0)
+    healthy = sb.modal(healthy_model, count=5).frequencies
+    for row, (depth, force) in enumerate(itertools.product(DEPTHS, FORCES)):
+        cracked = model(depth)
+        modes = sb.modal(cracked, count=5)
+        np.testing.assert_allclose(found.values["frequencies/frequencies"][row], modes.frequencies, rtol=1e-7)
+        np.testing.assert_allclose(
+            found.values["frequencies/frequency_shift"][row],
+            indicators.frequency_shift(modes.frequencies, healthy),
+            atol=3e-7,
+        )
+        orbit = sb.periodic(cracked, sb.PointForce("A", fy=force), 400.0, modes=12, steps=256)
+        exact = orbit.harmonics("A")[:21]
+        np.testing.assert_allclose(
+            found.values["steady/harmonics/A"][row], exact, atol=1e-6 * np.abs(exact).max()
+        )
+        assert found.values["steady/A2_A1/A"][row] == pytest.approx(abs(exact[2] / exact[1]), abs=1e-6)
+        cracked.destroy()
+
+
+def test_convergence_and_energy(found):
+    """Rows say how well they converged; what the load supplies over a period is what damping takes."""
+    assert (found.values["steady/converged"] == 1.0).all()
+    assert (found.values["steady/residual"] < 1e-6).all()
+    # the steps' own error: of second order, 256 steps a period
+    assert np.abs(found.values["steady/energy_error"]).max() < 1e-3
+    assert (found.values["steady/peak_contact_resultant"][[2, 5]] > 0.0).all()
+
+
+def test_noise(found, folder):
+    """A signal-to-noise ratio of 60 dB: harmonics are off by its share, alike at every repetition."""
+    clean, noisy = found.values["steady/harmonics/A"], found.values["steady/harmonics_noisy/A"]
+    signal_power = 0.5 * (np.abs(clean[:, 1:]) ** 2).sum(axis=1)
+    # white noise of 256 samples leaves 4 sigma^2 / 256 in each line's |c_k|^2, on the average
+    measured = (np.abs((noisy - clean)[:, 1:]) ** 2).mean()
+    expected = (4.0 / 256 * 1e-6 * signal_power).mean()
+    assert (
+        0.6 < measured / expected < 1.6
+    )  # 120 values of chi-square with 2 degrees of freedom: +- 9 %, 4 sigma
+    case = read_case(folder / "case.toml")
+    again = sb.sweep(case.with_data({**case.data, "sweep": {**case.data["sweep"], "analyses": ["steady"]}}))
+    np.testing.assert_allclose(
+        again.values["steady/harmonics_noisy/A"], noisy, atol=1e-6 * np.abs(noisy).max()
+    )
+
+
+# ---------------------------------------------------------------------- files, resuming
+def test_csv(found, folder):
+    with open(folder / "out" / "sweep.csv", newline="") as file:
+        lines = list(csv.DictReader(file))
+    assert len(lines) == 6 == len(found)
+    for name in ("geometry.notches[0].depth", "loads.push.fy"):
+        assert [float(line[name]) for line in lines] == found.inputs[name].tolist()
+    ratio = [float(line["steady/A2_A1/A"]) for line in lines]
+    assert ratio == found.values["steady/A2_A1/A"].tolist()
+    assert [float(line["frequencies/frequencies/1 [Hz]"]) for line in lines] == found.values[
+        "frequencies/frequencies"
+    ][:, 0].tolist()
+
+
+def test_row_files(tmp_path):
+    """Whole rows are read; what a kill cut off is removed and appended after."""
+    path = str(tmp_path / "00000.rows")
+    for number in range(3):
+        rows.append(path, Row(number, "", 0.5, {"a/b": np.arange(number + 1) * 1j}, {"a/b": "m"}))
+    whole = (tmp_path / "00000.rows").read_bytes()
+    for cut in (len(whole) - 1, len(whole) - 200, 10):
+        (tmp_path / "00000.rows").write_bytes(whole[:cut])
+        kept = rows.read(str(tmp_path))
+        assert sorted(kept) == list(range(2 if cut > 10 else 0))
+        rows.append(path, Row(7, "why", 0.0))
+        assert sorted(rows.read(str(tmp_path))) == [*sorted(kept), 7]
+    (tmp_path / "00000.rows").write_bytes(whole)
+    np.testing.assert_array_equal(rows.read(str(tmp_path))[2].values["a/b"], [0, 1j, 2j])
+
+
+def test_killed_and_resumed(found, tmp_path):
+    """kill -9 in the middle: the rows are those of an undisturbed sweep, and none is computed twice."""
+    path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
+    process = started("sweep", path, "--output", out, "--quiet")
+    limit = time.monotonic() + 120
+    while process.poll() is None and time.monotonic() < limit:
+        if (out / "rows").is_dir() and rows.count(str(out / "rows")) >= 2:
+            break
+        time.sleep(0.01)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    before = rows.read(str(out / "rows"))
+    assert 2 <= len(before) <= 6
+    assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
+    assert rows.count(str(out / "rows")) == 6
+    again = read_sweep(out)
+    for number, row in before.items():
+        assert again.seconds[number] == row.seconds
+    for name in ("steady/harmonics/A", "frequencies/frequencies"):
+        np.testing.assert_allclose(
+            again.values[name], found.values[name], atol=1e-6 * np.abs(found.values[name]).max()
+        )
+
+
+def test_two_ranks(found, tmp_path):
+    """Two groups of a rank each share the rows; every row once, one rank's numbers."""
+    path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
+    words = ["sweep", str(path), "--output", str(out), "--json"]
+    script = f"from sbfem_petsc.cli import main; main({words!r})"
+    done = on_ranks(2, script)
+    assert json.loads(done.stdout)["failed"] == 0
+    assert len(list((out / "rows").iterdir())) == 2  # both had rows
+    assert rows.count(str(out / "rows")) == 6
+    again = read_sweep(out)
+    for name, values in found.values.items():
+        if name.split("/")[1] in ("harmonics", "harmonics_noisy", "frequencies", "amplitude"):
+            np.testing.assert_allclose(again.values[name], values, atol=1e-6 * np.abs(values).max())
+
+
+def test_failed_rows(tmp_path):
+    """A notch that leaves the beam: its row keeps the reason, the others their numbers; exit code 1."""
+    text = (
+        CASE
+        + '\n[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"geometry.notches[0].x" = [0.05, 0.2]\n'
+    )
+    done = sbfem("sweep", written(tmp_path, text), "--output", tmp_path / "out", "--quiet")
+    assert done.code == 1 and "1 of 2 rows failed" in done.err
+    found = read_sweep(tmp_path / "out")
+    assert found.reasons[0] == "" and "geometry.notches[0]" in found.reasons[1] and "0.2" in found.reasons[1]
+    values = found.values["frequencies/frequencies"]
+    assert np.isfinite(values[0]).all() and np.isnan(values[1]).all()
+
+
+def test_structures_are_shared(tmp_path, monkeypatch):
+    """One model for all forces, and one healthy one; modes are solved once a structure."""
+    made, solved = [], []
+    begin, solve = Structure.__init__, Structure.solve
+    monkeypatch.setattr(Structure, "__init__", lambda self, *a: (made.append(1), begin(self, *a))[1])
+    monkeypatch.setattr(
+        Structure,
+        "solve",
+        lambda self, case, name, **o: (solved.append(name), solve(self, case, name, **o))[1],
+    )
+    monkeypatch.setattr("sbfem_petsc.study.sweep.PIECES", 1)
+    found = sb.sweep(case_from_text(CASE + SWEEP), output=tmp_path / "out", comm=MPI.COMM_SELF)
+    assert len(found) == 6 and not found.failed
+    assert len(made) == 3
+    assert solved.count("frequencies") == 3 and solved.count("steady") == 6
+
+
+def test_from_python(tmp_path):
+    """`sb.sweep` with parameters of its own, and its refusals."""
+    case = case_from_text(CASE)
+    found = sb.sweep(case, {"loads.push.fy": [1.0, 2.0]}, analyses=["push"], comm=MPI.COMM_SELF)
+    # the load is too small to close the crack: linear
+    u = found.values["push/displacement/A"]
+    np.testing.assert_allclose(u[1], 2.0 * u[0], rtol=1e-6)
+    assert "2 rows over loads.push.fy" in repr(found)
+    with pytest.raises(ValueError, match="sweep is missing"):
+        sb.sweep(case)
+    with pytest.raises(ValueError, match="did you mean 'push'"):
+        sb.sweep(case, {"loads.pusch.fy": [1.0]})
+
+
+def test_another_sweep_is_refused(folder, tmp_path):
+    other = written(tmp_path, CASE + SWEEP.replace("count = 3", "count = 4"))
+    done = sbfem("sweep", other, "--output", folder / "out")
+    assert done.code == 2 and "sweep of another case" in done.err

@@ -1,0 +1,288 @@
+"""Wrong cases: each is refused with file, line, item and remedy."""
+
+import re
+
+import pytest
+
+from sbfem_petsc.study import objects
+from sbfem_petsc.study.case import case_from_text
+from sbfem_petsc.study.problems import CaseError
+from tests.study.small_case import CASE, SWEEP
+
+NEW = "<new>"  # mark of the line on which the fault stands
+
+# (what is replaced, by what, item, remedy): the fault stands on the line of the mark, or of the replacement's
+# first line; where a table lacks something, its line is the fifth entry.
+WRONG = [
+    # TOML itself
+    ("length = 0.1", "length = = 0.1", "length = = 0.1", "write key = value"),
+    ("length = 0.1", "length 0.1", "length 0.1", "write key = value"),
+    ('kind = "beam"', "kind = beam", "kind = beam", "texts in quotation marks"),
+    ("[mesh]", "[mesh", "[mesh", "tables as [name]"),
+    ("height = 0.01", "height = 0.01\nheight = 0.02" + NEW, "height = 0.02", "not TOML"),
+    # keys that do not exist
+    ("depth = 0.004", "depht = 0.004", "geometry.notches[0].depht", "did you mean 'depth'?"),
+    ("length = 0.1", "lenght = 0.1", "geometry.lenght", "did you mean 'length'?"),
+    ("[mesh]", "[mehs]", "mehs", "did you mean 'mesh'?"),
+    ("young = 70e9", "youngs = 70e9", "material.youngs", "did you mean 'young'?"),
+    ("damping = 0.01", "dampnig = 0.01", "model.dampnig", "did you mean 'damping'?"),
+    ("count = 5", "number = 5", "analyses.frequencies.number", "Valid are|valid are"),
+    (
+        "duration = 0.003",
+        "duration = 0.003\ntimestep = 1e-6" + NEW,
+        "analyses.burst.timestep",
+        "did you mean 'step'?",
+    ),
+    ("cycles = 4", "cycels = 4", "loads.burst.fy.cycels", "did you mean 'cycles'?"),
+    ("fy = 200.0", "fz = 200.0", "loads.push.fz", "did you mean 'fx'?|did you mean 'fy'?"),
+    ("pictures = false", "picture = false", "output.picture", "did you mean 'pictures'?"),
+    # keys that are missing; the line is that of the table
+    (
+        "[[geometry.notches]]\nx = 0.05\n",
+        "[[geometry.notches]]\n",
+        "geometry.notches[0].x",
+        "is missing",
+        "[[geometry.notches]]",
+    ),
+    ('[geometry]\nkind = "beam"\n', "[geometry]\n", "geometry", "has no kind; valid are 'beam'"),
+    ('[analyses.burst]\nkind = "transient"\n', "[analyses.burst]\n", "analyses.burst", "has no kind"),
+    ("duration = 0.003\n", "", "analyses.burst.duration", "is missing", "[analyses.burst]"),
+    ("density = 2700\n", "", "material.density", "density, in kg/m^3", "[material]"),
+    (
+        '[analyses.push]\nkind = "static"\nload = "push"',
+        '[analyses.push]\nkind = "static"',
+        "analyses.push.load",
+        "add it",
+    ),
+    # wrong types
+    ("length = 0.1", 'length = "0.1"', "geometry.length = '0.1'", "must be a number, in m"),
+    ("length = 0.1", "length = true", "geometry.length = true", "must be a number"),
+    ("order = 3", "order = 3.5", "mesh.order = 3.5", "must be a whole number"),
+    ("order = 3", 'order = "three"', "mesh.order", "must be a whole number"),
+    ('clamped = "left"', "clamped = 3", "model.clamped = 3", "must be an array"),
+    ("pictures = false", "pictures = 0", "output.pictures = 0", "must be true or false"),
+    ('load = "push"\nfrequency', "load = 3\nfrequency", "analyses.steady.load = 3", "must be an array"),
+    ("count = 5", "band = 100.0", "analyses.frequencies.band", "must be an array"),
+    ("[[geometry.notches]]", "[geometry.notches]", "geometry.notches", "must be an array"),
+    ("damping = 0.01", 'rayleigh = "low"', "model.rayleigh", "an array, [...] or a table"),
+    ("fy = 200.0", 'fy = "200 N"', "loads.push.fy = '200 N'", "must be a number, in N"),
+    ("fy = 200.0", "fy = [200.0]", "loads.push.fy", "must be a number, in N"),
+    ('title = "small"', "title = 3", "title = 3", "must be a text"),
+    # numbers out of range
+    ("length = 0.1", "length = -0.1", "geometry.length = -0.1", "must be greater than 0, in m"),
+    ("length = 0.1", "length = inf", "geometry.length = inf", "must be a finite number"),
+    ("length = 0.1", "length = nan", "geometry.length = nan", "must be a finite number"),
+    ("order = 3", "order = 21", "mesh.order = 21", "must be at most 20"),
+    ("order = 3", "order = 0", "mesh.order = 0", "must be at least 1"),
+    ("poisson = 0.33", "poisson = 0.6", "material.poisson = 0.6", "must be at most 0.5"),
+    ("damping = 0.01", "damping = 1.0", "model.damping = 1.0", "must be less than 1"),
+    ("frequency = 400.0", "frequency = 0.0", "analyses.steady.frequency", "must be greater than 0, in Hz"),
+    ("steps = 256", "steps = 4", "analyses.steady.steps = 4", "must be at least 48"),
+    ("opening = 0.005", "opening = -1.0", "geometry.notches[0].opening", "must be at least 0, in degree"),
+    ("count = 5", "count = 0", "analyses.frequencies.count = 0", "must be at least 1"),
+    ("count = 5", "band = [100.0]", "analyses.frequencies.band", "at least 2 expected"),
+    # names and kinds
+    ('kind = "beam"', 'kind = "baem"', "geometry.kind = 'baem'", "did you mean 'beam'?"),
+    ('kind = "transient"', 'kind = "transiant"', "analyses.burst.kind", "did you mean 'transient'?"),
+    ('kind = "tone_burst"', 'kind = "toneburst"', "loads.burst.fy.kind", "did you mean 'tone_burst'?"),
+    ('load = "burst"', 'load = "bursts"', "analyses.burst.load = 'bursts'", "did you mean 'burst'?"),
+    ("duration = 0.003", 'duration = 0.003\nscheme = "euler"' + NEW, "analyses.burst.scheme", "'newmark'"),
+    ("[analyses.push]", "[analyses.run]", "analyses.run", "cannot be a name"),
+    (
+        "density = 2700",
+        'density = 2700\nkind = "steel"' + NEW,
+        "material.kind",
+        "valid are 'isotropic', 'orthotropic'",
+    ),
+    ("density = 2700", 'density = 2700\nplane = "stres"' + NEW, "material.plane", "did you mean 'stress'?"),
+    # contradictions
+    (
+        "count = 5",
+        "count = 5\nband = [1.0, 2.0]",
+        "analyses.frequencies",
+        "and not both",
+        "[analyses.frequencies]",
+    ),
+    ("count = 5", "", "analyses.frequencies", "needs count", "[analyses.frequencies]"),
+    ("count = 5", "band = [200.0, 100.0]", "analyses.frequencies.band", "0 <= low < high"),
+    ("order = 3", "tip_element = true", "mesh.tip_element", "is not for geometry.kind = 'beam'"),
+    (
+        "[material]",
+        "[materials.steel]\nyoung = 1e9\npoisson = 0.3\ndensity = 1000\n[material]",
+        "materials",
+        "not both",
+    ),
+    ('load = "push"\nfrequency', 'load = "burst"\nfrequency', "analyses.steady.load", "use transient"),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "static"\nload = "burst"',
+        "analyses.push.load",
+        "static takes numbers",
+        'load = "burst"',
+    ),
+    ('clamped = "left"', "clamped = []", "analyses.push.kind", "clamp an edge set", 'kind = "static"'),
+    ("fy = 200.0", "fy = 0.0", "loads.push", "give fx or fy", "[loads.push]"),
+    (
+        "duration = 0.003",
+        "duration = 0.003\nstep = 0.01",
+        "analyses.burst.step",
+        "longer than duration",
+        "step = 0.01",
+    ),
+    ("damping = 0.01", "rayleigh = [-1.0, 0.0]", "model.rayleigh[0]", "must not be negative"),
+    (
+        "damping = 0.01",
+        "rayleigh = { ratio = 0.01, low = 9.0, high = 2.0 }",
+        "model.rayleigh.low",
+        "must be below high",
+    ),
+    (
+        'fy = { kind = "tone_burst", amplitude = 100.0, frequency = 2000.0, cycles = 4 }',
+        'fy = { kind = "samples", file = "nowhere.csv" }',
+        "loads.burst.fy.file",
+        "name a file relative to the case file",
+    ),
+    (
+        'fy = { kind = "tone_burst", amplitude = 100.0, frequency = 2000.0, cycles = 4 }',
+        'fy = { kind = "chirp", amplitude = 1.0, start = 1.0, stop = 9.0, duration = 1.0, taper = 0.9 }',
+        "loads.burst.fy.taper",
+        "at most half the duration",
+    ),
+    # the sweep
+    ('"geometry.notches[0].depth"', '"geometry.notches[1].depth"', "notches[1].depth", "numbered from 0"),
+    ('"geometry.notches[0].depth"', '"geometry.notches[0].depths"', "depths", "did you mean 'depth'?"),
+    ('"loads.push.fy"', '"loads.pull.fy"', "loads.pull.fy", "did you mean 'push'?"),
+    ('"loads.push.fy"', '"loads..fy"', "loads..fy", "write it as in geometry.notches[0].depth"),
+    ("[0.002, 0.004]", "[0.002, -0.004]", "notches[0].depth", "must be greater than 0, in m"),
+    ("[0.002, 0.004]", "[]", "notches[0].depth", "at least 1 expected"),
+    (
+        ", count = 3 }",
+        " }",
+        "loads.push.fy",
+        "is missing",
+        '"loads.push.fy" = { start = 100.0, stop = 300.0 }',
+    ),
+    (
+        "noise = { snr = 60.0, seed = 3 }",
+        'method = "list"\nsamples = 3' + NEW,
+        "sweep.samples",
+        "leave it out",
+    ),
+    ("noise = { snr = 60.0, seed = 3 }", 'method = "random"', "sweep.method", "valid are 'grid'"),
+    ("noise = { snr = 60.0, seed = 3 }", "noise = 60.0", "sweep.noise", "must be a table"),
+    (
+        'analyses = ["frequencies", "steady"]',
+        'analyses = ["steddy"]',
+        "sweep.analyses",
+        "did you mean 'steady'?",
+    ),
+]
+
+
+def changed(old: str, new: str) -> tuple[str, int | None]:
+    """The text with a fault, and the line it stands on."""
+    text = CASE + SWEEP
+    assert text.count(old) >= 1, old
+    text = text.replace(old, new, 1)
+    marked = NEW in text
+    at = text.index(NEW) if marked else text.index(new.split("\n")[0]) if new else None
+    line = None if at is None else text[:at].count("\n") + 1
+    return text.replace(NEW, ""), line
+
+
+def refused(text: str) -> str:
+    with pytest.raises(CaseError) as error:
+        case_from_text(text, "case.toml")
+    return str(error.value)
+
+
+@pytest.mark.parametrize("fault", WRONG, ids=[f"{k}-{w[2]}" for k, w in enumerate(WRONG)])
+def test_refused(fault):
+    """One of the sentences names the file, the line of the fault, the item and the remedy."""
+    old, new, item, remedy, *table = fault
+    text, line = changed(old, new)
+    sentences = refused(text).splitlines()
+    fitting = [s for s in sentences if item in s and any(part in s for part in remedy.split("|"))]
+    assert fitting, sentences
+    found = re.match(r"case\.toml, line (\d+): ", fitting[0])
+    assert found, fitting[0]
+    if table:
+        assert text.splitlines()[int(found[1]) - 1] == table[0]
+    else:
+        assert int(found[1]) == line
+
+
+def test_several_at_once():
+    """All faults of a file are told, in the order of their tables."""
+    text = CASE.replace("length = 0.1", "length = -1.0").replace("young = 70e9", "yung = 70e9")
+    sentences = refused(text).splitlines()
+    assert [s.split(":")[0] for s in sentences] == [
+        "case.toml, line 5",
+        "case.toml, line 16",
+        "case.toml, line 17",
+    ]
+
+
+# Faults that the mesh shows.
+ON_THE_MESH = [
+    ("depth = 0.004", "depth = 0.012", "geometry.notches[0].depth", "make the notch shallower"),
+    ("x = 0.05", "x = 0.2", "geometry.notches[0]", "outside the beam"),
+    ('point = "A"', 'point = "tip"', "loads.push.point = 'tip'", "valid are"),
+    ('clamped = "left"', 'clamped = "lfet"', "model.clamped = 'lfet'", "did you mean 'left'?"),
+    ("pictures = false", 'points = ["a"]', "output.points = 'a'", "valid are"),
+    ("[mesh]", "[points]\nP = [0.5, 0.5]\n[mesh]", "points.P", "move it inside"),
+    ("[material]", "[materials.steel]", "materials.steel", "is no region of the mesh; valid are 'material'"),
+    ("order = 3", "order = 3\nsize = 1e-9", "geometry", "size"),
+]
+
+
+@pytest.mark.parametrize("old, new, item, remedy", ON_THE_MESH, ids=[w[2] for w in ON_THE_MESH])
+def test_refused_by_the_mesh(old, new, item, remedy):
+    text, line = changed(old, new)
+    with pytest.raises(CaseError) as error:
+        objects.mesh(case_from_text(text, "case.toml"))
+    sentence = str(error.value)
+    assert re.match(r"case\.toml, line \d+: ", sentence)
+    assert item in sentence and remedy in sentence
+
+
+def test_gmsh_file_and_keys():
+    """A gmsh model that is not there, and keys that are for beams."""
+    text = """[geometry]
+kind = "gmsh"
+file = "nowhere.msh"
+[mesh]
+layout = "tip"
+[points]
+P = [0.0, 0.0]
+[material]
+young = 1e9
+poisson = 0.3
+density = 1000
+[analyses.modes]
+kind = "modal"
+count = 3
+"""
+    sentences = refused(text).splitlines()
+    for line, item, remedy in (
+        (3, "geometry.file = 'nowhere.msh'", "name a gmsh model relative to the case file"),
+        (5, "mesh.layout", "is not for geometry.kind = 'gmsh'"),
+        (6, "points", "add them there"),
+    ):
+        assert any(s.startswith(f"case.toml, line {line}: {item}") and remedy in s for s in sentences), item
+    assert any("model.clamped is missing" in s and "clamped = []" in s for s in sentences)
+
+
+def test_missing_file(tmp_path):
+    from sbfem_petsc.study.case import read_case
+
+    with pytest.raises(CaseError, match="nowhere.toml: cannot be read .* sbfem new beam FILE"):
+        read_case(tmp_path / "nowhere.toml")
+
+
+def test_binary_file(tmp_path):
+    from sbfem_petsc.study.case import read_case
+
+    (tmp_path / "case.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(CaseError, match=r"case\.toml: is no text in UTF-8"):
+        read_case(tmp_path / "case.toml")
