@@ -13,9 +13,9 @@ from tests.reference import paper_beam
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 
 
-def two_masses(damping: float = 0.03) -> sb.Reduction:
-    """Masses 1, 1 on springs 1 between and 1 to ground, damping `damping` K, a force on the second mass, an
-    elastic stop (100) for the first at a distance of 1: example 03 of NLvib, in rad/s.
+def two_masses(damping: float = 0.03, compliance: float = 0.01, force: float = 1.0) -> sb.ReducedModel:
+    """Masses 1, 1 on springs 1 between and 1 to ground, damping `damping` K, a load of `force` on the second
+    mass, an elastic stop for the first at a distance of 1: example 03 of NLvib, in rad/s.
     """
     stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
     return sb.reduce_matrices(
@@ -23,10 +23,10 @@ def two_masses(damping: float = 0.03) -> sb.Reduction:
         stiffness,
         np.array([[1.0, 0.0]]),
         np.array([1.0]),
-        loads=np.array([[0.0], [1.0]]),
+        loads=np.array([[0.0], [force]]),
         sensors={"1": 0, "2": 1},
         damping=damping * stiffness,
-        compliance=np.array([0.01]),
+        compliance=np.array([compliance]),
     )
 
 
@@ -35,7 +35,7 @@ CHAIN_STIFFNESS = 2.0 * np.eye(5) - np.eye(5, k=1) - np.eye(5, k=-1)
 CHAIN_COMPLIANCE = np.array([0.05, 0.1])
 
 
-def chain(modes: int = 5, damping: float = 0.03) -> sb.Reduction:
+def chain(modes: int = 5, damping: float = 0.03) -> sb.ReducedModel:
     """Five masses between two walls, forces on "0" and "3", elastic stops 0.02 from "1" and "4"; in fewer
     modes than five the others act by their flexibility.
     """
@@ -44,11 +44,11 @@ def chain(modes: int = 5, damping: float = 0.03) -> sb.Reduction:
         CHAIN_STIFFNESS,
         np.eye(5)[[1, 4]],
         np.full(2, 0.02),
-        np.eye(5)[:, [0, 3]],
-        {str(k): k for k in range(5)},
-        modes,
-        damping,
-        CHAIN_COMPLIANCE,
+        loads=np.eye(5)[:, [0, 3]],
+        sensors={str(k): k for k in range(5)},
+        modes=modes,
+        damping=damping,
+        compliance=CHAIN_COMPLIANCE,
     )
 
 

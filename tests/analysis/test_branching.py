@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from tests.systems import two_masses
 
 TURN = 2.0 * np.pi
 STEPS = 2048
@@ -13,17 +14,7 @@ STEPS = 2048
 
 @pytest.fixture(scope="module")
 def reduction():
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return sb.reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[1.0, 0.0]]),
-        np.array([1.0]),
-        loads=np.array([[0.0], [1.0]]),
-        sensors={"first": 0, "second": 1},
-        damping=0.03 * stiffness,
-        compliance=np.array([0.01]),
-    )
+    return two_masses()
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +55,7 @@ def test_doubling_is_where_a_multiplier_is_minus_one(curve):
 def test_motion_takes_two_periods(orbit):
     """Half the frequency is in it, and one forcing period does not close."""
     assert orbit.periods == 2 and len(orbit.time) == 2 * STEPS and orbit.path == "period doubling"
-    first, half = np.abs(orbit.harmonics("second")[1]), np.abs(orbit.subharmonics("second")[1])
+    first, half = np.abs(orbit.harmonics("2")[1]), np.abs(orbit.subharmonics("2")[1])
     assert 0.005 * first < half < first
 
 
@@ -81,7 +72,7 @@ def test_a_history_stays_on_it(reduction, orbit):
         step=1.0 / (STEPS * orbit.frequency),
         start=(orbit.states.q[0], orbit.states.v[0]),
     )
-    u = history.displacement("second")[:, 1]
+    u = history.displacement("2")[:, 1]
     late = u[-4 * STEPS - 1 :]
     two, one = (
         np.abs(late[2 * STEPS :] - late[: -2 * STEPS]).max(),
@@ -94,9 +85,7 @@ def test_a_history_stays_on_it(reduction, orbit):
 
 def test_its_branch_can_be_followed(reduction, orbit):
     branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
-    assert (
-        branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("second")[:, 1]) > 1e-3).all()
-    )
+    assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()
 
 
 def test_only_from_a_period_doubling(curve):
@@ -110,7 +99,7 @@ def test_orbit_file(orbit, tmp_path):
     path = str(tmp_path / "orbit.h5")
     sb.save_orbit(orbit, path)
     again = sb.read_orbit(path)
-    np.testing.assert_array_equal(again.harmonics("second"), orbit.harmonics("second"))
+    np.testing.assert_array_equal(again.harmonics("2"), orbit.harmonics("2"))
     np.testing.assert_array_equal(again.multipliers, orbit.multipliers)
     assert again.stable == orbit.stable and again.periods == 2 and repr(again) == repr(orbit)
     with pytest.raises(ValueError, match="HDF5 file of another kind"):

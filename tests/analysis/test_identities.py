@@ -59,7 +59,7 @@ def test_energy_balance_is_of_fourth_order():
     """
     stiffness = 2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1)
     system = sb.reduce_matrices(
-        np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), np.eye(3)[:, [0]], {"first": 0}
+        np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), loads=np.eye(3)[:, [0]], sensors={"first": 0}
     )
     errors = []
     for step in (0.2, 0.1, 0.05):

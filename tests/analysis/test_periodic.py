@@ -15,6 +15,8 @@ from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
 from tests.reference import paper_beam
+from tests.systems import case_p as paper_case
+from tests.systems import two_masses
 
 FORCE = sb.PointForce("A", fy=300.0)
 
@@ -43,7 +45,7 @@ def bilinear(ratio, zeta, gap=0.0, stiffness=1.0):
 
 @pytest.fixture(scope="module")
 def case_p():
-    model = beam()
+    model = paper_case(damping=0.002)
     return model, sb.periodic(model, FORCE, 3000.0)
 
 
@@ -515,17 +517,7 @@ def test_a_ramp_past_a_corner():
     """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it
     where a stiff stop is met and the branch turns back.
     """
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    r = reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[1.0, 0.0]]),
-        np.array([1.0]),
-        loads=np.array([[0.0], [1.0]]),
-        sensors={"1": 0, "2": 1},
-        damping=0.03 * stiffness,
-        compliance=np.array([0.01]),
-    )
+    r = two_masses()
     settled = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False)
     assert settled.path == "history" and settled.residuals[-1] < 1e-9
     orbit = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False, search=Search(settling=()))

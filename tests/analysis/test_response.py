@@ -10,24 +10,9 @@ from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.dynamics.branch import find_peak
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import answer, on_ranks
-from tests.reference import paper_beam
+from tests.systems import case_p, two_masses
 
 TURN = 2 * np.pi
-
-
-def two_masses(damping=0.03):
-    """The published example of two masses and an elastic stop, in rad/s."""
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[1.0, 0.0]]),
-        np.array([1.0]),
-        loads=np.array([[0.0], [1.0]]),
-        sensors={"1": 0, "2": 1},
-        damping=damping * stiffness,
-        compliance=np.array([0.01]),
-    )
 
 
 def with_a_stop(gap=1.0, zeta=0.05, compliance=2.0):
@@ -193,9 +178,9 @@ def test_peak_of_a_known_resonance():
     assert np.isnan(find_peak(f[:200], a[:200]).upper)
 
 
-@pytest.fixture(scope="module")
-def case_p():
-    return sb.Model(paper_beam().mesh(), sb.Material(70e9, 0.33, 2700), damping=0.002)
+@pytest.fixture(scope="module", name="case_p")
+def paper_case():
+    return case_p(damping=0.002)
 
 
 def test_response_of_the_beam(case_p):
@@ -263,12 +248,27 @@ def test_verdicts_do_not_depend_on_the_grid(case_p):
 
 @pytest.mark.slow
 def test_three_motions_with_little_damping():
-    """Damping 0.0005: the branch folds, and between the folds three motions are found at one frequency."""
-    model = sb.Model(paper_beam().mesh(), sb.Material(70e9, 0.33, 2700), damping=0.0005)
-    curve = sb.frequency_response(model, sb.PointForce("A", fy=300.0), 13900.0, 14600.0, stability=False)
+    """Damping 0.0005: the branch folds, and between the folds it passes one frequency three times; from each
+    of the three places `periodic` converges to a motion of its own, of another amplitude.
+    """
+    model, load, between = case_p(damping=0.0005), sb.PointForce("A", fy=300.0), 14210.0
+    curve = sb.frequency_response(model, load, 13900.0, 14600.0, stability=False)
     assert curve.complete
-    at = [np.count_nonzero(np.diff(np.sign(curve.value - f))) for f in (14150.0, 14210.0, 14300.0)]
-    assert at == [2, 6, 2] or at == [1, 3, 1]
+
+    def passes(frequency):
+        side = np.sign(curve.value - frequency)
+        assert side.all()
+        return np.flatnonzero(np.diff(side))
+
+    assert [len(passes(f)) for f in (14150.0, between, 14300.0)] == [1, 3, 1]
+    orbits = [
+        sb.periodic(model, load, between, start=curve.orbit(int(k)), stability=False) for k in passes(between)
+    ]
+    amplitudes = sorted(orbit.amplitude("A") for orbit in orbits)
+    assert min(np.diff(amplitudes)) > 0.02 * amplitudes[-1]
+    for orbit, k in zip(orbits, passes(between)):
+        beside = curve.amplitude("A")[k : k + 2]
+        assert 0.98 * beside.min() < orbit.amplitude("A") < 1.02 * beside.max()
 
 
 # ---------------------------------------------------------------- refusals and hard cases

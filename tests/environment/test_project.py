@@ -24,7 +24,7 @@ CONDA_NAMES = {"gmsh": "python-gmsh", "matplotlib": "matplotlib-base"}
 def split(requirement: str) -> tuple[str, str]:
     """Name and condition of a requirement."""
     name = re.match(r"[\w.-]+", requirement)[0]
-    return name, requirement[len(name) :].strip()
+    return name, requirement[len(name) :].split(";")[0].strip()
 
 
 def test_conda_and_pip_ask_for_the_same():

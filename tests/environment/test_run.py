@@ -19,7 +19,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 BASH = shutil.which("bash")
-MODULES = "petsc4py slepc4py mpi4py numpy scipy numba gmsh meshio h5py rich".split()
+MODULES = "petsc4py slepc4py mpi4py numpy scipy numba gmsh meshio shapely h5py rich pydantic".split()
 STUBBED = "python python3 pip pip3 apt-get apt-cache dpkg dpkg-query sudo".split()
 
 pytestmark = pytest.mark.skipif(BASH is None or os.name != "posix", reason="run is a bash script")

@@ -9,9 +9,6 @@ import math
 import numpy as np
 import pytest
 from matplotlib import image
-
-import sbfem_petsc as sb
-from sbfem_petsc.plot import curves as curve_plot
 from sbfem_petsc.plot.curves import (
     amplitude_at,
     in_order,
@@ -23,21 +20,15 @@ from sbfem_petsc.plot.curves import (
     split,
 )
 
+import sbfem_petsc as sb
+from sbfem_petsc.plot import curves as curve_plot
+from tests.systems import two_masses
+
 
 @pytest.fixture(scope="module")
 def oscillator():
     """Two masses and an elastic stop: folds and period doublings within one resonance."""
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return sb.reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[-1.0, 0.0]]),
-        np.ones(1),
-        np.array([[0.0], [1.0]]),
-        {"one": 0, "two": 1},
-        damping=0.03 * stiffness,
-        compliance=np.array([0.01]),
-    )
+    return two_masses()
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +118,7 @@ def test_lines_follow_the_verdict(curves):
     curve = curves["stop"]
     kinds = [item.kind for item in curve.bifurcations]
     assert kinds.count("fold") == 2 and "period doubling" in kinds and not curve.stable.all()
-    drawing = curve_plot._draw_curves(curves, "two", None, None, "", False)
+    drawing = curve_plot._draw_curves(curves, "2", None, None, "", False)
     (axes,) = drawing.axes
     lines = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
     grey = [line for line in lines if line.get_color() == curve_plot.GREY]
@@ -143,8 +134,8 @@ def test_lines_follow_the_verdict(curves):
         np.concatenate([line.get_xdata() for line in parts]),
         np.concatenate([line.get_ydata() for line in parts]),
     )
-    for value, height in zip(curve.value, curve.amplitude("two")):
-        assert np.hypot((x - value) / 0.1, y / y.max() - height / curve.amplitude("two").max()).min() < 1e-9
+    for value, height in zip(curve.value, curve.amplitude("2")):
+        assert np.hypot((x - value) / 0.1, y / y.max() - height / curve.amplitude("2").max()).min() < 1e-9
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels[:2] == ["stop", "no stop"] and {"unstable", "fold", "period doubling"} <= set(labels)
 
@@ -154,9 +145,9 @@ def test_amplitude_at_a_fold(curves):
     curve = curves["stop"]
     for item in curve.bifurcations:
         if item.kind == "fold":
-            beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
+            beside = curve.amplitude("2")[item.after - 1 : item.after + 1]
             assert (
-                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "two") <= beside.max() * (1.0 + 1e-2)
+                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "2") <= beside.max() * (1.0 + 1e-2)
             )
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
@@ -166,16 +157,14 @@ def test_pictures(curves, orbits, tmp_path):
         plot_curves(
             curves,
             str(tmp_path / "curves.png"),
-            "two",
+            "2",
             forces={"stop": 0.1, "no stop": 0.1},
             title="oscillator",
             every=True,
         ),
-        plot_harmonics(
-            orbits, str(tmp_path / "harmonics.png"), "two", forces={"open": 0.01, "touching": 0.1}
-        ),
-        plot_orbit(orbits["touching"], str(tmp_path / "orbit.png"), "two", {"stop": 0}),
-        plot_orbit(orbits["touching"], str(tmp_path / "orbit_default.png"), "one"),
+        plot_harmonics(orbits, str(tmp_path / "harmonics.png"), "2", forces={"open": 0.01, "touching": 0.1}),
+        plot_orbit(orbits["touching"], str(tmp_path / "orbit.png"), "2", {"stop": 0}),
+        plot_orbit(orbits["touching"], str(tmp_path / "orbit_default.png"), "1"),
         plot_multipliers(orbits["touching"], str(tmp_path / "multipliers.png")),
         plot_multipliers(curves["stop"], str(tmp_path / "multipliers_curve.png"), "through folds"),
     ]
@@ -188,7 +177,7 @@ def test_pictures(curves, orbits, tmp_path):
 def test_harmonics_drawn_are_those_above_rounding(orbits):
     """The motion that does not touch has the first alone."""
     assert orbits["open"].contact_resultant.max() == 0.0 < orbits["touching"].contact_resultant.max()
-    (axes,) = curve_plot._draw_harmonics(orbits, "two", "y", 10, 8.0, None, "").axes
+    (axes,) = curve_plot._draw_harmonics(orbits, "2", "y", 10, 8.0, None, "").axes
     heads = {line.get_label(): line.get_xdata() for line in axes.get_lines()}
     assert len(heads["open"]) == 1 and round(float(heads["open"][0])) == 1 and len(heads["touching"]) > 5
 
@@ -198,21 +187,21 @@ def test_a_motion_of_two_periods(curves, tmp_path):
     curve = curves["stop"]
     item = next(item for item in curve.bifurcations if item.kind == "period doubling")
     orbit = sb.doubled(curve, item)
-    drawing = curve_plot._draw_orbit(orbit, "two", None, "")
+    drawing = curve_plot._draw_orbit(orbit, "2", None, "")
     marks = [line for line in drawing.axes[0].get_lines() if line.get_marker() == "o"]
     assert len(marks[0].get_xdata()) == 2 and drawing.axes[-1].get_xlim() == (0.0, 2.0)
-    drawn(plot_orbit(orbit, str(tmp_path / "doubled.png"), "two"))
+    drawn(plot_orbit(orbit, str(tmp_path / "doubled.png"), "2"))
 
 
 def test_a_curve_over_the_load(oscillator, tmp_path):
     curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, 1.0, steps=512, progress=None)
-    drawn(plot_curves({"0.1 N": curve}, str(tmp_path / "load.png"), "two"))
+    drawn(plot_curves({"0.1 N": curve}, str(tmp_path / "load.png"), "2"))
     assert curve_plot._abscissa({"0.1 N": curve})[1] == "factor on the load"
     with pytest.raises(ValueError, match="over the frequency and some over the load"):
         plot_curves(
             {"load": curve, "frequency": curve_plot.replace(curve, parameter="frequency")},
             str(tmp_path / "a.png"),
-            "two",
+            "2",
         )
 
 
@@ -221,17 +210,17 @@ def test_bad_requests(curves, orbits, tmp_path):
     with pytest.raises(ValueError, match="no curve is given"):
         plot_curves({}, path)
     with pytest.raises(ValueError, match="no positive force for 'no stop'"):
-        plot_curves(curves, path, "two", forces={"stop": 0.1})
+        plot_curves(curves, path, "2", forces={"stop": 0.1})
     with pytest.raises(KeyError, match="point 'A' does not exist"):
         plot_curves(curves, path)
     with pytest.raises(ValueError, match="no orbit is given"):
         plot_harmonics({}, path)
     with pytest.raises(ValueError, match="does not move in x"):
-        plot_harmonics(orbits, path, "two", "x")
+        plot_harmonics(orbits, path, "2", "x")
     with pytest.raises(ValueError, match="pair 'mouth' is number 3, the model has 1"):
-        plot_orbit(orbits["open"], path, "two", {"mouth": 3})
+        plot_orbit(orbits["open"], path, "2", {"mouth": 3})
     with pytest.raises(ValueError, match="there are no multipliers"):
         plot_multipliers(curves["no stop"], path)
     with pytest.raises(ValueError, match="cannot be written"):
-        plot_harmonics(orbits, str(tmp_path / "none" / "a.png"), "two")
+        plot_harmonics(orbits, str(tmp_path / "none" / "a.png"), "2")
     assert not list(tmp_path.iterdir())

@@ -8,29 +8,15 @@ import warnings
 import h5py
 import numpy as np
 import pytest
+from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import continuation
-from sbfem_petsc.reduction.reduced_model import reduce_matrices
 from sbfem_petsc.results import curves as module
-from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
+from tests.systems import two_masses
 
 TURN = 2 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN
-
-
-def two_masses(damping=0.03, compliance=0.01, force=1.0):
-    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
-    return reduce_matrices(
-        np.eye(2),
-        stiffness,
-        np.array([[1.0, 0.0]]),
-        np.array([1.0]),
-        np.array([[0.0], [force]]),
-        {"1": 0, "2": 1},
-        damping=damping * stiffness,
-        compliance=np.array([compliance]),
-    )
 
 
 def follow(**options):

@@ -1,0 +1,124 @@
+"""Static states along a history of the loads, with unilateral contact (prefix ``static_``).
+
+Frictionless contact has no memory: each state is the static solution under the loads of its instant. The
+history shows how faces close and open, and K_I(t) and K_II(t), under loads too slow for inertia to matter.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..loads import Loads, as_loads
+from ..parallel import collective
+from ..signals import Signal
+from ..system.model import Model
+from .static import Static, static
+
+
+@dataclass(frozen=True, eq=False)
+class LoadHistory:
+    """Static states at given times.
+
+    Attributes
+    ----------
+    time : (n,) array
+        s.
+    states : tuple of n Static
+        The solutions themselves, their fields included.
+    """
+
+    time: np.ndarray
+    states: tuple[Static, ...]
+
+    def displacement(self, point: str) -> np.ndarray:
+        """(n, 2): displacement of a named point, m."""
+        return np.array([state.displacement(point) for state in self.states])
+
+    def stress_intensity(self, crack: str) -> np.ndarray:
+        """(n, 2): K_I and K_II of a crack's tip, Pa m^(1/2).
+
+        Raises
+        ------
+        KeyError
+            If the crack has no tip element.
+        """
+        return np.array([state.stress_intensity[crack] for state in self.states])
+
+    @property
+    def contact_force(self) -> np.ndarray:
+        """(n, pairs): N, compression positive."""
+        return np.array([state.contact_force for state in self.states])
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, pairs): m."""
+        return np.array([state.gap for state in self.states])
+
+    @property
+    def contact_resultant(self) -> np.ndarray:
+        """(n,): sum of all contact forces, N."""
+        return np.array([state.contact_resultant for state in self.states])
+
+    def __repr__(self) -> str:
+        return (
+            f"LoadHistory({len(self.time)} states from {self.time[0]:.6g} to {self.time[-1]:.6g} s, peak "
+            f"contact resultant {self.contact_resultant.max():.6g} N)"
+        )
+
+
+def load_history(
+    model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
+) -> LoadHistory:
+    """Static states under loads that change slowly.
+
+    Parameters
+    ----------
+    model : Model
+    load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
+        Numbers are constant loads; signals are taken at each time.
+    time : (n,) sequence of float
+        s, in the order in which the states are wanted.
+    contact : bool
+        Whether crack faces may press on each other; False: they may overlap.
+
+    Raises
+    ------
+    ValueError
+        For no times, or one that is not finite; for what `static` refuses.
+    TypeError
+        For times that are not numbers.
+    SolveError
+        If the linear solve or the active set fails.
+    """
+    with collective(model.comm):
+        times = _checked(time)
+        loads = as_loads(load)
+    return LoadHistory(times, tuple(static(model, _at(loads, t), contact=contact) for t in times))
+
+
+def _checked(time) -> np.ndarray:
+    try:
+        times = np.array(time, dtype=float)
+    except (TypeError, ValueError):
+        raise TypeError(f"load_history: time = {time!r} must be a sequence of numbers, s") from None
+    if times.ndim != 1 or len(times) == 0:
+        raise ValueError(
+            f"load_history: time has shape {times.shape}; one or more times in a row are expected"
+        )
+    if not np.isfinite(times).all():
+        first = int(np.flatnonzero(~np.isfinite(times))[0])
+        raise ValueError(f"load_history: time[{first}] = {times[first]} must be finite, s")
+    return times
+
+
+def _at(loads: Loads, time: float) -> Loads:
+    """The loads of one instant, as constants."""
+
+    def constant(load):
+        values = {name: value for name, value in load.components.items() if isinstance(value, Signal)}
+        return replace(load, **{name: float(signal(time)) for name, signal in values.items()})
+
+    return Loads(tuple(constant(part) for part in loads.parts))

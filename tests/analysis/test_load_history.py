@@ -1,0 +1,94 @@
+"""Static load histories against the single static solutions, the linear response and a slow time history."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.analysis.load_history import load_history
+from tests.systems import short_beam
+
+TIMES = np.linspace(0.0, 1.0, 6)
+
+
+@pytest.fixture(scope="module")
+def model():
+    return short_beam()
+
+
+@pytest.fixture(scope="module")
+def history(model):
+    """An opening preload of 20 N and a closing force that grows to 600 N and goes back."""
+    ramp = sb.Samples((0.0, 0.6, 1.0), (0.0, 600.0, 0.0))
+    return load_history(model, sb.PointForce("A", fx=3.0, fy=ramp - 20.0), TIMES)
+
+
+def test_states_are_static_solutions(model, history):
+    """Each alone, under the force of its time: the same to the last digits."""
+    forces = np.interp(TIMES, (0.0, 0.6, 1.0), (0.0, 600.0, 0.0)) - 20.0
+    for k, force in enumerate(forces):
+        alone = sb.static(model, sb.PointForce("A", fx=3.0, fy=force))
+        np.testing.assert_allclose(history.displacement("A")[k], alone.displacement("A"), rtol=1e-12)
+        np.testing.assert_allclose(history.contact_force[k], alone.contact_force, rtol=1e-9, atol=1e-9)
+        np.testing.assert_allclose(
+            history.stress_intensity("crack1")[k], alone.stress_intensity["crack1"], rtol=1e-9
+        )
+
+
+def test_the_notch_closes_and_opens(history):
+    """No force while it is open, no overlap at any time, and the preload's state at both ends: contact
+    without friction has no memory.
+    """
+    assert history.contact_resultant[0] == history.contact_resultant[-1] == 0.0 < history.contact_resultant[3]
+    assert history.contact_force.shape == history.gap.shape and (history.gap > -1e-18).all()
+    assert (history.contact_force * history.gap == 0.0).all()
+    np.testing.assert_allclose(history.displacement("A")[0], history.displacement("A")[-1], rtol=1e-9)
+
+
+def test_without_contact_it_is_linear(model):
+    """Displacements follow the signal."""
+    load = sb.PointForce("A", fy=sb.Harmonic(600.0, 0.3, 0.2))
+    found = load_history(model, load, TIMES, contact=False)
+    one = sb.static(model, sb.PointForce("A", fy=1.0), contact=False).displacement("A")
+    expected = np.outer(600.0 * np.sin(2.0 * np.pi * 0.3 * TIMES + 0.2), one)
+    np.testing.assert_allclose(found.displacement("A"), expected, rtol=1e-8)
+    assert (found.gap < 0.0).any() and not found.contact_force.any()
+
+
+def test_a_slow_time_history_is_the_same(model):
+    """A half-cosine rise over 60 periods of the lowest mode: inertia changes displacements by less than 1e-3,
+    the square of the ratio of both frequencies.
+    """
+    rise = 60.0 / sb.modal(model, 1).frequencies[0]
+    load = sb.PointForce("A", fy=sb.Step(600.0, rise=rise))
+    times = np.linspace(0.25, 1.0, 4) * rise
+    slow = load_history(model, load, times)
+    moving = sb.transient(model, load, rise, step=rise / 4000, modes=12)
+    found = np.array([np.interp(times, moving.time, u) for u in moving.displacement("A").T]).T
+    np.testing.assert_allclose(
+        found, slow.displacement("A"), atol=1e-3 * np.abs(slow.displacement("A")).max()
+    )
+
+
+@pytest.mark.parametrize(
+    "time, kind, sentence",
+    [
+        ([], ValueError, r"time has shape \(0,\)"),
+        ([[0.0]], ValueError, r"time has shape \(1, 1\)"),
+        ([0.0, float("nan")], ValueError, r"time\[1\] = nan must be finite"),
+        ("soon", TypeError, "time = 'soon' must be a sequence of numbers"),
+    ],
+)
+def test_bad_times(model, time, kind, sentence):
+    with pytest.raises(kind, match=sentence):
+        load_history(model, sb.PointForce("A", fy=1.0), time)
+
+
+def test_bad_loads(model):
+    with pytest.raises(TypeError, match="neither a PointForce nor an EdgeLoad"):
+        load_history(model, 300.0, TIMES)
+    with pytest.raises(KeyError, match="point 'Z' does not exist"):
+        load_history(model, sb.PointForce("Z", fy=1.0), TIMES)
+
+
+def test_what_it_prints(history):
+    assert repr(history).startswith("LoadHistory(6 states from 0 to 1 s, peak contact resultant ")
