@@ -168,7 +168,9 @@ def load_response(
         return _follow(period, parameter, begin, settings, record, progress)
 
 
-def _file(comm: MPI.Comm, file: str | None, resume: bool) -> contextlib.AbstractContextManager[BranchFile | None]:
+def _file(
+    comm: MPI.Comm, file: str | None, resume: bool
+) -> contextlib.AbstractContextManager[BranchFile | None]:
     """The file of the branch, if there is to be one."""
     return contextlib.nullcontext() if file is None else BranchFile(comm, file, resume=resume)
 

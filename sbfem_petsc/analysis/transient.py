@@ -180,9 +180,7 @@ def transient(
         report = stack.enter_context(progress_bar(comm, "transient", progress))
         if isinstance(model, Model) and unreduced:
             integrator = stack.enter_context(
-                UnreducedIntegrator(
-                    model, loads.units, loads.signals, steps=steps, start=start, modes=damped
-                )
+                UnreducedIntegrator(model, loads.units, loads.signals, steps=steps, start=start, modes=damped)
             )
             if record is not None:
                 _begin_unreduced(record, integrator, loads, start)

@@ -132,7 +132,11 @@ class Branch:
         TypeError, ValueError, KeyError
             If it cannot be written, or for an unknown point.
         """
-        first = ("frequency_Hz", "load_factor") if self.parameter == "frequency" else ("load_factor", "frequency_Hz")
+        first = (
+            ("frequency_Hz", "load_factor")
+            if self.parameter == "frequency"
+            else ("load_factor", "frequency_Hz")
+        )
         other = np.ones(len(self.value)) if self.parameter == "frequency" else self.frequency
         columns = {
             first[0]: self.value,

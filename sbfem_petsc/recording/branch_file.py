@@ -190,7 +190,12 @@ class BranchFile:
                     "file"
                 )
             finished = bool(file.attrs["complete"]) and file["multipliers"].shape[1] > 0
-            former = file["states"][()], file["value"][()], float(file.attrs["length"]), str(file.attrs["reason"])
+            former = (
+                file["states"][()],
+                file["value"][()],
+                float(file.attrs["length"]),
+                str(file.attrs["reason"]),
+            )
             return stored, former, finished
 
     def update(self, branch: Callable[[], Any], length: float, last: bool = False) -> None:
@@ -198,7 +203,11 @@ class BranchFile:
         time; a finished one stays as it is. Collective.
         """
         with collective(self.comm):
-            if self.comm.rank == 0 and not self._finished and (last or time.monotonic() - self._written > PAUSE):
+            if (
+                self.comm.rank == 0
+                and not self._finished
+                and (last or time.monotonic() - self._written > PAUSE)
+            ):
                 try:
                     write_branch(branch(), self.path, *self._range, length)
                 except ValueError as error:

@@ -43,7 +43,9 @@ def available_memory() -> int:
     return max(0, min(free))
 
 
-def require_memory(owner: str, comm: MPI.Comm, needed: float, what: str, remedy: Callable[[float], str]) -> None:
+def require_memory(
+    owner: str, comm: MPI.Comm, needed: float, what: str, remedy: Callable[[float], str]
+) -> None:
     """Refuse a run whose ranks on this machine would together take more memory than is free. Collective.
 
     Parameters

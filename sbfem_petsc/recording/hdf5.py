@@ -38,10 +38,16 @@ def new_hdf5(path: Any, what: str, form: str, version: int) -> Iterator[h5py.Fil
         See `writing.replaced`.
     """
     with replaced(path, what) as temporary, writing():
-        with h5py.File(temporary, "w") as file:
+        file = h5py.File(temporary, "w")
+        try:
             file.attrs["format"], file.attrs["format_version"] = form, version
             yield file
             seal(file)
+            file.close()
+        except BaseException:
+            with contextlib.suppress(Exception):  # a full disk is met again
+                file.close()
+            raise
 
 
 @contextlib.contextmanager

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -38,7 +38,8 @@ from .lock import WriterLock
 from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
 
 
-class FormerRun(NamedTuple):
+@dataclass(frozen=True)
+class FormerRun:
     """What is continued: number of steps, step (s), every how many of them are kept."""
 
     count: int
@@ -84,7 +85,9 @@ class HistoryFile:
         If the file is no history of this kind, is damaged, is being written by another run or cannot be written.
     """
 
-    def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, restart: bool = False, in_memory: bool = True):
+    def __init__(
+        self, comm: MPI.Comm, path: Any, *, kind: str, restart: bool = False, in_memory: bool = True
+    ):
         self.comm, self.kind, self.in_memory = comm, kind, in_memory
         self._lock: WriterLock | None = None
         self._open: OpenRows | None = None
@@ -299,7 +302,7 @@ class HistoryFile:
 
     def _guarded(self, work: Callable[[OpenRows], None] | None) -> None:
         with collective(self.comm):
-            if work is not None:
+            if work is not None and self._open is not None:
                 try:
                     self._open.check_place()
                     work(self._open)

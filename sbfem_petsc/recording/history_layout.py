@@ -56,7 +56,8 @@ class Head(NamedTuple):
         values = slot[: HEAD + writers + 1]
         if not values[0] > 0 or checksum(values[:-1]) != values[-1]:
             return None
-        return cls(*map(int, values[:HEAD]), tuple(map(int, values[HEAD:-1])))
+        counter, done, rows, blocks, *sums = map(int, values[:-1])
+        return cls(counter, done, rows, blocks, tuple(sums))
 
     def array(self) -> np.ndarray:
         """As it stands in the file."""
@@ -114,8 +115,20 @@ class Contents:
         """All groups and data sets; those that the run writes to are left without a value."""
         file.attrs["kind"] = self.kind
         file.create_group("settings").attrs.update(self.settings)
-        put(file, "signal_checks", self.signal_checks, "unit of the load", "values that tell load signals apart")
-        put(file, "checkpoint_sizes", np.array(self.sizes, dtype=np.int64), "1", "lengths of the writers' states")
+        put(
+            file,
+            "signal_checks",
+            self.signal_checks,
+            "unit of the load",
+            "values that tell load signals apart",
+        )
+        put(
+            file,
+            "checkpoint_sizes",
+            np.array(self.sizes, dtype=np.int64),
+            "1",
+            "lengths of the writers' states",
+        )
         names = file.create_group("names")
         for name, values in self.texts.items():
             put_texts(names, name, values)
@@ -245,7 +258,7 @@ class OpenRows:
         values = np.ascontiguousarray(values, dtype="<f8")
         if values.size == 0:
             return
-        place, data = self._offsets[name] + first * values[0].size * 8, memoryview(values).cast("B")
+        place, data = self._offsets[name] + first * values[0].size * 8, memoryview(values.tobytes())
         while len(data):
             written = os.pwrite(self._handle, data, place)
             place, data = place + written, data[written:]

@@ -27,7 +27,11 @@ _OUTPUTS = {
     "points": "displacements of the named points",
     "tips": "K_I and K_II of the crack tips",
 }
-_SHARES = {"modes": "of modal coordinates", "loads": "of unit loads, residual", "contact": "of contact forces"}
+_SHARES = {
+    "modes": "of modal coordinates",
+    "loads": "of unit loads, residual",
+    "contact": "of contact forces",
+}
 
 
 def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
@@ -52,7 +56,7 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
         for name in _OUTPUTS
     }
     arrays = {name: group[name][()] for name in _ARRAYS}
-    return ReducedModel(pairs=int(group.attrs["pairs"]), **arrays, **outputs)
+    return ReducedModel(pairs=int(group.attrs["pairs"]), **arrays, **outputs)  # type: ignore[arg-type]
 
 
 def in_rows(reduced: ReducedModel) -> ReducedModel:
@@ -64,7 +68,7 @@ def in_rows(reduced: ReducedModel) -> ReducedModel:
         if isinstance(item, np.ndarray):
             return np.ascontiguousarray(item)
         if isinstance(item, LinearOutput):
-            return replace(item, **{share: np.ascontiguousarray(getattr(item, share)) for share in _SHARES})
+            return LinearOutput(item.names, *(np.ascontiguousarray(getattr(item, s)) for s in _SHARES))
         return item
 
     return replace(reduced, **{f.name: rows(getattr(reduced, f.name)) for f in fields(reduced)})

@@ -47,9 +47,7 @@ def read_branch(path: str) -> Branch:
     with opened(path, WHAT, {FORM: VERSION}) as file:
         attrs = file.attrs
         periods = int(attrs["periods"])
-        excitation = Excitation(
-            file["excitation/orders"][()], file["excitation/amplitudes"][()], periods
-        )
+        excitation = Excitation(file["excitation/orders"][()], file["excitation/amplitudes"][()], periods)
         period = Period(
             read_reduced_model(file["reduced_model"]), excitation, int(attrs["steps"]), bool(attrs["contact"])
         )
