@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.law import RowLaws, Unilateral
 from .rows import Rows
 
 
@@ -23,16 +24,18 @@ class GapOperator:
     rows : Rows
         G.
     initial : (c,) array
-        Gaps of the undeformed faces, m.
+        Gaps of the undeformed faces, m; zero for tied rows.
     flexibility : (c, c) array
-        m/N; zero for the node pairs.
+        m/N, the laws' compliance included; for node pairs there is no other.
     pairs : int
+    laws : RowLaws
     """
 
     rows: Rows
     initial: np.ndarray
     flexibility: np.ndarray
     pairs: int
+    laws: RowLaws
 
     def __len__(self) -> int:
         return len(self.initial)
@@ -45,7 +48,16 @@ def gap_operator(model) -> GapOperator:
         numbers, values = unknowns.ravel(), np.concatenate([normal, -normal])
         keep = (numbers >= 0) & (values != 0.0)
         rows.append((numbers[keep], values[keep]))
-    count = len(rows)
+    # a pair whose two nodes are held fixed has no flexibility, and nothing for a law to do
+    free = np.array([len(numbers) > 0 for numbers, _ in rows], dtype=bool)
+    laws = RowLaws.of(
+        model.contact_laws[model.cracks[crack].name] if moves else Unilateral()
+        for crack, moves in zip(model.pairs.crack, free)
+    )
     return GapOperator(
-        Rows.of(model.comm, model.ranges, rows), model.pairs.gap.copy(), np.zeros((count, count)), count
+        Rows.of(model.comm, model.ranges, rows),
+        laws.rest(model.pairs.gap),
+        np.diag(laws.compliance),
+        len(rows),
+        laws,
     )
