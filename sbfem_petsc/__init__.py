@@ -18,6 +18,8 @@ _HOME = {
     "SupportMotion": "loads",
     "Loads": "loads",
     "Support": "supports",
+    "Unilateral": "contact.law",
+    "Tied": "contact.law",
     "SolveError": "errors",
     "UnknownName": "errors",
     "Model": "system.model",

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI
@@ -52,6 +53,8 @@ class ReducedModel:
         None for a system of matrices and for one read from a file.
     modal : Modal or None
         The modes themselves, distributed.
+    contact_laws : RowLaws
+        Of the contact rows, whose compliance is part of `gap`; default: unilateral contact.
     """
 
     frequencies: np.ndarray
@@ -67,6 +70,11 @@ class ReducedModel:
     loads: tuple[Load, ...] = ()
     model: Model | None = field(default=None, repr=False)
     modal: Modal | None = field(default=None, repr=False)
+    contact_laws: RowLaws = field(default=None, repr=False)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.contact_laws is None:
+            object.__setattr__(self, "contact_laws", RowLaws.unilateral(len(self.initial_gap)))
 
     @functools.cached_property
     def omega(self) -> np.ndarray:

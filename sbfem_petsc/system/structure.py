@@ -35,6 +35,8 @@ class Structure:
     supports : tuple of Support
     materials : callable
         Materials in the order of the mesh's names, which it is given.
+    contact_laws : callable
+        Dict of the law of each crack by its name, from the names of the cracks.
     terms : int
         Of the continued fraction.
     thickness : float
@@ -50,6 +52,7 @@ class Structure:
         supports: tuple[Support, ...],
         materials,
         *,
+        contact_laws,
         terms: int,
         thickness: float,
         tip_modes: int,
@@ -76,6 +79,7 @@ class Structure:
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             self.materials = materials(self.material_names)
+            self.contact_laws = contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:
                 raise ValueError(
                     f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
