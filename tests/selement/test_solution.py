@@ -146,7 +146,7 @@ def test_dynamic_stiffness_equation():
     for terms in (1, 2, 3):
         element = solve_selement(coordinates, 4, True, elasticity, terms)
 
-        def residual(x):
+        def residual(x, element=element):
             inverse = np.diag(1.0 / (1.0 + x * element.inertia))
             c1 = element.coupling @ inverse
             s = element.stiffness + x * element.mass - x * x * c1 @ element.coupling.T
