@@ -57,7 +57,9 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)
     arc = math.dist(path.start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    faces.length = float(arc[-1])  # that of the closed line
     if path.end is not None:
+        faces.length += math.dist(path.end.position, line[-1])
         arc = np.minimum(arc, arc[-1] + math.dist(path.end.position, line[-1]) - arc)
     unit = steps / np.hypot(*steps.T)[:, None]
     normal = np.stack([unit[:, 1], -unit[:, 0]], axis=1)

@@ -44,9 +44,9 @@ def _factorise(flexibility, active, factor, members):
 
 
 @njit(cache=True)
-def contact_forces(flexibility, gap, active, factor, members, count, force):
-    """Solve 0 <= force _|_ W force + gap >= 0 by block principal pivoting from the active set of the step
-    before.
+def contact_forces(flexibility, gap, tied, active, factor, members, count, force):
+    """Solve 0 <= force _|_ W force + gap >= 0, and W force + gap = 0 in tied rows, by block principal
+    pivoting from the active set of the step before, which holds the tied rows.
 
     `active`, `factor`, `members` and `count` (of members, -1: nothing factorised) are kept between steps.
     Returns (count, exchanges); exchanges is -1 if the iteration did not end.
@@ -73,7 +73,7 @@ def contact_forces(flexibility, gap, active, factor, members, count, force):
         infeasible, last = 0, -1
         for i in range(n):
             if active[i]:
-                wrong[i] = force[i] < 0.0
+                wrong[i] = force[i] < 0.0 and not tied[i]
             else:
                 total = gap[i]
                 for k in range(count):
@@ -115,6 +115,7 @@ def march(
     left,
     right,
     flexibility,
+    tied,
     external,
     free_gap,
     q,
@@ -135,6 +136,8 @@ def march(
         C = left right^T, gaps of the modes, see `thin_factors`.
     flexibility : (pairs, pairs) array
         W.
+    tied : (pairs,) bool array
+        See `law.RowLaws`.
     external : (n + 1, m) array
         Modal forces of the loads at the steps' ends.
     free_gap : (n + 1, pairs) array
@@ -144,6 +147,7 @@ def march(
     force : (pairs,) array
         Contact forces, advanced in place.
     active : (pairs,) bool array
+        Tied rows included.
     states, velocities : (n, m) arrays
     forces : (n, pairs) array
         Filled with the state after each step.
@@ -187,7 +191,7 @@ def march(
         for i in range(pairs):
             touching |= gap[i] < 0.0
         if touching:
-            count, exchange = contact_forces(flexibility, gap, active, factor, members, count, force)
+            count, exchange = contact_forces(flexibility, gap, tied, active, factor, members, count, force)
             if exchange < 0:
                 return step, exchanges
             exchanges += exchange

@@ -33,7 +33,7 @@ def _condense(flexibility, left, touching):
 
 
 @njit(cache=True)
-def contact_operators(left, flexibility, residual, forces, gap_rates):
+def contact_operators(left, flexibility, residual, acting, gap_rates):
     """What contact contributes to the derivative of each step.
 
     Parameters
@@ -41,8 +41,8 @@ def contact_operators(left, flexibility, residual, forces, gap_rates):
     left : (pairs, r) array
     flexibility, residual : (pairs, pairs) arrays
         W of a step and R.
-    forces : (n + 1, pairs) array
-        Contact forces at the steps' ends; a pair touches where its force is not zero.
+    acting : (n + 1, pairs) bool array
+        Rows that keep their gaps at the steps' ends.
     gap_rates : (n + 1, pairs, e) array
         Rates of the free gaps with e parameters.
 
@@ -55,7 +55,7 @@ def contact_operators(left, flexibility, residual, forces, gap_rates):
     shifts : (n + 1, r, e) array
         Part of -dp that the free gaps cause.
     """
-    instants, pairs = forces.shape
+    instants, pairs = acting.shape
     rank, parameters = left.shape[1], gap_rates.shape[2]
     runs = np.full(instants, -1)
     operators = np.empty((instants, rank, rank))
@@ -66,7 +66,7 @@ def contact_operators(left, flexibility, residual, forces, gap_rates):
     for n in range(instants):
         changed, some = n < 2, False
         for i in range(pairs):
-            now = forces[n, i] != 0.0
+            now = acting[n, i]
             changed |= now != touching[i]
             some |= now
             touching[i] = now
@@ -83,9 +83,9 @@ def contact_operators(left, flexibility, residual, forces, gap_rates):
 
 
 @njit(cache=True)
-def _overlap(residual, force, pair):
+def _overlap(residual, acting, force, pair):
     """By how much a pair would overlap without its own force, the others that touch remaining closed."""
-    members = np.flatnonzero(force)
+    members = np.flatnonzero(acting)
     block, unit = np.empty((members.size, members.size)), np.zeros(members.size)
     for i in range(members.size):
         unit[i] = members[i] == pair
@@ -95,7 +95,7 @@ def _overlap(residual, force, pair):
 
 
 @njit(cache=True)
-def located_operators(left, right, coefficients, residual, gaps, forces):
+def located_operators(left, right, coefficients, residual, gaps, forces, closed):
     """As `contact_operators` without parameters, for the variational equation with each switch located inside
     its step.
 
@@ -113,6 +113,8 @@ def located_operators(left, right, coefficients, residual, gaps, forces):
     residual : (pairs, pairs) array
         R.
     gaps, forces : (n + 1, pairs) arrays
+    closed : (n + 1, pairs) bool array
+        Rows that keep their gaps.
 
     Returns
     -------
@@ -127,7 +129,7 @@ def located_operators(left, right, coefficients, residual, gaps, forces):
         for k in range(rank):
             for i in range(rank):
                 motion[k, i] += right[j, k] * cq[j] * right[j, i]
-    touching = forces[0] != 0.0
+    touching = closed[0].copy()
     now = _condense(residual, left, touching) @ left
     before, before_number, number = np.zeros((rank, rank)), -1, 0
     runs, operators, count = np.full(instants, -1), np.empty((instants, rank, rank)), 0
@@ -138,9 +140,12 @@ def located_operators(left, right, coefficients, residual, gaps, forces):
             moments, which = np.empty(pairs), np.empty(pairs, dtype=np.int64)
             events = 0
             for i in range(pairs):
-                if (forces[n + 1, i] != 0.0) != touching[i]:
+                if closed[n + 1, i] != touching[i]:
                     at = n if touching[i] else n + 1
-                    overlap, gap = _overlap(residual, forces[at], i), max(gaps[2 * n + 1 - at, i], 0.0)
+                    overlap, gap = (
+                        _overlap(residual, closed[at], forces[at], i),
+                        max(gaps[2 * n + 1 - at, i], 0.0),
+                    )
                     moments[events] = overlap / (overlap + gap) if touching[i] else gap / (overlap + gap)
                     which[events] = i
                     events += 1

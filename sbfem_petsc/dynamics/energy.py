@@ -113,10 +113,11 @@ class Ledger:
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
-    """Stop where contact has fed or taken energy: it may do no work, and what it does in steps that switch is
-    the integration's error.
+    """Stop where contact has fed energy, or taken it though its laws do not: what it does in steps that
+    switch is the integration's error.
     """
-    total, external, contact = chunk[0] + chunk[1], np.abs(chunk[2]), np.abs(chunk[4])
+    total, external = chunk[0] + chunk[1], np.abs(chunk[2])
+    contact = chunk[4] if ledger.r.contact_laws.dissipative else np.abs(chunk[4])
     ledger.supplied = max(ledger.supplied, float(external.max()))
     if not np.isfinite(total).all() or contact[-1] > WORK_LIMIT * ledger.supplied:
         raise on_all_ranks(

@@ -10,7 +10,7 @@ from ..checks import real
 from ..errors import UnknownName
 from ..writing import write_table
 from .energy import Energy
-from .states import ModalStates, SampledStates
+from .states import ModalStates, Point, SampledStates
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,17 +53,21 @@ class Motion:
         """(n, pairs): gaps of the contact pairs, m."""
         return self.states.gap[:, : self.states.pairs]
 
-    def displacement(self, point: str) -> np.ndarray:
-        """(n, 2): displacement of a named point, m."""
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
         return self.states.displacement(point)
 
-    def velocity(self, point: str) -> np.ndarray:
+    def velocity(self, point: Point) -> np.ndarray:
         """(n, 2): velocity of a named point, m/s; that of a reduced model's modes."""
         return self.states.velocity(point)
 
-    def acceleration(self, point: str) -> np.ndarray:
+    def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2): acceleration of a named point, m/s^2; that of a reduced model's modes."""
         return self.states.acceleration(point)
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): stress xx, yy, xy at a named point or at any point (x, y) in m, Pa. Collective."""
+        return self.states.stress(place)
 
     def stress_intensity(self, tip: str | None = None) -> np.ndarray:
         """(n, 2): K_I and K_II of a crack tip, the first one by default, Pa m^(1/2)."""

@@ -13,7 +13,7 @@ from .excitation import one_sided
 from .history import Motion
 from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot
 from .stability import multipliers
-from .states import ModalStates
+from .states import ModalStates, Point
 
 # Uncertainty of multipliers below which rounding is all there is.
 FLOOR = 1e-9
@@ -80,25 +80,25 @@ class Orbit(Motion):
             else None
         )
 
-    def spectrum(self, point: str, direction: str = "y") -> np.ndarray:
+    def spectrum(self, point: Point, direction: str = "y") -> np.ndarray:
         """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
         periods), a_0 the mean.
         """
         return one_sided(self.displacement(point)[:, axis_number(direction)])
 
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+    def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
         m.
         """
         return self.spectrum(point, direction)[:: self.periods]
 
-    def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
+    def subharmonics(self, point: Point, direction: str = "y") -> np.ndarray:
         """(periods,) complex amplitudes at j f / periods, j = 0 .. periods - 1; beside the mean, zero unless
         the motion truly takes several forcing periods.
         """
         return self.spectrum(point, direction)[: self.periods]
 
-    def amplitude(self, point: str) -> float:
+    def amplitude(self, point: Point) -> float:
         """Half the peak-to-peak of the y displacement of a point, m."""
         return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
 

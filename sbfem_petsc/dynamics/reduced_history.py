@@ -1,4 +1,4 @@
-"""Integration of a reduced model with unilateral contact (`contact.marching`)."""
+"""Integration of a reduced model with contact (`contact.marching`)."""
 
 from __future__ import annotations
 
@@ -85,6 +85,7 @@ class ReducedIntegrator:
             self.coefficients,
             *self.factors,
             self.flexibility,
+            r.contact_laws.tied[:n],
             amplitude @ r.load_modes.T,
             amplitude @ r.gap.loads[:n].T + r.initial_gap[:n],
             self.q,
@@ -186,7 +187,7 @@ def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
     if balanced:
         flexibility = flexibility + (r.gap.modes / r.omega**2) @ r.gap.modes.T
         gap = gap + (r.gap.modes / r.omega**2) @ (r.load_modes @ amplitude)
-    found = solve_complementarity(flexibility, gap)
+    found = solve_complementarity(flexibility, gap, r.contact_laws)
     if balanced:
         q = (r.load_modes @ amplitude + r.gap.modes.T @ found.force) / r.omega**2
     return q, v, found.force.copy(), found.active.copy()

@@ -67,6 +67,7 @@ class Period:
         self.pairs, self.modes = len(rows), len(r.omega)
         self.rows = rows
         self.left, self.right = thin_factors(rows)
+        self.laws = r.contact_laws.first(self.pairs)
         self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
@@ -121,11 +122,12 @@ class DrivenPeriod:
         )
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         reached, settled = 0, 0
-        if (gap < 0.0).any():
-            active[:] = gap < 0.0
+        active[:] = p.laws.touched(gap)
+        if active.any():
             settled = contact_forces(
                 p.residual_flexibility,
                 gap,
+                p.laws.tied,
                 active,
                 np.empty((p.pairs, p.pairs)),
                 np.empty(p.pairs, dtype=np.int64),
@@ -139,6 +141,7 @@ class DrivenPeriod:
                 p.left,
                 p.right,
                 self.flexibility,
+                p.laws.tied,
                 np.zeros((steps + 1, m)),
                 self.free_gap,
                 q,
@@ -185,14 +188,15 @@ class DrivenPeriod:
                 else self._load_rates()
             )
             starts[:, k], ends[:, k] = -shift, shift
+        acting = p.laws.acting(motion.forces)
         if located:
             gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
             runs, operators, shifts = located_operators(
-                p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces
+                p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces, acting
             )
         else:
             runs, operators, shifts = contact_operators(
-                p.left, self.flexibility, p.residual_flexibility, motion.forces, gap_rates
+                p.left, self.flexibility, p.residual_flexibility, acting, gap_rates
             )
         columns = np.concatenate([columns, starts], axis=1)
         q, v = columns[:m] / p.weights[:, None], np.ascontiguousarray(columns[m:])

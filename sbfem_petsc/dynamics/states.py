@@ -8,7 +8,17 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SolveError, UnknownName, listed, on_all_ranks
+from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
+from ..system.places import checked_place
+
+# The name of a point, or coordinates in m.
+Point = str | tuple[float, float]
+
+NOT_KEPT = (
+    "an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; name further "
+    "points, or use the reduced model"
+)
 
 
 class States(Protocol):
@@ -34,14 +44,17 @@ class States(Protocol):
     def gap(self) -> np.ndarray:
         """(n, c): gaps of all contact rows, m."""
 
-    def displacement(self, point: str) -> np.ndarray:
+    def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m."""
 
-    def velocity(self, point: str) -> np.ndarray:
+    def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""
 
-    def acceleration(self, point: str) -> np.ndarray:
+    def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2), m/s^2."""
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): xx, yy, xy, Pa. Collective."""
 
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
@@ -98,17 +111,30 @@ class ModalStates:
         forces = self.amplitudes @ r.load_modes.T + self.contact @ r.gap.modes
         return forces - 2.0 * r.damping * r.omega * self.v - r.omega**2 * self.q
 
-    def displacement(self, point: str) -> np.ndarray:
+    def _output(self, point: Point) -> LinearOutput:
+        if isinstance(point, str):
+            return self.reduced.points.of(point, "point")
+        return self.reduced.output_at("displacement", checked_place("displacement", point))
+
+    def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m."""
-        return self.reduced.points.of(point, "point")(self.q, self.amplitudes, self.contact)
+        return self._output(point)(self.q, self.amplitudes, self.contact)
 
-    def velocity(self, point: str) -> np.ndarray:
+    def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s, of the modes: the residual flexibility moves without inertia and is left out."""
-        return self.reduced.points.of(point, "point").rates(self.v)
+        return self._output(point).rates(self.v)
 
-    def acceleration(self, point: str) -> np.ndarray:
+    def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2), m/s^2, of the modes (see `velocity`)."""
-        return self.reduced.points.of(point, "point").rates(self.modal_acceleration)
+        return self._output(point).rates(self.modal_acceleration)
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): xx, yy, xy, Pa. Collective."""
+        if isinstance(place, str) and self.reduced.model is not None:
+            self.reduced.points.of(place, "point")
+            place = self.reduced.model.points[place][0]
+        output = self.reduced.output_at("stress", checked_place("stress", place))
+        return output(self.q, self.amplitudes, self.contact)
 
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
@@ -152,21 +178,31 @@ class SampledStates:
         """Names of the crack tips."""
         return tuple(self.intensities)
 
-    def displacement(self, point: str) -> np.ndarray:
+    def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m."""
         return _of(self.displacements, point, "point")
 
-    def velocity(self, point: str) -> np.ndarray:
+    def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""
         return _of(self.velocities, point, "point")
 
-    def acceleration(self, point: str) -> np.ndarray:
+    def acceleration(self, point: Point) -> np.ndarray:
         """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the first step."""
         return _of(self.accelerations, point, "point")
 
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
         return _of(self.intensities, tip, "crack tip")
+
+    def stress(self, place: Point) -> np.ndarray:
+        """Not kept.
+
+        Raises
+        ------
+        SolveError
+            Always, on all ranks.
+        """
+        raise on_all_ranks(SolveError(f"stress: {NOT_KEPT}"))
 
     def field(self, instant: int) -> np.ndarray:
         """Not kept.
@@ -176,15 +212,12 @@ class SampledStates:
         SolveError
             Always, on all ranks.
         """
-        raise on_all_ranks(
-            SolveError(
-                "field: an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; "
-                "name further points, or use the reduced model"
-            )
-        )
+        raise on_all_ranks(SolveError(f"field: {NOT_KEPT}"))
 
 
-def _of(table: dict[str, np.ndarray], name: str, kind: str) -> np.ndarray:
-    if not isinstance(name, str) or name not in table:
+def _of(table: dict[str, np.ndarray], name: Point, kind: str) -> np.ndarray:
+    if not isinstance(name, str):
+        raise on_all_ranks(SolveError(f"{kind} {name!r}: {NOT_KEPT}"))
+    if name not in table:
         raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(table)}")
     return table[name]

@@ -71,6 +71,7 @@ class UnreducedIntegrator:
         self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
         self.columns = unreduced_columns(model)
         self.force = self._set_start(units, start)
+        self.march.stored = self.march.stored_in(self.force)
         self.march.initial = float(self.march.energies().sum())
 
     def __enter__(self) -> UnreducedIntegrator:
@@ -130,15 +131,22 @@ class UnreducedIntegrator:
     def checkpoint(self) -> np.ndarray:
         """This rank's state, and what every rank knows of the account of work."""
         march = self.march
-        numbers = [march.initial, march.supplied, *march.work, *march.carried, *march.slope.ravel()]
+        numbers = [
+            march.initial,
+            march.supplied,
+            march.stored,
+            *march.work,
+            *march.carried,
+            *march.slope.ravel(),
+        ]
         return np.concatenate([numbers, march.active, march.u, march.v]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
         march = self.march
-        sizes = (2, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
+        sizes = (3, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
         head, work, carried, slope, active, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
-        march.initial, march.supplied = float(head[0]), float(head[1])
+        march.initial, march.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
         march.active[:], march.u[:], march.v[:] = active != 0.0, u, v
         march.settle(fold=False)

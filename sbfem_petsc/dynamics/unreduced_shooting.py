@@ -1,8 +1,8 @@
 """Periodic motions of the unreduced model: shooting without a matrix, on PETSc (prefix ``shooting_``).
 
 The period map is `full_march`'s, the state (u, v) of all unknowns is distributed. A product with its
-derivative is one linearised period: the same steps without loads, with the pairs that touched in each step
-held together. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
+derivative is one linearised period: the same steps without loads, in which the rows that touched in each
+step keep their gaps. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
 lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is stiffer
 than the time steps resolve does not: average acceleration turns its sign in each step and leaves its size.
 The number of steps is therefore odd, so that Phi - 1 is about -2 there and not about 0.
@@ -93,10 +93,10 @@ class _UnreducedPeriod:
         """
         march, sets, rows = self.march, np.zeros((self.count, self.march.pairs), dtype=bool), []
         self._set(state)
-        march.tied, march.active[:] = None, False
+        march.active[:] = False
         for k in range(self.count):
             force, gap = march.advance(self.amplitudes[k], self.amplitudes[k + 1])
-            sets[k] = force > 0.0
+            sets[k] = march.laws.acting(force)
             if record:
                 places, speeds = march.at_points()
                 rows.append((places, speeds, *march.padded(force, gap), march.intensities()))
@@ -105,16 +105,10 @@ class _UnreducedPeriod:
 
     def linearised(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
         """dx(T) along dx(0)."""
-        march, none = self.march, np.zeros(self.amplitudes.shape[1])
-        gap0, march.gap0 = march.gap0, np.zeros(march.pairs)
         self._set(vector)
-        try:
-            for k in range(self.count):
-                march.tied = sets[k]
-                march.advance(none, none)
-            march.settle()
-        finally:
-            march.gap0, march.tied = gap0, None
+        for acting in sets:
+            self.march.advance_linearised(acting)
+        self.march.settle()
         self.products += 1
         return self._get()
 

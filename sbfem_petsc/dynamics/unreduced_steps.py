@@ -120,9 +120,8 @@ class UnreducedSteps:
         Mean acceleration of the named points over the last step, m/s^2.
     initial, supplied : float
         Energy at t = 0 and largest work of the loads so far, J.
-    tied : (c,) bool array or None
-        Pairs that are held together in the next step whatever the sign of their force, and no others: the
-        linearised contact of `full_shooting`.
+    stored : float
+        Energy in the contact rows' own flexibility, J.
     """
 
     def __init__(
@@ -164,7 +163,7 @@ class UnreducedSteps:
             np.zeros(self.pairs),
             np.zeros((len(model.points), 2)),
         )
-        self.initial, self.supplied, self.tied = 0.0, 0.0, None
+        self.initial, self.supplied, self.stored = 0.0, 0.0, 0.0
         self._factor, self._members, self._count = (
             np.empty((self.pairs, self.pairs)),
             np.empty(self.pairs, dtype=np.int64),
@@ -179,6 +178,7 @@ class UnreducedSteps:
         gap = model.gap_operator
         count = len(gap) if contact else 0
         self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
+        self.laws = gap.laws.first(count)
         self.pairs, self.loads = count, len(units)
         more = sparse.csr_matrix((count, size - pencil.owned))
         gaps = sparse.hstack([gap.rows.matrix[:count], more], format="csr")
@@ -283,21 +283,37 @@ class UnreducedSteps:
     def energies(self) -> np.ndarray:
         """Kinetic and strain energy, J."""
         local = self.summed(np.array([self.v @ self.mass_v, self.u @ self.stiffness_u]))
-        return 0.5 * (
+        energies = 0.5 * (
             local
             + [
                 self.p @ self.p - self.p0 @ self.p0,
                 ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
             ]
         )
+        return energies + [0.0, self.stored]
 
     # ------------------------------------------------------------------ steps
     def advance(self, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """One step under load amplitudes at its ends; contact forces and gaps at its end."""
-        drive, speed = before + after, self.velocities()
         self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
-        solved = self.solve_step(drive)
+        solved = self._take(before + after)
         self.force = solved.force
+        stored, self.stored = self.stored, self.stored_in(solved.force)
+        self.work[2] += self.stored - stored
+        return solved.force, solved.gap
+
+    def advance_linearised(self, acting: np.ndarray) -> None:
+        """One step of a small disturbance of a motion whose rows `acting` (c,) keep their gaps in it."""
+        self._take(np.zeros(self.loads), acting)
+
+    def stored_in(self, force: np.ndarray) -> float:
+        """Energy that contact forces store in the rows' own flexibility, J."""
+        return 0.5 * float(force @ self.own_flexibility @ force)
+
+    def _take(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
+        """Solve a step and move the state."""
+        speed = self.velocities()
+        solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
         lost = _advance(
             self.u,
@@ -336,10 +352,13 @@ class UnreducedSteps:
             ) / self.step
         if self.scheme == "paper":
             self.carried = solved.force
-        return solved.force, solved.gap
+        return solved
 
-    def solve_step(self, drive: np.ndarray) -> _Solved:
-        """Solve a step for `d` with its contact problem, whose forces join `right`; the state stays."""
+    def solve_step(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
+        """Solve a step for `d` with its contact problem, whose forces join `right`; the state stays.
+
+        With `acting` (c,) the problem is the linearised one: these rows keep their gaps, there are no others.
+        """
         _form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
         if self.loads:
             self.right.array[self.load_places] += self.load_columns @ drive
@@ -354,13 +373,16 @@ class UnreducedSteps:
             self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
         )
         damped, undamped = self._modal(modal_force)
-        force, gap = np.zeros(self.pairs), self.free_gap
+        force, gap = np.zeros(self.pairs), np.zeros(self.pairs)
         if self.pairs:
-            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[
-                : self.pairs
-            ] + self.free_gap
-            if self.tied.any() if self.tied is not None else (gap < 0.0).any():
-                force, gap = self._contact(gap)
+            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[: self.pairs]
+            if acting is None:
+                gap = gap + self.free_gap
+                touched = self.laws.touched(gap).any()
+            else:
+                touched = acting.any()
+            if touched:
+                force, gap = self._contact(gap) if acting is None else self._kept(gap, acting)
                 _add_columns(d, self.responses, self.share * force)
                 probes += self.probe_responses @ (self.share * force)
                 damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
@@ -378,22 +400,31 @@ class UnreducedSteps:
             for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
         )
 
+    def _kept(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Contact forces that keep the gaps of some rows, and all gaps."""
+        force = np.zeros(self.pairs)
+        force[acting] = np.linalg.solve(self.flexibility[np.ix_(acting, acting)], -free[acting])
+        return force, self.flexibility @ force + free
+
     def _contact(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Contact forces and gaps of a step."""
-        force = np.zeros(self.pairs)
-        if self.tied is not None:
-            force[self.tied] = np.linalg.solve(
-                self.flexibility[np.ix_(self.tied, self.tied)], -free[self.tied]
-            )
-            return force, self.flexibility @ force + free
         if self.scheme == "paper":
-            found = one_pass_tie(self.flexibility, free)
+            found = one_pass_tie(self.flexibility, free, self.laws)
             return found.force, found.gap
+        force = np.zeros(self.pairs)
+        self.active |= self.laws.tied
         self._count, exchanges = contact_forces(
-            self.flexibility, free, self.active, self._factor, self._members, self._count, force
+            self.flexibility,
+            free,
+            self.laws.tied,
+            self.active,
+            self._factor,
+            self._members,
+            self._count,
+            force,
         )
         if exchanges < 0:
-            found = solve_complementarity(self.flexibility, free)
+            found = solve_complementarity(self.flexibility, free, self.laws)
             self.active, self._count = found.active.copy(), -1
             return found.force, found.gap
         gap = self.flexibility @ force + free

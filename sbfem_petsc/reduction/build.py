@@ -137,6 +137,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         units,
         model,
         found,
+        gap.laws,
     )
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import numbers
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from scipy import linalg
 
 from ..checks import integer, real
+from ..contact.law import ContactLaw, row_laws
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 
@@ -28,6 +29,7 @@ def reduce_matrices(
     modes: int | None = None,
     damping: float | np.ndarray = 0.0,
     compliance: np.ndarray | None = None,
+    contact_laws: ContactLaw | Sequence[ContactLaw] | None = None,
 ) -> ReducedModel:
     """A system given by its matrices: textbook oscillators, bars, other codes' examples.
 
@@ -52,6 +54,8 @@ def reduce_matrices(
         Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
     compliance : (pairs,) array, optional
         Of elastic stops, m/N.
+    contact_laws : ContactLaw or sequence of ContactLaw, optional
+        One for all contact rows, or one for each. Default: `Unilateral`.
 
     Raises
     ------
@@ -85,6 +89,8 @@ def reduce_matrices(
         )
     if (stops < 0.0).any():
         raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
+    laws = row_laws(contact_laws, pairs, "reduce_matrices")
+    stops = stops + laws.compliance
     modes = n if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=n)
     index = _places(sensors, n)
 
@@ -121,13 +127,14 @@ def reduce_matrices(
         omega / (2.0 * np.pi),
         _ratios(damping, kept, omega),
         gaps,
-        gap,
+        laws.rest(gap),
         pairs,
         kept.T @ loads,
         loads.T @ by_loads,
         LinearOutput(tuple(sensors), at_sensors(kept), at_sensors(by_loads), at_sensors(by_contact)),
         LinearOutput((), *(np.zeros((0, 2, k)) for k in (modes, loads.shape[1], pairs))),
         np.zeros((modes, 2)),
+        contact_laws=laws,
     )
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI
@@ -52,6 +53,8 @@ class ReducedModel:
         None for a system of matrices and for one read from a file.
     modal : Modal or None
         The modes themselves, distributed.
+    contact_laws : RowLaws
+        Of the contact rows, whose compliance is part of `gap`; default: unilateral contact.
     """
 
     frequencies: np.ndarray
@@ -67,6 +70,11 @@ class ReducedModel:
     loads: tuple[Load, ...] = ()
     model: Model | None = field(default=None, repr=False)
     modal: Modal | None = field(default=None, repr=False)
+    contact_laws: RowLaws = field(default=None, repr=False)  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.contact_laws is None:
+            object.__setattr__(self, "contact_laws", RowLaws.unilateral(len(self.initial_gap)))
 
     @functools.cached_property
     def omega(self) -> np.ndarray:
@@ -77,6 +85,55 @@ class ReducedModel:
     def comm(self) -> MPI.Comm:
         """Ranks that work on it together; one without a model is each rank's own."""
         return MPI.COMM_SELF if self.model is None else self.model.comm
+
+    def output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
+        """Displacement (2 components, m) or stress (xx, yy, xy, Pa) at any point, kept for the next time. Collective.
+
+        Parameters
+        ----------
+        kind : {"displacement", "stress"}
+        place : (x, y)
+            m.
+
+        Raises
+        ------
+        SolveError
+            If it has no model; on all ranks.
+        """
+        model = self._model(kind)
+        return model.keep(
+            ("output", kind, place, self.loads, len(self.omega)), lambda: self._output_at(kind, place)
+        )
+
+    def _output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
+        model, found = self._model(kind), self.modal
+        assert found is not None
+        form = getattr(model.places([place]), kind)
+        columns = model.load_columns(self.loads)
+        # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
+        answers = model.solver.columns(form.rows.columns(slice(None)), kind)
+        by_loads = np.ascontiguousarray(answers.T @ columns.forces)
+        model.comm.Allreduce(MPI.IN_PLACE, by_loads)
+        modes = form.rows(found.shapes)
+        static = 1.0 / self.omega**2
+        loads = by_loads + form.direct(model, columns.tip_forces, len(self.loads))
+        contact = model.gap_operator.rows(answers).T + form.contact
+        return LinearOutput(
+            (),
+            modes,
+            loads - modes @ (static[:, None] * self.load_modes),
+            contact - (modes * static) @ self.gap.modes.T,
+        )
+
+    def _model(self, what: str) -> Model:
+        if self.model is None or self.modal is None:
+            raise on_all_ranks(
+                SolveError(
+                    f"{what}: a reduced model of matrices, or one read from a file, knows its named points alone; "
+                    "reduce the model again"
+                )
+            )
+        return self.model
 
     def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
         """Displacements (nodes, 2), m, of this rank's nodes at one instant, residual flexibility included. Collective.
@@ -92,13 +149,8 @@ class ReducedModel:
         SolveError
             If it has no model; on all ranks.
         """
-        if self.model is None or self.modal is None:
-            raise on_all_ranks(
-                SolveError(
-                    "field: a reduced model of matrices, or one read from a file, knows no field; reduce the model again"
-                )
-            )
-        model = self.model
+        model, found = self._model("field"), self.modal
+        assert found is not None
         right = model.stiffness.createVecRight()
         solution = right.duplicate()
         try:
@@ -106,7 +158,7 @@ class ReducedModel:
             model.gap_operator.rows.add_to(right, force)
             model.solver.solve(right, solution, "field")
             static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
-            owned = solution.array_r + self.modal.shapes @ (q - static)
+            owned = solution.array_r + found.shapes @ (q - static)
         finally:
             right.destroy()
             solution.destroy()

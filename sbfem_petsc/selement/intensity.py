@@ -226,15 +226,17 @@ def _mode_strength(
         exponents += [mode.exponent.real] * (len(columns) - len(exponents))
     strength, real = np.array(tractions).T, np.array(exponents)
     result = np.full(2, np.nan)
-    if np.ptp(real) < _ALIKE:  # a crack: both modes open and slide
-        result[:] = real.mean()
+    lead = real < real.min() + _ALIKE
+    if lead.sum() > 1:  # a crack: both modes open and slide; weaker ones have no part in K
+        strength[:, ~lead] = 0.0
+        result[:] = real[lead].mean()
     else:
         # a notch: the mode that opens most, relative to its sliding, gives K_I, the one that opens least K_II
         ratio = np.abs(strength[0]) - np.abs(strength[1])
-        chosen = int(np.argmax(ratio)), int(np.argmin(ratio))
         only = np.zeros_like(strength)
-        for i, k in enumerate(chosen):
-            only[i, k], result[i] = strength[i, k], real[k]
+        for i, k in enumerate((int(np.argmax(ratio)), int(np.argmin(ratio)))):
+            if len(real) > 1 or (ratio[k] > 0.0) == (i == 0):
+                only[i, k], result[i] = strength[i, k], real[k]
         strength = only
     fit = linalg.lstsq(np.array(columns).T, space.fields)[0]
     return strength @ fit, result

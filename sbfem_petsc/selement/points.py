@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import optimize
 
 from .basis import shape_functions
 from .coefficients import edge_nodes, strain_operators
@@ -55,46 +54,52 @@ def locate(
     last_face : bool
         On the faces of a closed crack, whether points belong to the last face (default: to the first).
     """
+    points = np.atleast_2d(np.asarray(points, dtype=float))
     edges = edge_nodes(len(shape), order, closed)
-    count = len(points)
-    edge, eta, level = np.full(count, -1), np.zeros(count), np.zeros(count)
-    sequence = range(len(edges))[::-1] if last_face else range(len(edges))
-    for i, point in enumerate(np.asarray(points, dtype=float)):
-        distance = float(np.hypot(*point))
-        if distance <= TOLERANCE * 1e-3:
-            edge[i] = sequence[0]
-            continue
-        direction = point / distance
-        for k in sequence:
-            found = _meeting(shape[edges[k]], order, direction)
-            if found is None:
-                continue
-            at, reach = found
-            if distance <= reach + TOLERANCE:
-                edge[i], eta[i], level[i] = k, at, min(distance / reach, 1.0)
-            break
+    if last_face:
+        edges = edges[::-1]
+    distance = np.hypot(*points.T)
+    centre = distance <= TOLERANCE * 1e-3
+    direction = points / np.where(centre, 1.0, distance)[:, None]
+    across = np.stack([-direction[:, 1], direction[:, 0]], axis=1)
+    # each edge turns counter-clockwise about the scaling centre, by less than half a turn
+    first, last = shape[edges[:, 0]], shape[edges[:, -1]]
+    sector = (across @ first.T <= TOLERANCE) & (across @ last.T >= -TOLERANCE)
+    sector &= np.maximum(direction @ first.T, direction @ last.T) > 0.0
+    sector[centre, 0] = True
+    edge = np.where(sector.any(axis=1), sector.argmax(axis=1), -1)
+    eta, level = np.zeros(len(points)), np.zeros(len(points))
+    inside = np.flatnonzero((edge >= 0) & ~centre)
+    eta[inside], reach = _meetings(shape[edges[edge[inside]]], order, direction[inside], across[inside])
+    level[inside] = np.minimum(distance[inside] / reach, 1.0)
+    edge[inside[distance[inside] > reach + TOLERANCE]] = -1
+    if last_face:
+        edge = np.where(edge >= 0, len(edges) - 1 - edge, -1)
     return Located(edge, eta, level)
 
 
-def _meeting(nodes: np.ndarray, order: int, direction: np.ndarray) -> tuple[float, float] | None:
-    """eta and distance where a ray from the scaling centre meets an edge, or None."""
-    across = np.array([-direction[1], direction[0]])
-
-    def side(at: float) -> float:
-        return float(shape_functions(order, np.array([at]))[0][0] @ nodes @ across)
-
-    # the edge turns counter-clockwise about the scaling centre, so `side` rises through zero once
-    low, high = side(-1.0), side(1.0)
-    if low > TOLERANCE or high < -TOLERANCE or (nodes[[0, -1]] @ direction).max() <= 0.0:
-        return None
-    if low >= 0.0:
-        at = -1.0
-    elif high <= 0.0:
-        at = 1.0
-    else:
-        at = float(optimize.brentq(side, -1.0, 1.0, xtol=1e-15))
-    reach = float(shape_functions(order, np.array([at]))[0][0] @ nodes @ direction)
-    return (at, reach) if reach > 0.0 else None
+def _meetings(
+    nodes: np.ndarray, order: int, direction: np.ndarray, across: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """eta and distances (q,) where rays from the scaling centre meet edges with nodes (q, order + 1, 2), by
+    Newton's method between bounds; at once on straight edges.
+    """
+    sides = np.einsum("qai,qi->qa", nodes, across)
+    low, high = np.full(len(nodes), -1.0), np.full(len(nodes), 1.0)
+    eta = np.clip(-(sides[:, 0] + sides[:, -1]) / (sides[:, -1] - sides[:, 0]), -1.0, 1.0)
+    for _ in range(60):
+        values, slopes = shape_functions(order, eta)
+        side = np.einsum("qa,qa->q", values, sides)
+        low, high = np.where(side < 0.0, eta, low), np.where(side > 0.0, eta, high)
+        following = eta - side / np.einsum("qa,qa->q", slopes, sides)
+        outside = ~((following >= low) & (following <= high))
+        following = np.where(outside, 0.5 * (low + high), following)
+        moved = np.abs(following - eta)
+        eta = following
+        if len(eta) == 0 or moved.max() < 1e-15:
+            break
+    values = shape_functions(order, eta)[0]
+    return eta, np.einsum("qa,qai,qi->q", values, nodes, direction)
 
 
 @dataclass(frozen=True, eq=False)

@@ -42,18 +42,31 @@ class LoadColumns:
         Their share of K_I and K_II, Pa m^(1/2).
     flexibility : (k, k) array
         Their work on each other's displacements at given nodal displacements, J.
+    nodal : (m, 2, k) array
+        This rank's part of the forces on its nodes, also on those held fixed, N.
+    tip_forces : dict of int to (modes, k) array
+        Forces of the traction modes of the tips that this rank holds, N.
     """
 
     forces: np.ndarray
     gaps: np.ndarray
     tips: np.ndarray
     flexibility: np.ndarray
+    nodal: np.ndarray
+    tip_forces: dict[int, np.ndarray]
 
     def combined(self, amplitudes: np.ndarray) -> LoadColumns:
         """One column: the loads with their amplitudes (k,) together."""
         weights = np.asarray(amplitudes, dtype=float)[:, None]
         flexibility = weights.T @ self.flexibility @ weights
-        return LoadColumns(self.forces @ weights, self.gaps @ weights, self.tips @ weights, flexibility)
+        return LoadColumns(
+            self.forces @ weights,
+            self.gaps @ weights,
+            self.tips @ weights,
+            flexibility,
+            self.nodal @ weights,
+            {number: table @ weights for number, table in self.tip_forces.items()},
+        )
 
 
 class NodalForces:
@@ -69,13 +82,16 @@ class NodalForces:
     def __init__(self, model, vector: PETSc.Vec | None):
         self._model, self._vector = model, vector
         self.points, self.edge_sets = model.points, model.edge_set_names
-        # forces of the traction modes of the tips that this rank holds
+        # forces of the traction modes of the tips that this rank holds, and on its nodes
         self.tip_forces: dict[int, np.ndarray] = {}
+        self.nodal = np.zeros((len(model.part.nodes), 2))
 
     def point_force(self, point: str, force: tuple[float, float]) -> None:
         """Add a force (N) on a named point."""
-        if self._model.comm.rank == 0:
-            self._add(np.array(self.points[point][1]), np.array(force, dtype=float))
+        holders = self._model.point_holders[point]
+        if holders and holders[0] == self._model.comm.rank:
+            row = np.flatnonzero(self._model.part.nodes == self.points[point][2])
+            self._add(row, np.array(force, dtype=float))
 
     def edge_traction(self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray]) -> None:
         """Add a traction (Pa), a function of the outward normals, on the edges of a set.
@@ -88,12 +104,12 @@ class NodalForces:
             values, _, weights = tabulated(order, order + 2)
             length, normal = edge_metric(part.coordinates[edges], order)
             forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
-            self._add(part.unknowns[edges], self._model.thickness * forces)
+            self._add(edges, self._model.thickness * forces)
         for faces in self._model.tip_faces:
             chosen = [edge_set in names for names in self._model.tip_face_sets[faces.number]]
             if any(chosen):
                 forces = faces.uniform(chosen, traction, self._model.thickness)
-                self._add(self._model.part.unknowns[faces.group.nodes[faces.member]], faces.rows.T @ forces)
+                self._add(faces.group.nodes[faces.member], faces.rows.T @ forces)
                 self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
 
     def inertia(self, acceleration: tuple[float, float]) -> None:
@@ -102,17 +118,20 @@ class NodalForces:
         for group in model.groups:
             steady = np.tile(acceleration, len(group.shape))
             forces = -model.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ steady)
-            self._add(model.unknowns_of(group), forces)
+            self._add(group.nodes, forces)
 
-    def _add(self, unknowns: np.ndarray, forces: np.ndarray) -> None:
-        unknowns, forces = unknowns.ravel(), forces.ravel()
+    def _add(self, nodes: np.ndarray, forces: np.ndarray) -> None:
+        """Forces (..., 2) or flat on rows of this rank's nodes."""
+        nodes, forces = nodes.ravel(), forces.reshape(-1, 2)
+        np.add.at(self.nodal, nodes, forces)
+        unknowns, values = self._model.part.unknowns[nodes].ravel(), forces.ravel()
         keep = unknowns >= 0
-        self._vector.setValues(unknowns[keep].astype(PETSc.IntType), forces[keep], addv=True)
+        self._vector.setValues(unknowns[keep].astype(PETSc.IntType), values[keep], addv=True)
 
 
 def load_columns(model, loads) -> LoadColumns:
     """What several constant, checked loads do. Collective."""
-    columns, collected = [], []
+    columns, collected, nodal = [], [], []
     vector = model.stiffness.createVecRight()
     try:
         for load in loads:
@@ -123,8 +142,10 @@ def load_columns(model, loads) -> LoadColumns:
             vector.assemble()
             columns.append(vector.array_r.copy())
             collected.append(forces.tip_forces)
+            nodal.append(forces.nodal)
     finally:
         vector.destroy()
+    tip_forces: dict[int, np.ndarray] = {}
     count, gap, tips = len(columns), model.gap_operator, model.tips
     gaps, intensities, flexibility = (
         np.zeros((len(gap), count)),
@@ -137,6 +158,7 @@ def load_columns(model, loads) -> LoadColumns:
             continue
         modes, first = faces.modes, gap.pairs + faces.modes * faces.number
         table = np.stack([np.zeros(len(faces.flexibility)) if f is None else f for f in acting], axis=1)
+        tip_forces[faces.number] = table
         means = faces.flexibility @ table
         gaps[first : first + modes] = means[:modes]
         intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
@@ -144,7 +166,8 @@ def load_columns(model, loads) -> LoadColumns:
     gaps, intensities, flexibility = (model.comm.allreduce(part) for part in (gaps, intensities, flexibility))
     size = model.owned.stop - model.owned.start
     forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
-    return LoadColumns(forces, gaps, intensities, flexibility)
+    on_nodes = np.stack(nodal, axis=2) if nodal else np.zeros((len(model.part.nodes), 2, 0))
+    return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces)
 
 
 def spring_triples(model) -> list[Triples]:

@@ -30,8 +30,8 @@ class Distribution:
         Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong to.
     material_names, edge_sets : tuple of str
     pairs : ContactPairs
-    points : dict of str to ((x, y), (2,) int tuple)
-        Place, m, and unknowns of each named point.
+    points : dict of str to ((x, y), (2,) int tuple, int)
+        Place, m, unknowns and node of each named point.
     pair_unknowns : (pairs, 2, 2) int array
         Unknowns of both nodes of each pair, -1 where held fixed.
     extent : ((2,) array, (2,) array)
@@ -111,7 +111,8 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
         "edge_sets": tuple(mesh.edge_sets),
         "pairs": mesh.pairs,
         "points": {
-            name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n])) for name, n in mesh.points.items()
+            name: (tuple(mesh.nodes[n]), tuple(numbering.unknowns[n]), int(n))
+            for name, n in mesh.points.items()
         },
         "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
         "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),

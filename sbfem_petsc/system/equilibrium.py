@@ -1,4 +1,4 @@
-"""Static equilibrium with unilateral contact: one or two linear solves and a small complementarity problem."""
+"""Static equilibrium with contact: one or two linear solves and a small complementarity problem."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.complementarity import Complementarity, solve_complementarity
+from ..contact.law import RowLaws
 from .boundary import LoadColumns
 from .model import Model
 
@@ -44,7 +45,7 @@ def equilibrium(
     model: Model,
     load: LoadColumns,
     contact: bool = True,
-    solve: Callable[[np.ndarray, np.ndarray], Complementarity] = solve_complementarity,
+    solve: Callable[[np.ndarray, np.ndarray, RowLaws], Complementarity] = solve_complementarity,
 ) -> Equilibrium:
     """Displacements under one column of loads. Collective.
 
@@ -57,7 +58,7 @@ def equilibrium(
     contact : bool
         False: faces may overlap.
     solve : callable
-        Solver of the complementarity problem of flexibility and free gaps.
+        Solver of the complementarity problem of flexibility, free gaps and laws.
     """
     gap_operator, solver = model.gap_operator, model.solver
     forces = model.stiffness.createVecRight()
@@ -67,8 +68,8 @@ def equilibrium(
         solver.solve(forces, solution, "static")
         gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
         force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
-        if contact and (gap < 0.0).any():
-            result = solve(model.compliance.gaps, gap)
+        if contact and gap_operator.laws.touched(gap).any():
+            result = solve(model.compliance.gaps, gap, gap_operator.laws)
             force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
             gap_operator.rows.add_to(right, force)
             solver.solve(right, solution, "static")

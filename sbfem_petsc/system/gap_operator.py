@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.law import ContactLaw, RowLaws, Unilateral
 from .rows import Rows
 
 
@@ -23,16 +25,18 @@ class GapOperator:
     rows : Rows
         G.
     initial : (c,) array
-        Gaps of the undeformed faces, m.
+        Gaps of the undeformed faces, m; zero for tied rows.
     flexibility : (c, c) array
-        m/N; zero for the node pairs.
+        m/N, the laws' compliance included; for node pairs there is no other.
     pairs : int
+    laws : RowLaws
     """
 
     rows: Rows
     initial: np.ndarray
     flexibility: np.ndarray
     pairs: int
+    laws: RowLaws
 
     def __len__(self) -> int:
         return len(self.initial)
@@ -55,4 +59,20 @@ def gap_operator(model) -> GapOperator:
         flexibility[first : first + modes, first : first + modes] = faces.flexibility[:modes, :modes]
     initial, flexibility = (model.comm.allreduce(array) for array in (initial, flexibility))
     initial[:pairs] = model.pairs.gap
-    return GapOperator(Rows.gathered(model.comm, model.ranges, rows, count), initial, flexibility, pairs)
+    laws = RowLaws.of(_laws(model))
+    return GapOperator(
+        Rows.gathered(model.comm, model.ranges, rows, count),
+        laws.rest(initial),
+        flexibility + np.diag(laws.compliance),
+        pairs,
+        laws,
+    )
+
+
+def _laws(model) -> Iterator[ContactLaw]:
+    """The law of each contact row: its crack's."""
+    for crack, unknowns in zip(model.pairs.crack, model.pair_unknowns):
+        # a pair whose two nodes are held fixed has no flexibility, and nothing for a law to do
+        yield model.contact_laws[model.cracks[crack].name] if (unknowns >= 0).any() else Unilateral()
+    for tip in model.tip_elements:
+        yield from [model.contact_laws[model.cracks[tip.crack].name]] * model.tip_modes

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Mapping
 from typing import Any
 
 import numpy as np
 
 from ..checks import integer, positive, real
+from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed
 from ..material import Material, OrthotropicMaterial
 from ..parallel import collective
@@ -47,6 +48,9 @@ class Model(Structure):
     rayleigh : (float, float)
         a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio of
         a mode; see `rayleigh_factors`.
+    contact_laws : ContactLaw or dict of str to ContactLaw, optional
+        One for all cracks, or by the names of cracks, such as ``{"crack2": Tied()}``. Default, and of cracks that
+        are not named: `Unilateral`.
     thickness : float
         m.
     supports : sequence of Support
@@ -87,6 +91,7 @@ class Model(Structure):
         comm: MPI.Comm | None = None,
         rayleigh: tuple[float, float] = (0.0, 0.0),
         tip_modes: int = 4,
+        contact_laws: ContactLaw | Mapping[str, ContactLaw] | None = None,
     ):
         comm = MPI.COMM_WORLD if comm is None else comm
         if clamped is _DECLARED:
@@ -103,6 +108,7 @@ class Model(Structure):
             mesh,
             held,
             functools.partial(_materials, material),
+            contact_laws=functools.partial(_contact_laws, contact_laws),
             terms=terms,
             thickness=thickness,
             tip_modes=tip_modes,
@@ -198,6 +204,26 @@ def _materials(material, names: tuple[str, ...]) -> list[Material | OrthotropicM
         if not isinstance(material[name], kinds):
             raise TypeError(f"Model: material[{name!r}] = {material[name]!r} is not a Material")
     return [material[n] for n in names]
+
+
+def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
+    """The contact law of each crack."""
+    if laws is None or isinstance(laws, ContactLaw):
+        law = Unilateral() if laws is None else laws
+        check_law("Model", "contact_laws", law)
+        return {name: law for name in cracks}
+    if not isinstance(laws, Mapping):
+        raise TypeError(
+            f"Model: contact_laws = {laws!r} must be a contact law or a dict of crack names to contact laws, "
+            "{'crack1': Tied()}"
+        )
+    for name, law in laws.items():
+        if name not in cracks:
+            raise UnknownName(
+                f"Model: contact_laws names {name!r}, which is no crack of the mesh; it has {listed(cracks)}"
+            )
+        check_law("Model", f"contact_laws[{name!r}]", law)
+    return {name: laws.get(name, Unilateral()) for name in cracks}
 
 
 def _rayleigh(value) -> tuple[float, float]:

@@ -18,6 +18,7 @@ from .assembly import Triples, assemble, block_triples
 from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_triples
 from .distribution import distribute
 from .gap_operator import GapOperator, gap_operator
+from .places import Places, places
 from .rows import Rows
 from .shapes import Group, solve_groups
 from .tip_faces import TipFaces, tip_faces
@@ -34,6 +35,8 @@ class Structure:
     supports : tuple of Support
     materials : callable
         Materials in the order of the mesh's names, which it is given.
+    contact_laws : callable
+        Dict of the law of each crack by its name, from the names of the cracks.
     terms : int
         Of the continued fraction.
     thickness : float
@@ -49,6 +52,7 @@ class Structure:
         supports: tuple[Support, ...],
         materials,
         *,
+        contact_laws,
         terms: int,
         thickness: float,
         tip_modes: int,
@@ -75,6 +79,7 @@ class Structure:
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             self.materials = materials(self.material_names)
+            self.contact_laws = contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:
                 raise ValueError(
                     f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
@@ -172,6 +177,13 @@ class Structure:
 
     # ------------------------------------------------------------------ contact and outputs
     @functools.cached_property
+    def point_holders(self) -> dict[str, list[int]]:
+        """Ranks whose S-elements touch each named point. Collective."""
+        held = [name for name, (_, _, node) in self.points.items() if (self.part.nodes == node).any()]
+        everywhere = self.comm.allgather(held)
+        return {name: [r for r, names in enumerate(everywhere) if name in names] for name in self.points}
+
+    @functools.cached_property
     def tip_places(self) -> list[TipPlace]:
         """The tip elements that this rank holds."""
         return tip_places(self)
@@ -190,13 +202,26 @@ class Structure:
     def point_rows(self) -> Rows:
         """x and y displacement of each named point, two rows a point."""
         one = np.ones(1)
-        unknowns = [np.array([u]) for _, place in self.points.values() for u in place]
+        unknowns = [np.array([u]) for _, place, _ in self.points.values() for u in place]
         return Rows.of(self.comm, self.ranges, [(u, one) for u in unknowns])
 
     @functools.cached_property
     def tips(self) -> TipIntensities:
         """Stress intensity factors of the crack tips. Collective."""
         return tip_intensities(self)
+
+    @functools.cached_property
+    def element_boxes(self) -> np.ndarray:
+        """(elements, 4): least and greatest x and y of this rank's S-elements, their scaling centres included, m."""
+        boxes = []
+        for chain, centre in zip(self.part.chains, self.part.centres):
+            places = np.vstack([self.part.coordinates[chain], centre])
+            boxes.append([*places.min(axis=0), *places.max(axis=0)])
+        return np.array(boxes).reshape(-1, 4)
+
+    def places(self, points: list[tuple[float, float]]) -> Places:
+        """Forms of displacement and stress at points (m). Collective."""
+        return places(self, points)
 
     def at_points(self, owned: np.ndarray) -> dict[str, np.ndarray]:
         """Displacement of every named point, on all ranks. Collective.

@@ -56,27 +56,52 @@ def test_fallback_ends_where_the_iteration_cycles():
     np.testing.assert_allclose(result.force, expected.force, atol=1e-9 * expected.force.max())
 
 
-@pytest.mark.parametrize("maximum", [1, 200])
-@pytest.mark.parametrize("unit", [1e-16, 1e16])
-def test_scaling_of_units(unit, maximum):
-    """The unit of length takes no part, not in the fallback either: its tolerance is relative to the gaps."""
-    w, q = random_problem(20, 5)
-    base = solve_complementarity(w, q)
-    scaled = solve_complementarity(unit * w, unit * q, maximum=maximum)
-    assert np.array_equal(base.active, scaled.active) and 0 < base.active.sum() < 20
-    np.testing.assert_allclose(scaled.force, base.force, rtol=1e-9, atol=1e-9 * base.force.max())
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("maximum", [200, 1])
+def test_rows_of_any_size(maximum):
+    """Rows of other units, by factors of 1e-12 to 1e12 each: the same rows touch, in the iteration and in the
+    fallback, and the solves are as well conditioned; a tolerance in the unit of another row would let
+    overlapping rows pass.
+    """
+    for seed in range(20):
+        w, q = random_problem(12, seed)
+        unit = 10.0 ** np.random.default_rng(seed).uniform(-12, 12, 12)
+        base = solve_complementarity(w, q)
+        scaled = solve_complementarity(unit[:, None] * w * unit, unit * q, maximum=maximum)
+        assert np.array_equal(base.active, scaled.active)
+        np.testing.assert_allclose(scaled.force * unit, base.force, atol=1e-9 * base.force.max())
+        np.testing.assert_allclose(scaled.gap / unit, base.gap, atol=1e-9 * np.abs(base.gap).max())
 
 
-def test_pair_without_flexibility_has_no_say():
-    """Both of its nodes are held fixed: it may overlap as it does, and the others are as without it."""
+@pytest.mark.parametrize("maximum", [200, 1])
+def test_signs(maximum):
+    """By hand: of two rows that both overlap, the first one's force opens the second by more than its
+    overlap; compression is positive, and a row that would have to pull comes apart.
+    """
+    w = np.array([[2.0, 1.5], [1.5, 2.0]])
+    found = solve_complementarity(w, np.array([-1.0, -0.1]), maximum=maximum)
+    np.testing.assert_allclose(found.force, [0.5, 0.0], atol=1e-15)
+    np.testing.assert_allclose(found.gap, [0.0, 0.65], atol=1e-15)
+    assert found.active.tolist() == [True, False]
+    # both press
+    found = solve_complementarity(w, np.array([-1.0, -1.0]), maximum=maximum)
+    np.testing.assert_allclose(found.force, [1 / 3.5, 1 / 3.5], rtol=1e-14)
+    # an active row of a warm start whose gap is open lets go
+    found = solve_complementarity(w, np.array([1.0, 2.0]), start=np.ones(2, dtype=bool), maximum=maximum)
+    assert not found.force.any() and not found.active.any()
+
+
+@pytest.mark.parametrize("maximum", [200, 1])
+def test_rows_without_flexibility(maximum):
+    """Pairs of which both nodes are held fixed: no force can close them, and they take no part."""
     w, q = random_problem(6, 2)
-    held = np.zeros((7, 7))
-    held[np.ix_(range(1, 7), range(1, 7))] = w
-    for gap in (-0.5, 0.5):
-        result = solve_complementarity(held, np.append(gap, q))
-        np.testing.assert_allclose(
-            result.force, np.append(0.0, solve_complementarity(w, q).force), atol=1e-12
-        )
+    held = np.zeros((8, 8))
+    held[np.ix_([0, 1, 3, 4, 6, 7], [0, 1, 3, 4, 6, 7])] = w
+    gap = np.insert(q, [2, 4], [0.0, -1e-3])
+    found = solve_complementarity(held, gap, maximum=maximum)
+    assert not found.force[[2, 5]].any() and not found.active[[2, 5]].any()
+    expected = solve_complementarity(w, q)
+    np.testing.assert_allclose(np.delete(found.force, [2, 5]), expected.force, atol=1e-12)
 
 
 def test_no_contact_and_no_pairs():

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.excitation import Drive
+from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.shooting import Period
-from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT
 
 
@@ -20,7 +19,7 @@ def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
     """
     k = np.diag(np.full(masses, 2.0)) - np.eye(masses, k=1) - np.eye(masses, k=-1)
     rows = np.eye(masses)[list(stops)]
-    return reduce_matrices(
+    return sb.reduce_matrices(
         np.eye(masses),
         k,
         rows,
@@ -36,7 +35,7 @@ def chain(masses=6, damping=0.02, gap=0.05, stops=(0, 2, 5)):
 def driven_chain(frequency=0.09, steps=1024):
     """A period under a preload and two tones, and a state whose motion opens and closes all stops."""
     signals = [sb.Harmonic(0.3, frequency) + 0.02, sb.Harmonic(0.2, 2 * frequency, 0.4)]
-    period = Period(chain(), Drive.of(signals, frequency, None, 8), steps)
+    period = Period(chain(), Excitation.of(signals, frequency, None, 8), steps)
     driven = period.at(frequency)
     return period, driven, driven.linear_state.copy()
 
@@ -48,8 +47,8 @@ def chain_motion():
     state[:4] -= (
         0.3
         * np.linalg.norm(state)
-        * period.reduced.gap_modes[1]
-        / np.linalg.norm(period.reduced.gap_modes[1])
+        * period.reduced.gap.modes[1]
+        / np.linalg.norm(period.reduced.gap.modes[1])
     )
     motion = driven.run(state)
     touching = motion.forces > 0
@@ -132,7 +131,7 @@ def test_products_are_the_matrix(chain_motion, located):
 def test_linear_resolvent(chain_motion):
     """(Phi - 1)^-1 of the structure whose stops are away is what it is called."""
     period, driven, state, _ = chain_motion
-    free = Period(period.reduced, period.drive, period.steps, contact=False).at(driven.frequency)
+    free = Period(period.reduced, period.excitation, period.steps, contact=False).at(driven.frequency)
     matrix = free.carried(free.run(state), np.eye(len(state))) - np.eye(len(state))
     vector = np.cos(np.arange(len(state)))
     np.testing.assert_allclose(matrix @ driven.linear_resolvent(vector), vector, atol=1e-11)

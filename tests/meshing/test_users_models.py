@@ -1,6 +1,7 @@
 """Models as users draw them, right and wrong: each gives the right structure, or a sentence that names the "
 "item."""
 
+import re
 import warnings
 
 import numpy as np
@@ -119,7 +120,7 @@ RIGHT = {
     ),
     "meshed by the script itself": (LINES + NAMES + "Mesh 2;\n", {}, 0.005, {}),
     "names with blanks and accents": (LINES + 'Physical Surface("Stahl grün (1)") = {1};\n', {}, 0.005, {}),
-    "a line too small for the mesh around it": (LINES + NAMES, {"size": 0.002}, 0.005, {}),
+    "a smaller size": (LINES + NAMES, {"size": 0.004}, 0.005, {}),
 }
 
 
@@ -348,3 +349,16 @@ def test_vtk(tmp_path, ending):
     meshio.Mesh(points, cells, cell_data={"material": [np.array([1, 2])]}).write(path)
     mesh = read_gmsh(path, order=2)
     assert mesh.material_names == ("material1", "material2") and mesh.area == pytest.approx(1.0)
+
+
+def test_the_estimate_of_cells(tmp_path):
+    """Within 10 % of the mesh that gmsh then makes, at order 1 and 6."""
+    path = tmp_path / "model.geo"
+    path.write_text(LINES + NAMES)
+    mesh = read_gmsh(path, order=6, size=0.002)
+    for order, unknowns in ((1, 2 * len(np.unique(mesh.edges[:, [0, -1]]))), (6, 2 * len(mesh.nodes))):
+        with pytest.raises(ValueError) as caught:
+            read_gmsh(path, order=order, size=0.002, max_unknowns=100)
+        told = re.search(r"about ([\d.e+]+) cells, about ([\d.e+]+) unknowns", str(caught.value))
+        assert float(told[1]) == pytest.approx(mesh.elements, rel=0.1)
+        assert float(told[2]) == pytest.approx(unknowns, rel=0.15)  # the outline adds a few

@@ -222,6 +222,19 @@ def test_notch_exponents(half_opening):
         assert np.abs(form.exponents - exact).max() > 1e-3
 
 
+def test_wide_orthotropic_notch():
+    """A notch of 160 degrees about a principal axis has one singular mode: K_I alone."""
+    angles = np.radians(np.linspace(-100.0, 100.0, 7))
+    shape = polygon(np.stack([np.cos(angles), np.sin(angles)], axis=1), 8, closed=False)
+    material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=90.0)
+    element = solve_selement(shape, 8, False, material.elasticity)
+    form = intensity_rows(element.radial, shape, 8, material.elasticity, AXIS, False)
+    own = np.linalg.eigvals(element.radial).real
+    own = own[(own > 0.05) & (own < 0.95)]
+    assert len(own) == 1 and form.exponents[0] == pytest.approx(own[0], abs=1e-6)
+    assert np.isnan(form.exponents[1]) and not form.rows[1].any() and form.rows[0].any()
+
+
 STIFF, SOFT = (
     Material(1.0, 0.25, 1.0, "strain").elasticity,
     0.1 * Material(1.0, 0.35, 1.0, "strain").elasticity,

@@ -1,0 +1,168 @@
+"""Static solution and what it is asked."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..checks import integer
+from ..errors import at_point
+from ..loads import Loads
+from ..system.boundary import LoadColumns
+from ..system.equilibrium import Equilibrium
+from ..system.fracture import contact_nodal_forces, contact_pressure, energy_release_rates, t_stresses
+from ..system.model import Model
+from ..system.places import checked_place
+from ..system.reactions import reactions
+from ..writing import write_table
+
+
+@dataclass(frozen=True, eq=False)
+class Static:
+    """Static solution.
+
+    Attributes
+    ----------
+    point_displacements : dict of str to (2,) array
+        m, on all ranks.
+    contact_force : (pairs,) array
+        N, compression positive, all cracks in order.
+    gap : (pairs,) array
+        m.
+    active : (pairs,) bool array
+    contact_resultant : float
+        Sum of all contact forces, those inside the tip elements included, N.
+    field : (m, 2) array
+        Displacements of this rank's nodes, m.
+    iterations : int
+        Of the active set.
+    solver : str
+    residual : float
+        ||K u - f - G' force|| / ||f||.
+    stress_intensity : dict of str to (float, float)
+        K_I and K_II of each crack tip with a tip element, Pa m^(1/2) (Pa m^(1 - lambda) at an open notch).
+    load : Loads
+    model : Model
+    columns : LoadColumns
+        What the loads do, one column.
+    equilibrium : Equilibrium
+        The solution in this rank's unknowns.
+    """
+
+    point_displacements: dict[str, np.ndarray]
+    contact_force: np.ndarray
+    gap: np.ndarray
+    active: np.ndarray
+    contact_resultant: float
+    field: np.ndarray
+    iterations: int
+    solver: str
+    residual: float
+    stress_intensity: dict[str, tuple[float, float]]
+    load: Loads
+    model: Model
+    columns: LoadColumns = field(repr=False)
+    equilibrium: Equilibrium = field(repr=False)
+
+    def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
+        """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
+        if isinstance(point, str):
+            return at_point(self.point_displacements, point)
+        return self._at("displacement", [checked_place("displacement", point)])[0]
+
+    def stress(self, place: str | tuple[float, float]) -> np.ndarray:
+        """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
+
+        On an edge between S-elements it is that of one side; under a point force it has no limit.
+        """
+        if isinstance(place, str):
+            place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
+        return self._at("stress", [checked_place("stress", place)])[0]
+
+    def along(
+        self, start: tuple[float, float], end: tuple[float, float], count: int = 101
+    ) -> tuple[np.ndarray, ...]:
+        """Displacement and stress along a straight line. Collective.
+
+        Returns
+        -------
+        places, displacement, stress : (count, 2), (count, 2), (count, 3) arrays
+            m, m and Pa.
+        """
+        ends = np.array([checked_place("along", start), checked_place("along", end)])
+        line = np.linspace(*ends, integer("along", "count", count, least=2))
+        points = [(float(x), float(y)) for x, y in line]
+        return line, self._at("displacement", points), self._at("stress", points)
+
+    def _at(self, kind: str, points: list[tuple[float, float]]) -> np.ndarray:
+        """(points, components) of displacement or stress."""
+        forms = getattr(self.model.places(points), kind)
+        found = self.equilibrium
+        direct = forms.direct(self.model, self.columns.tip_forces, 1)[:, 0]
+        return (forms.rows(found.owned) + forms.contact @ found.force + direct).reshape(len(points), -1)
+
+    def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure (Pa).
+
+        Forces of the pairs over the length of face that each stands for, and the traction on the faces inside
+        the tip element.
+        """
+        return contact_pressure(self.model, self.equilibrium.force, crack)
+
+    @functools.cached_property
+    def reactions(self) -> dict[str, np.ndarray]:
+        """Force of each support on the structure, (2,), N. Collective."""
+        model = self.model
+        nodal = self.columns.nodal[..., 0] + contact_nodal_forces(model, self.equilibrium.force)
+        return reactions(model, self.field, nodal)
+
+    @functools.cached_property
+    def strain_energy(self) -> float:
+        """J, that of elastic supports included. Collective."""
+        found, columns, gap = self.equilibrium, self.columns, self.model.gap_operator
+        # the forces on the free unknowns are in balance with K u
+        by_loads = self.model.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
+        by_contact = float(found.force @ gap.rows(found.owned))
+        inside = float(found.force @ gap.flexibility @ found.force + columns.flexibility[0, 0])
+        return 0.5 * (by_loads + by_contact + inside) + float(found.force @ columns.gaps[:, 0])
+
+    @functools.cached_property
+    def energy_release_rate(self) -> dict[str, float]:
+        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and interfaces. Collective."""
+        return energy_release_rates(self.model, self.stress_intensity)
+
+    @functools.cached_property
+    def t_stress(self) -> dict[str, float]:
+        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches. Collective."""
+        return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
+
+    def to_csv(self, path: str) -> None:
+        """Write displacements of the named points, stress intensity factors and contact pairs as comma-separated
+        values: quantity, where, number of the pair, value, unit.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        rows: list[tuple[str, str, str, float, str]] = []
+        for point, u in self.point_displacements.items():
+            rows += [(name, point, "", float(value), "m") for name, value in zip(("u_x", "u_y"), u)]
+        for tip, factors in self.stress_intensity.items():
+            rows += [(name, tip, "", float(k), "Pa m^(1/2)") for name, k in zip(("K_I", "K_II"), factors)]
+        rows.append(("contact_resultant", "", "", self.contact_resultant, "N"))
+        crack_of = [self.model.cracks[k].name for k in self.model.pairs.crack]
+        for name, values, unit in (("contact_force", self.contact_force, "N"), ("gap", self.gap, "m")):
+            rows += [(name, at, str(k), float(v), unit) for k, (at, v) in enumerate(zip(crack_of, values), 1)]
+        write_table(path, dict(zip(("quantity", "where", "pair", "value", "unit"), zip(*rows))))
+
+    def __repr__(self) -> str:
+        points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
+        return (
+            f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
+            f"{self.contact_resultant:.6g} N; {self.solver})"
+        )

@@ -1,0 +1,170 @@
+"""Contact laws: what the two faces of a contact row do to each other, and what every solver needs of it.
+
+A contact row has a gap and a force that presses its faces apart (N, compression positive). Solvers condense a
+structure onto its rows, gap = W force + free gap, and leave the rest to the laws, which are data of each row
+(`RowLaws`: the compiled steps take arrays, not functions) and a few questions asked on the host:
+
+======================================  ====================================================================
+statics, equilibrium                    `RowLaws.touched`, `wrong` (`complementarity.solve_complementarity`)
+steps, reduced and not                  `touched`, the mask `tied` of `marching.contact_forces`
+derivative of the steps, their replay   `acting`: the rows that keep their gap
+gaps of a model                         `rest`, `compliance` (`system.gap_operator`)
+guard of the energy                     `dissipative` (`dynamics.energy.guard`)
+======================================  ====================================================================
+
+Coulomb friction would be a law of the same kind with a second, tangential row for each pair. It would have to
+say: the tangential rows (their displacements, `system.gap_operator`, beside the normal ones that they belong
+to); bounds of their force, the friction coefficient times the force of the normal row, in the place of
+"force >= 0"; three states of a row in the place of two, stick (the slip since the step before is zero: `rest`
+then moves with the motion) and slip either way (the force is at its bound), in `wrong` and in the exchange
+of `contact_forces`; in the derivative the rows that stick as those that act, and for rows that slip the
+bound's dependence on the normal force, which makes the condensed operator unsymmetric; and `dissipative`, for
+the work of the slip is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from ..checks import real
+
+
+@dataclass(frozen=True)
+class ContactLaw:
+    """Base of the laws; not a law itself.
+
+    Attributes
+    ----------
+    compliance : float
+        Of an elastic layer between the faces, m/N of each contact row: the faces overlap by so much for each
+        newton.
+    """
+
+    compliance: float = 0.0
+
+    # whether the force holds the faces together too, and whether it may take energy out of the structure
+    tied: ClassVar[bool]
+    dissipative: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        real(type(self).__name__, "compliance", self.compliance, "m/N", least=0.0)
+
+
+@dataclass(frozen=True)
+class Unilateral(ContactLaw):
+    """Frictionless contact: faces press on each other and come apart freely, 0 <= force _|_ gap >= 0.
+
+    Attributes
+    ----------
+    compliance : float
+        m/N; an elastic stop if it is not zero.
+    """
+
+    tied: ClassVar[bool] = False
+
+
+@dataclass(frozen=True)
+class Tied(ContactLaw):
+    """Faces that are joined: the gap keeps its initial value under forces of either sign.
+
+    The gap of a tied row is counted from its initial value.
+
+    Attributes
+    ----------
+    compliance : float
+        m/N; a spring between the faces if it is not zero.
+    """
+
+    tied: ClassVar[bool] = True
+
+
+@dataclass(frozen=True, eq=False)
+class RowLaws:
+    """The laws of some contact rows as arrays.
+
+    Attributes
+    ----------
+    tied : (c,) bool array
+    compliance : (c,) array
+        m/N.
+    dissipative : bool
+        Whether any of them may take energy out of the structure.
+    """
+
+    tied: np.ndarray
+    compliance: np.ndarray
+    dissipative: bool = False
+
+    @classmethod
+    def of(cls, laws: Iterable[ContactLaw]) -> RowLaws:
+        """From the law of each row."""
+        laws = tuple(laws)
+        return cls(
+            np.array([law.tied for law in laws], dtype=bool),
+            np.array([law.compliance for law in laws], dtype=float),
+            any(law.dissipative for law in laws),
+        )
+
+    @classmethod
+    def unilateral(cls, count: int) -> RowLaws:
+        """Frictionless unilateral contact of so many rows."""
+        return cls.of([Unilateral()] * count)
+
+    def __len__(self) -> int:
+        return len(self.tied)
+
+    def first(self, count: int) -> RowLaws:
+        """Those of the first rows."""
+        return RowLaws(self.tied[:count], self.compliance[:count], self.dissipative and count > 0)
+
+    def rest(self, gap: np.ndarray) -> np.ndarray:
+        """Gaps at rest, from the distances of the undeformed faces: those of tied rows count from there."""
+        return np.where(self.tied, 0.0, gap)
+
+    def touched(self, free_gap: np.ndarray) -> np.ndarray:
+        """Rows that cannot do without a force at free gaps; where there are none, no force acts at all."""
+        return self.tied | (free_gap < 0.0)
+
+    def wrong(
+        self, active: np.ndarray, force: np.ndarray, gap: np.ndarray, rounding: np.ndarray | float = 0.0
+    ) -> np.ndarray:
+        """Rows on the wrong side: that pull though they must not, or overlap, by more than rounding (m)."""
+        return np.where(active, ~self.tied & (force < 0.0), gap < -np.asarray(rounding))
+
+    def acting(self, force: np.ndarray) -> np.ndarray:
+        """Rows that keep their gap, (..., c) of their forces."""
+        return self.tied | (force != 0.0)
+
+
+def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: str) -> RowLaws:
+    """The laws of so many rows from one for all, one for each, or None: unilateral contact.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If they are no laws, or not as many as rows.
+    """
+    if laws is None:
+        return RowLaws.unilateral(count)
+    given = (laws,) * count if isinstance(laws, ContactLaw) else laws
+    if isinstance(given, str) or not isinstance(given, Sequence):
+        raise TypeError(
+            f"{owner}: contact_laws = {laws!r} must be a contact law or one for each row, such as Tied()"
+        )
+    for k, law in enumerate(given):
+        check_law(owner, f"contact_laws[{k}]", law)
+    if len(given) != count:
+        raise ValueError(
+            f"{owner}: contact_laws has {len(given)} laws for {count} contact rows; give as many"
+        )
+    return RowLaws.of(given)
+
+
+def check_law(owner: str, name: str, law) -> None:
+    """Raise TypeError unless it is a contact law."""
+    if not isinstance(law, ContactLaw) or type(law) is ContactLaw:
+        raise TypeError(f"{owner}: {name} = {law!r} must be a contact law, Unilateral() or Tied()")

@@ -1,0 +1,334 @@
+"""Contact laws by crack and by row: tied faces and springs beside unilateral contact, in every analysis."""
+
+import numpy as np
+import pytest
+from scipy import linalg, optimize
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.contact.complementarity import solve_complementarity
+from sbfem_petsc.contact.law import ContactLaw, RowLaws
+from sbfem_petsc.dynamics.energy import guard
+
+ALUMINIUM = sb.Material(70e9, 0.33, 2700)
+
+
+def two_notches(**options):
+    """A short beam with a notch from each side, 3 mm deep and 2 micrometres wide at the mouth."""
+    notches = [VNotch(0.04, 0.003, 0.0382), VNotch(0.1, 0.003, 0.0382)]
+    mesh = Beam(length=0.2, height=0.006, notches=notches).mesh(order=3)
+    return sb.Model(mesh, ALUMINIUM, **options)
+
+
+def array_of(matrix):
+    """A PETSc matrix as an array; `convert` alone would change the matrix itself."""
+    copied = matrix.copy()
+    result = copied.convert("dense").getDenseArray().copy()
+    copied.destroy()
+    return result
+
+
+def dense(model):
+    """K, G, and the initial gaps of the undeformed faces as plain arrays."""
+    return (
+        array_of(model.stiffness),
+        model.gap_operator.rows.matrix.toarray(),
+        model.pairs.gap,
+    )
+
+
+# ---------------------------------------------------------------------- statics
+@pytest.mark.parametrize("compliance", [0.0, 2e-9])
+@pytest.mark.parametrize("fy", [2e3, -2e3])
+def test_tied_statics(fy, compliance):
+    """Against the bordered system [K, -G^T; G, C], solved whole: forces of both signs."""
+    model = two_notches(contact_laws=sb.Tied(compliance))
+    found = sb.static(model, sb.PointForce("A", fy=fy))
+    stiffness, gaps, _ = dense(model)
+    n, c = len(stiffness), len(gaps)
+    bordered = np.block([[stiffness, -gaps.T], [gaps, compliance * np.eye(c)]])
+    force = model.load_columns([sb.PointForce("A", fy=fy)]).forces[:, 0]
+    # the two blocks are brought to one size for the solve
+    scale = np.append(np.ones(n), np.full(c, np.abs(stiffness).max()))
+    solved = scale * np.linalg.solve(bordered * scale, np.append(force, np.zeros(c)))
+    # the condition of K, 1e8, times round-off
+    np.testing.assert_allclose(found.contact_force, solved[n:], atol=1e-7 * np.abs(solved[n:]).max())
+    np.testing.assert_allclose(
+        found.displacement("A"),
+        model.point_rows(solved[:n]).reshape(-1, 2)[list(model.points).index("A")],
+        rtol=1e-7,
+    )
+    assert (np.sign(found.contact_force) == np.sign(fy)).all() and found.active.all()
+    np.testing.assert_allclose(found.gap, 0.0, atol=1e-18)
+
+
+def test_a_law_for_each_crack():
+    """One crack tied, the other unilateral, against bounded least squares on W = L L^T."""
+    model = two_notches(contact_laws={"crack2": sb.Tied()})
+    tied = np.array([model.cracks[k].name == "crack2" for k in model.pairs.crack])
+    load = sb.PointForce("A", fy=3e3) + sb.EdgeLoad("right", tx=2e7)
+    stiffness, gaps, opening = dense(model)
+    factor = linalg.cho_factor(stiffness)
+    flexibility = gaps @ linalg.cho_solve(factor, gaps.T)
+    free = gaps @ linalg.cho_solve(factor, model.load_columns([load]).forces[:, 0]) + np.where(tied, 0.0, opening)
+    lower = np.linalg.cholesky(0.5 * (flexibility + flexibility.T))
+    expected = optimize.lsq_linear(
+        lower.T,
+        -linalg.solve_triangular(lower, free, lower=True),
+        bounds=(np.where(tied, -np.inf, 0.0), np.inf),
+        method="bvls",
+        tol=1e-14,
+    ).x
+    found = sb.static(model, load)
+    np.testing.assert_allclose(found.contact_force, expected, atol=1e-6 * np.abs(expected).max())
+    assert found.contact_force[tied].min() < 0.0 <= found.contact_force[~tied].min()
+    assert 0 < found.active[~tied].sum() < (~tied).sum() and found.active[tied].all()
+    # and the other way round it is another structure
+    other = sb.static(two_notches(contact_laws={"crack1": sb.Tied()}), load)
+    assert abs(other.contact_resultant / found.contact_resultant - 1.0) > 1e-2
+
+
+def test_compliance_of_unilateral_contact():
+    """Softer faces carry less, and overlap by compliance times force."""
+    load = sb.PointForce("A", fy=3e3)
+    hard, soft = (sb.static(two_notches(contact_laws=sb.Unilateral(c)), load) for c in (0.0, 1e-9))
+    assert 0.0 < soft.contact_resultant < 0.99 * hard.contact_resultant
+    stiffness, gaps, opening = dense(soft.model)
+    u = np.linalg.solve(stiffness, soft.model.load_columns([load]).forces[:, 0] + gaps.T @ soft.contact_force)
+    overlap = gaps @ u + opening
+    np.testing.assert_allclose(
+        overlap[soft.active], -1e-9 * soft.contact_force[soft.active], atol=1e-7 * np.abs(overlap).max()
+    )
+    assert (soft.contact_force >= 0.0).all()
+
+
+def test_mixed_problems_against_enumeration():
+    """Random problems with tied rows, against all sets of the others."""
+    for seed in range(20):
+        generator = np.random.default_rng(seed)
+        factor = generator.standard_normal((7, 9))
+        w, q = factor @ factor.T, generator.standard_normal(7)
+        laws = RowLaws.of([sb.Tied(), *[sb.Unilateral()] * 5, sb.Tied()])
+        matches = []
+        for chosen in np.ndindex(*[2] * 5):
+            active = np.flatnonzero([1, *chosen, 1])
+            force = np.zeros(7)
+            force[active] = np.linalg.solve(w[np.ix_(active, active)], -q[active])
+            gap = w @ force + q
+            if (force[1:6] >= 0.0).all() and (np.delete(gap, active) >= 0.0).all():
+                matches.append(force)
+        assert len(matches) == 1
+        for options in ({}, {"maximum": 1}, {"start": np.ones(7, dtype=bool)}):
+            found = solve_complementarity(w, q, laws, **options)
+            np.testing.assert_allclose(found.force, matches[0], atol=1e-10 * np.abs(matches[0]).max())
+
+
+# ---------------------------------------------------------------------- motions of a chain
+ALPHA, BETA = 0.02, 0.03
+
+
+def chain(laws, stops=(0, 3), modes=None):
+    """Five masses on springs, Rayleigh damping, contact rows on two of them."""
+    stiffness = np.diag(np.full(5, 2.0)) - np.eye(5, k=1) - np.eye(5, k=-1)
+    return sb.reduce_matrices(
+        np.eye(5),
+        stiffness,
+        np.eye(5)[list(stops)],
+        np.full(len(stops), 0.3),
+        loads=np.eye(5)[:, [1]],
+        sensors={"first": 0, "last": 4},
+        modes=modes,
+        damping=ALPHA * np.eye(5) + BETA * stiffness,
+        contact_laws=laws,
+    )
+
+
+def tied_system(reduced):
+    """The chain in modal coordinates with its rows as springs: state matrix and load column."""
+    rows, m = reduced.gap.modes, len(reduced.omega)
+    stiffness = np.diag(reduced.omega**2) + rows.T @ np.linalg.solve(reduced.gap.contact, rows)
+    damping = np.diag(2.0 * reduced.damping * reduced.omega)
+    state = np.block([[np.zeros((m, m)), np.eye(m)], [-stiffness, -damping]])
+    # a load bends the springs through the residual flexibility too
+    load = reduced.load_modes[:, 0] - rows.T @ np.linalg.solve(reduced.gap.contact, reduced.gap.loads[:, 0])
+    return state, np.append(np.zeros(m), load)
+
+
+@pytest.mark.parametrize("modes", [5, 4])
+def test_tied_transient(modes):
+    """A tied row with a compliance is a linear spring: against the linear system's exponential. Forces are
+    the mean of a step's ends, so the error falls with the square of the step.
+    """
+    reduced = chain(sb.Tied(0.2), modes=modes)
+    signal = sb.Harmonic(0.5, 0.11)
+    state, load = tied_system(reduced)
+    w, end = 2 * np.pi * 0.11, 40.0
+    # the forced motion, less the free one that starts it from rest
+    forced = np.linalg.solve(1j * w * np.eye(len(state)) - state, 0.5 * load)
+    exact = (forced * np.exp(1j * w * end)).imag - linalg.expm(end * state) @ forced.imag
+    errors = []
+    for step in (0.02, 0.01):
+        history = sb.transient(reduced, [signal], end, step=step)
+        q = history.states.q[-1]
+        errors.append(np.abs(q - exact[: len(q)]).max() / np.abs(exact).max())
+    assert errors[1] < 1e-4 and 3.7 < errors[0] / errors[1] < 4.3
+    force, gap = history.contact_force, history.gap
+    assert force.max() > 0.0 > force.min() and np.abs(gap).max() < 1e-12
+    # the springs' energy is strain energy, and contact does no work
+    assert np.abs(history.energy.contact).max() < 1e-10 * history.energy.external.max()
+    balance = np.abs(history.energy.balance).max()
+    assert balance < 1e-3 * history.energy.total.max()
+
+
+@pytest.mark.parametrize("modes", [5, 4])
+def test_tied_orbit(modes):
+    """Amplitude, derivative and multipliers of the same spring: resolvent and exponential of the linear
+    system; second order in the step.
+    """
+    frequency = 0.11
+    errors = []
+    for steps in (256, 512):
+        reduced = chain(sb.Tied(0.2), modes=modes)
+        orbit = sb.periodic(reduced, [0.5], frequency, steps=steps)
+        state, load = tied_system(reduced)
+        q = np.linalg.solve(2j * np.pi * frequency * np.eye(len(state)) - state, 0.5 * load)[:modes]
+        shape = reduced.points.modes[1, 1] @ q
+        force = -np.linalg.solve(reduced.gap.contact, reduced.gap.modes @ q + 0.5 * reduced.gap.loads[:, 0])
+        shape = shape + reduced.points.contact[1, 1] @ force + 0.5 * reduced.points.loads[1, 1, 0]
+        expected = np.exp(np.linalg.eigvals(state) / frequency)
+        found = orbit.multipliers
+        distance = max(np.abs(found - value).min() for value in expected)
+        errors.append((abs(abs(orbit.harmonics("last")[1]) / abs(shape) - 1.0), distance))
+        # the motion is linear: one iteration of Newton's method with the exact derivative
+        assert orbit.iterations == 1 and len(found) == len(expected)
+    # the stiffest motion turns by 0.04 radian a step, whose multiplier has the larger error
+    for coarse, fine, most in zip(*errors, (5e-5, 3e-3)):
+        assert fine < most and 3.8 < coarse / fine < 4.2
+
+
+def test_tied_and_unilateral_orbit():
+    """One row tied, one a stop that opens and closes: Newton's derivative against differences, and the same
+    motion where the tied row is a spring of the structure instead.
+    """
+    stiffness = np.diag(np.full(5, 2.0)) - np.eye(5, k=1) - np.eye(5, k=-1)
+    rows = np.eye(5)[[0, 3]]
+
+    def orbit(with_spring, jacobian, steps=2048):
+        k = stiffness + (np.outer(rows[0], rows[0]) / 0.2 if with_spring else 0.0)
+        chosen = slice(1, 2) if with_spring else slice(0, 2)
+        reduced = sb.reduce_matrices(
+            np.eye(5),
+            k,
+            rows[chosen],
+            np.full(2, 0.1)[chosen],
+            loads=np.eye(5)[:, [1]],
+            sensors={"last": 4},
+            damping=0.05 * np.eye(5),
+            contact_laws=[sb.Tied(0.2), sb.Unilateral(0.05)][chosen],
+        )
+        return sb.periodic(reduced, [0.5], 0.2, steps=steps, jacobian=jacobian)
+
+    exact, differences = orbit(False, "dense"), orbit(False, "differences")
+    touching = exact.contact_force[:, 1] > 0.0
+    assert 0 < touching.sum() < len(touching) and exact.contact_force[:, 0].min() < 0.0
+    np.testing.assert_allclose(exact.harmonics("last")[:5], differences.harmonics("last")[:5], atol=1e-9)
+    spring = orbit(True, "dense")
+    # second order in the step: 1e-5 here
+    np.testing.assert_allclose(
+        exact.harmonics("last")[:8], spring.harmonics("last")[:8], atol=3e-5 * exact.amplitude("last")
+    )
+    np.testing.assert_allclose(np.abs(exact.multipliers[0]), np.abs(spring.multipliers[0]), rtol=1e-3)
+
+
+# ---------------------------------------------------------------------- the unreduced model
+def test_tied_unreduced_transient():
+    """Average acceleration with tied rows, against the same steps with whole matrices and multipliers."""
+    compliance, step, count = 1e-9, 2e-6, 60
+    model = two_notches(contact_laws=sb.Tied(compliance), continued_fraction=0)
+    load, signal = sb.PointForce("A", fy=1.0), sb.ToneBurst(300.0, 2e4, 2)
+    history = sb.transient(model, sb.PointForce("A", fy=signal), count * step, reduction=None, step=step)
+    stiffness, gaps, _ = dense(model)
+    from sbfem_petsc.system.pencil import Pencil
+
+    pencil = Pencil(model, 1.0, 0.0)
+    mass = array_of(pencil.mass)
+    pencil.destroy()
+    n, c = len(stiffness), len(gaps)
+    u, v, forces = np.zeros(n), np.zeros(n), [np.zeros(c)]
+    unit = model.load_columns([load]).forces[:, 0]
+    # u1 = u0 + d, gap G u1 + compliance force = 0 with the force that acts over the whole step
+    inverse = np.linalg.inv(4.0 / step**2 * mass + stiffness)
+    bordered = gaps @ inverse @ (2.0 * gaps.T) + compliance * np.eye(c)
+    places = [np.zeros(2)]
+    for k in range(count):
+        drive = signal(np.array([k * step, (k + 1) * step])).sum()
+        free = inverse @ (4.0 / step * mass @ v - 2.0 * stiffness @ u + drive * unit)
+        force = -np.linalg.solve(bordered, gaps @ (u + free))
+        d = free + inverse @ (2.0 * gaps.T @ force)
+        u, v = u + d, 2.0 / step * d - v
+        forces.append(force)
+        places.append(model.at_points(u)["A"])
+    forces, places = np.array(forces), np.array(places)
+    np.testing.assert_allclose(history.contact_force, forces, atol=1e-6 * np.abs(forces).max())
+    np.testing.assert_allclose(history.displacement("A"), places, atol=1e-8 * np.abs(places).max())
+    assert forces.max() > 0.0 > forces.min()
+    # energy: what the rows' springs store is strain energy, what contact takes is the steps' own and small
+    energy = history.energy
+    assert np.abs(energy.balance).max() < 1e-9 * energy.total.max()
+    assert -0.05 * energy.external.max() < energy.contact[-1] < 1e-12
+
+
+def test_tied_unreduced_orbit():
+    """Shooting on the unreduced model against the reduced one, whose 30 modes leave out 1e-3."""
+    model = two_notches(contact_laws=sb.Tied(1e-9), rayleigh=sb.rayleigh_factors(0.05, 500.0, 20e3))
+    load = sb.PointForce("A", fy=100.0)
+    whole = sb.periodic(model, load, 900.0, reduction=None, steps=101)
+    reduced = sb.periodic(model, load, 900.0, modes=30, steps=512)
+    # linear: as many iterations as the linear solves, to 1e-4 each, make necessary for 1e-8
+    assert whole.iterations == 2
+    one, other = whole.harmonics("A")[1], reduced.harmonics("A")[1]
+    assert abs(one - other) < 5e-3 * abs(other)
+    assert whole.contact_force.min() < 0.0 < whole.contact_force.max()
+
+
+# ---------------------------------------------------------------------- the guard, input
+def test_guard_and_dissipation():
+    """Work taken by contact is refused of laws that do not dissipate; work fed in is refused always."""
+
+    class Ledger:
+        def __init__(self, dissipative):
+            self.supplied = 1.0
+            self.r = type("R", (), {"contact_laws": RowLaws(np.zeros(0, bool), np.zeros(0), dissipative)})
+
+    time = np.arange(3.0)
+
+    def chunk(work):
+        return np.array([[1.0, 1.0], [0.0, 0.0], [0.5, 1.0], [0.0, 0.0], [0.0, work]])
+
+    guard(chunk(-0.5), Ledger(True), time)
+    guard(chunk(0.005), Ledger(False), time)
+    for work, dissipative in ((-0.5, False), (0.5, False), (0.5, True)):
+        with pytest.raises(sb.SolveError, match="contact forces have done work"):
+            guard(chunk(work), Ledger(dissipative), time)
+
+
+def test_bad_laws():
+    mesh = Beam(length=0.2, height=0.006, notches=[VNotch(0.04, 0.003, 0.0382)]).mesh(order=2)
+    for laws, error, text in (
+        ({"crack7": sb.Tied()}, sb.UnknownName, "'crack7', which is no crack of the mesh; it has 'crack1'"),
+        ({"crack1": "tied"}, TypeError, r"contact_laws\['crack1'\] = 'tied' must be a contact law"),
+        ("tied", TypeError, "must be a contact law or a dict"),
+        (ContactLaw(), TypeError, "must be a contact law, Unilateral"),
+        (sb.Tied, TypeError, "must be a contact law or a dict"),
+    ):
+        with pytest.raises(error, match=text):
+            sb.Model(mesh, ALUMINIUM, contact_laws=laws)
+    for value in (-1e-9, np.nan, np.inf):
+        with pytest.raises(ValueError, match="Tied: compliance = .* must be finite and at least 0"):
+            sb.Tied(value)
+    with pytest.raises(TypeError, match="Unilateral: compliance = 'soft' must be a number"):
+        sb.Unilateral("soft")
+    with pytest.raises(ValueError, match="contact_laws has 1 laws for 2 contact rows"):
+        chain([sb.Tied(0.2)])
+    with pytest.raises(TypeError, match="one for each row"):
+        chain("tied")
