@@ -14,9 +14,6 @@ from .stability import Multipliers, multipliers
 
 # How far along the arc between two points a bifurcation is located.
 FINE = 5e-3
-# A multiplier that passes the unit circle without coming near it, relative to its distance at the points on
-# either side, has jumped.
-JUMP = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +23,8 @@ class Bifurcation:
     Attributes
     ----------
     kind : {"fold", "period doubling", "Neimark-Sacker", "branch point", "grazing"}
-        "grazing": multipliers jump where a pair begins or ceases to touch.
+        "grazing": a pair begins or ceases to touch, and the multiplier is inside the unit circle on one side
+        and outside on the other, however near.
     value : float
         Frequency (Hz) or load factor.
     multiplier : complex
@@ -141,7 +139,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         ends = slope(first), slope(second)
         if ends[0] * ends[1] > 0.0:
             continue
-        point = _root(continuation, first, second, slope, ends)
+        point, _, _ = _root(continuation, first, second, slope, ends)
         values = multipliers(point.fixed.driven, point.fixed.motion)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
         return Bifurcation(
@@ -180,13 +178,12 @@ def _crossing(
     ends = tuple(float(np.abs(item.values[rank]) - 1.0) for item in (before, after))
     if ends[0] * ends[1] > 0.0:
         return None
-    point = _root(continuation, first, second, excess, ends)
+    point, one, other = _root(continuation, first, second, excess, ends)
     found = known.get(id(point)) or (before if point is first else after)
     value = complex(found.values[rank])
-    jump = abs(abs(value) - 1.0) > JUMP * max(map(abs, ends))
     kind = (
         "grazing"
-        if jump
+        if (_touching(one) != _touching(other)).any()
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"
@@ -202,8 +199,10 @@ def _root(
     second: ContinuationPoint,
     test,
     ends: tuple[float, float],
-) -> ContinuationPoint:
-    """The point between two others at which a test function of points vanishes."""
+) -> tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]:
+    """The point between two others at which a test function of points vanishes, and its nearest neighbours of
+    either sign.
+    """
     known = {0.0: (first, ends[0]), 1.0: (second, ends[1])}
 
     def value(fraction: float) -> float:
@@ -216,4 +215,12 @@ def _root(
         brentq(value, 0.0, 1.0, xtol=FINE, rtol=1e-8)
     except SolveError:  # the nearer of the points that were found stands for it
         pass
-    return min(known.values(), key=lambda pair: abs(pair[1]))[0]
+    places = sorted(known)
+    k = next(k for k in range(1, len(places)) if known[places[k - 1]][1] * known[places[k]][1] <= 0.0)
+    nearest = min(known.values(), key=lambda pair: abs(pair[1]))[0]
+    return nearest, known[places[k - 1]][0], known[places[k]][0]
+
+
+def _touching(point: ContinuationPoint) -> np.ndarray:
+    """(pairs,) bool: which pairs touch at any time of the period."""
+    return (point.fixed.motion.forces > 0.0).any(axis=0)

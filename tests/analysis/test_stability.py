@@ -4,6 +4,7 @@ bifurcations.
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.orbit import moved_by_half_a_step, state_at
@@ -248,9 +249,30 @@ def test_grazing_peak_and_folds(up):
     assert max(omega[touching[0] : touching[-1]]) == pytest.approx(folds[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("compliance, kind", [(1e-2, "Neimark-Sacker"), (1e-4, "grazing")])
+def test_grazing_is_told_where_the_stop_is_met(compliance, kind):
+    """The open motion, whose multipliers have the modulus 0.94, meets the stop at 0.5819 rad/s (closed form).
+    Behind a stop of 1e-2 a pair of them leaves the unit circle after a stretch that is resolved; behind one
+    of 1e-4 it is outside at once.
+    """
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+
+    def reach(omega):
+        dynamic = (1.0 + 0.03j * omega) * stiffness - omega**2 * np.eye(2)
+        return abs(np.linalg.solve(dynamic, [0.0, 0.1])[0]) - 1.0
+
+    met = optimize.brentq(reach, 0.57, 0.59)
+    system = two_masses(compliance=compliance)
+    curve = sb.frequency_response(system, [0.1], 0.575 / TURN, 0.5825 / TURN, steps=1024)
+    first = curve.bifurcations[0]
+    assert first.kind == kind and TURN * first.value == pytest.approx(met, rel=2e-5)
+    beside = np.abs(curve.multipliers[first.after - 1 : first.after + 1, 0])
+    assert beside[0] == pytest.approx(0.94, abs=1e-3) and beside[1] > 1.3
+
+
 def test_verdicts_do_not_flip(up):
-    """Six changes along 90 points, each with its bifurcation: grazing, a Neimark-Sacker point, two period
-    doublings, two folds.
+    """Six changes along 90 points, each with its bifurcation: a Neimark-Sacker point where the stop is met, a
+    second one, two period doublings, two folds.
     """
     assert np.count_nonzero(up.stable[1:] != up.stable[:-1]) == 6
     for k in np.flatnonzero(up.stable[1:] != up.stable[:-1]) + 1:
