@@ -88,7 +88,7 @@ def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     from ..plot.histories import Panel, plot_histories
 
-    points = case.tables.output.points or (list(model.points) if model is not None else ["A"])
+    points = case.tables.output.points or result.points
     panels = [
         Panel(
             f"$u_y$({point}), mm",
@@ -106,13 +106,12 @@ def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> Non
 def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     from ..plot.curves import plot_harmonics, plot_multipliers, plot_orbit
 
-    reduction = getattr(result, "reduction", None)
-    point = _point(case, reduction.points if reduction is not None else result.point_displacements)
+    point = _point(case, result.points)
     if point is None:
         return
     comm = _communicator(model)
     plot_harmonics({name: result}, f"{stem}_harmonics.png", point, comm=comm)
-    if reduction is not None:
+    if result.reduced is not None:
         plot_orbit(result, f"{stem}_orbit.png", point, comm=comm)
         if len(result.multipliers):
             plot_multipliers(result, f"{stem}_multipliers.png", comm=comm)

@@ -113,6 +113,7 @@ def _transient(result: Any, points: Sequence[str]) -> Tree:
         "time": Quantity(result.time, "s", "instants"),
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
         "velocity": _of_points(points, result.velocity, "m/s", "velocity (x, y)", detail=True),
+        "acceleration": _of_points(points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True),
         "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
         "energy": {
@@ -125,24 +126,18 @@ def _transient(result: Any, points: Sequence[str]) -> Tree:
                 ("contact", "work of the contact forces"),
             )
         },
+        "step": Quantity(float(result.step), "s", "time step"),
         "energy_error": Quantity(
             float(np.abs(energy.balance).max()) / supplied if supplied > 0.0 else 0.0,
             "1",
             "largest imbalance of the energies, relative to the loads' work",
         ),
     }
-    if hasattr(result, "acceleration"):
-        tree["acceleration"] = _of_points(
-            points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True
-        )
-    tips = getattr(getattr(result, "reduction", None), "tips", ())
-    if tips:
+    if result.states.tips:
         tree["stress_intensity"] = {
             name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II", detail=True)
-            for name in tips
+            for name in result.states.tips
         }
-    if hasattr(result, "step"):
-        tree["step"] = Quantity(float(result.step), "s", "time step")
     return tree
 
 
@@ -169,13 +164,13 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
             "half the peak-to-peak of u_y",
         ),
         "converged": Quantity(bool(result.converged)),
-        "stable": Quantity(getattr(result, "stable", None), "1", "stability, None if it was not asked for"),
+        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for"),
         "time": Quantity(result.time, "s", "instants of one period"),
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
         "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
     }
-    if result.periods > 1 and hasattr(result, "subharmonics"):
+    if result.periods > 1:
         tree["subharmonics"] = _of_points(
             points, result.subharmonics, "m", "complex amplitudes of u_y at j f / periods"
         )
@@ -186,9 +181,8 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
         ("residuals", "1", "norm of x(T) - x(0) at each iterate"),
         ("path", "1", "how the motion was reached"),
     ):
-        if hasattr(result, name):
-            value = getattr(result, name)
-            tree[name] = Quantity(np.asarray(value) if isinstance(value, tuple) else value, unit, text)
+        value = getattr(result, name)
+        tree[name] = Quantity(np.asarray(value) if isinstance(value, tuple) else value, unit, text)
     return tree
 
 
