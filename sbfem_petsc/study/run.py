@@ -179,7 +179,7 @@ class _Run:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
             curve = self.folder.part(name, "curve.h5")
             if kind == "frequency_response" and not os.path.isfile(curve):
-                sb.save_curve(result, curve)
+                sb.save_branch(result, curve)
 
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""
