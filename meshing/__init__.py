@@ -5,6 +5,7 @@ cracks and holes, and gmsh models.
 from meshing.beam import Beam
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack, Tip
 from meshing.gmsh.reader import read_gmsh
+from meshing.gmsh.report import GmshWarning
 from meshing.plate import Plate
 from meshing.shapes.features import CrackLine, Hole, VNotch
 
@@ -14,6 +15,7 @@ __all__ = [
     "ContactPairs",
     "Crack",
     "CrackLine",
+    "GmshWarning",
     "Hole",
     "Plate",
     "Tip",

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 _OPTIONS = (
     "General.Terminal",
@@ -15,8 +12,6 @@ _OPTIONS = (
     "Mesh.RecombinationAlgorithm",
     "Mesh.ElementOrder",
 )
-_TEXT_OPTIONS = ("Geometry.OCCTargetUnit",)
-_MOST_STATEMENTS = 10_000
 
 
 @contextmanager
@@ -42,7 +37,6 @@ def gmsh_session(name: str) -> Iterator[object]:
         gmsh.initialize([], readConfigFiles=False, interruptible=False)
     previous = None if started else gmsh.model.getCurrent()
     options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
-    texts = {name: gmsh.option.getString(name) for name in _TEXT_OPTIONS}
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.model.add(name)
     try:
@@ -54,22 +48,5 @@ def gmsh_session(name: str) -> Iterator[object]:
             gmsh.model.remove()
             for option, value in options.items():  # options belong to gmsh, not to a model
                 gmsh.option.setNumber(option, value)
-            for option, text in texts.items():
-                gmsh.option.setString(option, text)
             if previous:
                 gmsh.model.setCurrent(previous)
-
-
-def drain_parser(gmsh) -> None:
-    """Make gmsh forget the rest of a .geo file in which it found an error.
-
-    It keeps the text after the error, also beyond its own end, and would put it before the next file of this
-    process; every further attempt takes one statement off.
-    """
-    with tempfile.TemporaryDirectory() as folder:
-        blank = Path(folder) / "blank.geo"
-        blank.write_text("// nothing\n")
-        for _ in range(_MOST_STATEMENTS):
-            with contextlib.suppress(Exception):
-                gmsh.merge(str(blank))
-                return

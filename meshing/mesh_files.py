@@ -103,9 +103,9 @@ def _packed(mesh: MeshArrays) -> bytes:
             for i, (name, numbers) in enumerate(items.items()):
                 description = f"{title.replace('_', ' ')[:-1]} {name!r}"
                 _write(group, str(i), np.asarray(numbers), description).attrs["name"] = name
-        for title, items, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
+        for title, parts, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
             group = file.create_group(title)
-            for i, item in enumerate(items):
+            for i, item in enumerate(parts):
                 group.create_group(str(i)).attrs.update(
                     {key: getattr(item, name) for key, name in fields.items()}
                 )
@@ -163,10 +163,17 @@ def _unpacked(stored: bytes) -> dict[str, Any]:
     import h5py
 
     with h5py.File(io.BytesIO(stored), "r") as file:
-        sets, points = (
-            {group[str(i)].attrs["name"]: group[str(i)][()] for i in range(len(group))}
-            for group in (file["edge_sets"], file["points"])
-        )
+
+        def values(name: str) -> np.ndarray:
+            return _own(file, name, len(stored))[()]
+
+        named = {
+            title: {
+                _own(file, f"{title}/{i}", len(stored)).attrs["name"]: values(f"{title}/{i}")
+                for i in range(len(file[title]))
+            }
+            for title in ("edge_sets", "points")
+        }
         cracks, tips = (
             [
                 {name: _plain(file[title][str(i)].attrs[key]) for key, name in fields.items()}
@@ -177,14 +184,26 @@ def _unpacked(stored: bytes) -> dict[str, Any]:
         return {
             "order": int(file.attrs["order"]),
             "clamped": str(file.attrs["clamped"]) or None,
-            **{name: file[name][()] for name in _ARRAYS},
-            "material_names": tuple(file["material_names"].asstr()[()]),
-            "edge_sets": sets,
-            "points": {name: int(node) for name, node in points.items()},
-            "pairs": ContactPairs(**{name: file[f"pairs/{name}"][()] for name in _PAIRS}),
+            **{name: values(name) for name in _ARRAYS},
+            "material_names": tuple(name.decode() for name in values("material_names").tolist()),
+            "edge_sets": named["edge_sets"],
+            "points": {name: int(node) for name, node in named["points"].items()},
+            "pairs": ContactPairs(**{name: values(f"pairs/{name}") for name in _PAIRS}),
             "cracks": tuple(Crack(**fields) for fields in cracks),
             "tips": tuple(Tip(**fields) for fields in tips),
         }
+
+
+def _own(file, name: str, size: int):
+    """A data set whose numbers are all in the file of `size` bytes: no link and no storage elsewhere."""
+    import h5py
+
+    dataset = file[name] if isinstance(file.get(name, getlink=True), h5py.HardLink) else None
+    if not isinstance(dataset, h5py.Dataset) or dataset.external or dataset.is_virtual:
+        raise KeyError(f"{name} is no data set of this file")
+    if dataset.nbytes > size:
+        raise KeyError(f"{name} is larger than the file")
+    return dataset
 
 
 def export(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 
 def find_crossing(segments: np.ndarray) -> np.ndarray | None:
@@ -69,8 +68,9 @@ def find_meeting(segments: np.ndarray, ends: np.ndarray) -> np.ndarray | None:
     directions = np.repeat(segments[:, 1] - segments[:, 0], 2, axis=0)
     directions = directions / np.hypot(*directions.T)[:, None]
     reach = 1e-9 * np.ptp(places, axis=0).max()
-    pairs = cKDTree(places).query_pairs(reach, p=np.inf, output_type="ndarray")
-    first, second = pairs[tags[pairs[:, 0]] != tags[pairs[:, 1]]].T
+    points = shapely.points(places)
+    first, second = shapely.STRtree(points).query(points, predicate="dwithin", distance=reach)
+    first, second = (end[(first < second) & (tags[first] != tags[second])] for end in (first, second))
     across = directions[first, 0] * directions[second, 1] - directions[first, 1] * directions[second, 0]
     slit = {
         int(tag)

@@ -38,7 +38,8 @@ class Builder:
     """
 
     def __init__(self, model: FileModel, origin: str) -> None:
-        self.cells, self.vertex_of = CellComplex(), {}
+        self.cells = CellComplex()
+        self.vertex_of: dict[int, int] = {}
         self.crack_lines: dict[str, list[Edge]] = {}
         self._model, self._origin = model, origin
         surfaces = model.entities(2)
@@ -177,7 +178,7 @@ class Builder:
         """A curve inside the body that is no crack, and names that are nearly those of cracks."""
         inside = [edge for edge in edges if uses[edge] == 2]
         spelled = right_spelling(name)
-        if spelled and (inside or ":" in name):
+        if spelled and (inside or ":" in name):  # a misspelt crack would be none, without a word
             self._fail(f"physical curve {name!r} is not how a crack is named; write {spelled!r}")
         elif spelled:
             warn(

@@ -6,6 +6,7 @@ The answer of `extract` is what `meshing.gmsh.model` reads: facts in a dictionar
 from __future__ import annotations
 
 import math
+import re
 from typing import Any
 
 import numpy as np
@@ -75,14 +76,20 @@ def extract(
         raise
     except Exception as error:  # gmsh raises nothing more precise
         said = " ".join(str(error).split()).replace(folder + "/", "").rstrip(".")
+        if not said or "bad_alloc" in said:
+            raise Refusal(
+                "gmsh stopped without a reason, as it does when its memory runs out; give larger cell sizes "
+                "or a larger memory_limit."
+            ) from error
         raise Refusal(f"gmsh cannot read or mesh it ({said}); mend the file there.") from error
     told: dict[str, Any] = {
         "geometry": geometry,
         "unnamed": suffix in CAD,
         "groups": _groups(gmsh, suffix in CAD),
         "empty": [] if suffix in CAD else _empty_groups(gmsh),
-        "log": [line for line in gmsh.logger.get() if line.startswith(("Warning", "Error"))],
+        "log": [line for line in gmsh.logger.get() if line.startswith("Warning")],
     }
+    told["skipped"] = _skipped_entities(gmsh, told["log"])
     arrays: dict[str, np.ndarray] = {}
     _describe_mesh(gmsh, told, arrays, guard)
     if geometry:
@@ -204,11 +211,23 @@ def _groups(gmsh, unnamed: bool) -> list[list]:
 
 
 def _empty_groups(gmsh) -> list[list]:
-    """[dimension, tag, name] of groups whose entities do not exist: gmsh forgets them but for their names."""
+    """[dimension, name] of groups whose entities do not exist: gmsh forgets them but for their names."""
     known = {(d, t) for d, t in gmsh.model.getPhysicalGroups()}
     highest = max((t for _, t in known), default=0) + _NAMES_TRIED
     names = ((d, t, gmsh.model.getPhysicalName(d, t)) for d in (0, 1, 2) for t in range(1, highest))
-    return [[d, t, name] for d, t, name in names if name and (d, t) not in known]
+    return [[d, name] for d, t, name in names if name and (d, t) not in known]
+
+
+def _skipped_entities(gmsh, log: list[str]) -> list[list]:
+    """[dimension, entity, name] of entities that a group names and that do not exist."""
+    skipped = []
+    for line in log:
+        found = re.search(r"Skipping unknown (point|curve|surface) (\d+) in physical \w+ (\d+)", line)
+        if found:
+            dimension, tag = _KIND.index(found[1]), int(found[3])
+            name = gmsh.model.getPhysicalName(dimension, tag) or f"{found[1]}{tag}"
+            skipped.append([dimension, int(found[2]), name])
+    return skipped
 
 
 def _describe_mesh(gmsh, told: dict[str, Any], arrays: dict[str, np.ndarray], guard: Guard) -> None:

@@ -83,6 +83,7 @@ def extract(
         "unnamed": False,
         "groups": [[dimension, name, [entity]] for (dimension, name), entity in entity_of.items() if name],
         "empty": [],
+        "skipped": [],
         "log": [],
         "blocks": blocks,
         "points": {},
@@ -134,7 +135,7 @@ def _add_node_sets(mesh, told: dict[str, Any], arrays: dict[str, np.ndarray], fr
         else:
             edges = outline[np.isin(outline, nodes).all(axis=1)]
             if not len(edges):
-                told["empty"].append([1, free, name])
+                told["empty"].append([1, name])
                 continue
             arrays[f"block{len(told['blocks'])}"] = edges
             told["blocks"].append([1, free, "line", 1, 2])

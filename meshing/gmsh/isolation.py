@@ -19,10 +19,13 @@ from typing import Any
 
 import numpy as np
 
+# The package without what its __init__ imports, which takes longer than gmsh does.
 _BOOTSTRAP = (
-    "import json, sys\n"
+    "import json, sys, types\n"
     "request = json.loads(sys.stdin.readline())\n"
     "sys.path[:] = request.pop('path')\n"
+    "sys.modules['meshing'] = types.ModuleType('meshing')\n"
+    "sys.modules['meshing'].__path__ = [request.pop('package')]\n"
     "from meshing.gmsh.child import answer\n"
     "answer(request)\n"
 )
@@ -76,13 +79,20 @@ def run_child(
         The child could not be started or could not load gmsh.
     """
     with tempfile.TemporaryDirectory(prefix="sbfem-gmsh-") as folder:
-        for name, content in files.items():
-            place = Path(folder) / name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            place.write_bytes(content)
+        try:
+            for name, content in files.items():
+                place = Path(folder) / name
+                place.parent.mkdir(parents=True, exist_ok=True)
+                place.write_bytes(content)
+        except OSError as error:
+            raise RuntimeError(
+                f"{origin}: no copy of it can be put into {folder} ({error.strerror}); set TMPDIR to a "
+                "folder with room."
+            ) from error
         whole = {
             **request,
             "path": [os.path.abspath(entry) for entry in sys.path if entry and os.path.exists(entry)],
+            "package": str(Path(__file__).resolve().parents[1]),
             "folder": folder,
             "file": next(iter(files)),
             "memory": memory_limit or _memory(),

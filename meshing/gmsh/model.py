@@ -43,8 +43,10 @@ class FileModel:
         The format has no groups; all names are made from numbers.
     groups : list of (int, str, list of int)
         Dimension, name and entities of each physical group.
-    empty : list of (int, int, str)
-        Dimension, tag and name of groups that hold nothing.
+    empty : list of (int, str)
+        Dimension and name of groups that hold nothing.
+    skipped : list of (int, int, str)
+        Dimension and number of entities that do not exist, and the group that names them.
     log : list of str
         gmsh's warnings.
     where : dict of int to (3,) array
@@ -61,7 +63,8 @@ class FileModel:
     geometry: bool
     unnamed: bool
     groups: list[tuple[int, str, list[int]]]
-    empty: list[tuple[int, int, str]]
+    empty: list[tuple[int, str]]
+    skipped: list[tuple[int, int, str]]
     log: list[str]
     where: dict[int, np.ndarray]
     blocks: list[Block]
@@ -93,10 +96,14 @@ def from_answer(told: dict[str, Any], arrays: dict[str, np.ndarray], scale: floa
         geometry=bool(told["geometry"]),
         unnamed=bool(told["unnamed"]),
         groups=[(int(d), str(name), [int(e) for e in entities]) for d, name, entities in told["groups"]],
-        empty=[(int(d), int(tag), str(name)) for d, tag, name in told["empty"]],
+        empty=[(int(d), str(name)) for d, name in told["empty"]],
+        skipped=[(int(d), int(entity), str(name)) for d, entity, name in told["skipped"]],
         log=[str(line) for line in told["log"]],
         where=dict(zip(arrays["node_tags"].tolist(), positions)),
-        blocks=[Block(*facts, arrays[f"block{i}"]) for i, facts in enumerate(told["blocks"])],
+        blocks=[
+            Block(dimension, entity, name, order, corners, arrays[f"block{i}"])
+            for i, (dimension, entity, name, order, corners) in enumerate(told["blocks"])
+        ],
         points={int(tag): nodes for tag, nodes in told["points"].items()},
         curved_ends=arrays.get("curved_ends", np.zeros((0, 2), int)),
         curved_points=arrays.get("curved_points", np.zeros((0, 2, 2))) * scale,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import re
 import warnings
 
@@ -11,6 +12,7 @@ import numpy as np
 from meshing.gmsh.model import FileModel
 
 _KIND = ("point", "curve", "surface")
+_IDLE = ("not found in the Brep",)  # of boundaries in a .msh file, which are not used
 # Parts that are analysed here are seldom larger; a drawing in mm of anything above 20 mm is.
 LARGEST_IN_METRES = 20.0
 
@@ -20,23 +22,22 @@ class GmshWarning(UserWarning):
 
 
 def warn(origin: str, sentence: str) -> None:
-    """A warning that names the file, shown at the line that called `read_gmsh`."""
-    warnings.warn(f"{origin}: {sentence}", GmshWarning, stacklevel=4)
+    """A warning that names the file, shown at the line outside this package that asked for it."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "meshing":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(f"{origin}: {sentence}", GmshWarning, stacklevel=level)
 
 
 def refuse_empty_groups(model: FileModel, origin: str) -> None:
     """ValueError for a physical group that names curves, points or surfaces that do not exist."""
-    skipped = [re.search(r"Skipping unknown (\w+) (\d+) in physical (\w+) (\d+)", line) for line in model.log]
-    for found in filter(None, skipped):
-        kind, entity, of, tag = found.groups()
-        name = next((name for d, t, name in model.empty if _KIND[d] == of and t == int(tag)), None)
-        which = f"{name!r}" if name else f"number {tag}"
+    for dimension, entity, name in model.skipped:
         raise ValueError(
-            f"{origin}: physical {of} {which} names {kind} {entity}, which does not exist; a Boolean "
-            "operation gives new numbers, look them up after it, or take them by place (Curve In "
-            "BoundingBox{...})."
+            f"{origin}: physical {_KIND[dimension]} {name!r} names {_KIND[dimension]} {entity}, which does "
+            "not exist; a Boolean operation gives new numbers, look them up after it, or take them by place "
+            "(Curve In BoundingBox{...})."
         )
-    for dimension, _, name in model.empty:
+    for dimension, name in model.empty:
         raise ValueError(
             f"{origin}: physical {_KIND[dimension]} {name!r} holds no {_KIND[dimension]} of the model; give "
             "it one, or remove it."
@@ -47,7 +48,7 @@ def pass_on(model: FileModel, origin: str) -> None:
     """gmsh's own warnings as ours."""
     for line in dict.fromkeys(model.log):
         kind, _, text = line.partition(": ")
-        if kind == "Warning":
+        if kind == "Warning" and not any(word in text for word in _IDLE):
             warn(origin, f"gmsh warns: {' '.join(text.split())}")
 
 
@@ -81,7 +82,8 @@ def right_spelling(name: str) -> str | None:
         Of a physical group.
     """
     if name.startswith("crack:"):
-        return None
+        parts = [part.strip() for part in name.split(":")]
+        return None if parts == name.split(":") else ":".join(parts)
     head, mark, rest = name.strip().partition(":")
     head = head.strip().casefold()
     if mark and (head == "crack" or difflib.SequenceMatcher(None, head, "crack").ratio() >= 0.75):

@@ -157,12 +157,13 @@ def _tokens(text: str, origin: str) -> tuple[list[_Token], str]:
         if kind == "comment":
             piece_out = " " + "\n" * piece.count("\n")
         elif kind == "text":
-            if "\n" in piece or len(piece.encode()) > _LONGEST_STRING:
+            if len(piece.encode()) > _LONGEST_STRING:
                 raise ValueError(
-                    f"{origin}: the string that begins in line {line} goes over the end of its line or is "
-                    f"longer than {_LONGEST_STRING} bytes; close it."
+                    f"{origin}: the string that begins in line {line} is longer than {_LONGEST_STRING} "
+                    "bytes; close it."
                 )
-            piece_out = _AHEAD_OF_STRING + piece
+            # No line begins within a string: gmsh goes on after a loop at the start of a line.
+            piece_out = _AHEAD_OF_STRING + piece.replace("\n", " ") + "\n" * piece.count("\n")
         else:
             piece_out = piece
         if kind not in ("comment", "blank"):

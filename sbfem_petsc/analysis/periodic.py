@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from ..checks import flag, positive
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.preparation import LONGEST, PeriodSettings, prepare
-from ..dynamics.steady import steady_state
+from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
@@ -36,6 +37,7 @@ def periodic(
     stability: bool = True,
     longest: int = LONGEST,
     tolerance: float | None = None,
+    search: Search | None = None,
 ) -> Orbit:
     """Find the periodic response to periodic loads by shooting.
 
@@ -50,7 +52,8 @@ def periodic(
         Forcing frequency f, Hz.
     periods : int, optional
         Forcing periods in one period of the motion: more than one for subharmonic motions and for tones that
-        are not multiples of f. Default: the fewest in which all tones fit.
+        are not multiples of f. Default: the fewest in which all tones fit, or
+        several times as many where no motion of that period is found and a history settles on a longer one.
     steps : int, optional
         Time steps a forcing period. Default: 512, or as many as keep the step below 0.8 of the shortest modal
         period: coarser ones let contact excite modes falsely.
@@ -72,14 +75,17 @@ def periodic(
         The steps are doubled until the displacements of all named points change by less than this, relative
         L2 over the period; the change is `step_error`.
 
+    search : dynamics.steady.Search, optional
+        How far a motion is looked for where Newton's method does not converge from the first guess.
+
     Raises
     ------
     ValueError, TypeError, KeyError
         For input that makes no sense, tones without a common period, an undamped mode driven at its own
         frequency.
     SolveError
-        If Newton's method converges neither from the first guess nor after some periods of a history nor
-        along a ramp of the load, or the tolerance is not met.
+        If no motion is found, by Newton's method, behind a history, or along a ramp of the load, the damping
+        or the frequency (see `dynamics.steady`), or the tolerance is not met.
     """
     settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest)
     with collective(communicator(model)):
@@ -97,38 +103,47 @@ def periodic(
     if reduction is None:
         assert isinstance(model, Model)
         return unreduced_periodic(model, load, frequency, settings=settings)
+    task = _Task(model, load, frequency, stability, search if contact else NEWTON_ALONE)
     if tolerance is not None:
-        return _refined(model, load, frequency, settings, start, stability, tolerance)
-    return _shot(model, load, frequency, settings, start, stability)
+        return _refined(task, settings, start, tolerance)
+    return _shot(task, settings, start)
 
 
-def _shot(
-    model, load, frequency: float, settings: PeriodSettings, start: Orbit | None, stability: bool
-) -> Orbit:
+@dataclass(frozen=True, eq=False)
+class _Task:
+    """What an orbit is asked for, whatever its steps."""
+
+    model: Model | ReducedModel
+    load: Any
+    frequency: float
+    stability: bool
+    search: Search | None
+
+
+def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
     """The orbit at given steps."""
-    period = prepare("periodic", model, load, frequency, settings=settings, first=start)
-    guess = period.at(frequency).linear_state if start is None else start.state
-    fixed, path = steady_state(period, frequency, guess, settings.jacobian)
-    if not stability:
+    period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, first=start)
+    guess = period.at(task.frequency).linear_state if start is None else start.state
+    fixed, path = find_steady_state(
+        period,
+        task.frequency,
+        guess,
+        jacobian=settings.jacobian,
+        multiples=settings.periods is None,
+        search=task.search,
+    )
+    if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, path)
-    return make_orbit(fixed, *orbit_stability(period, fixed, frequency), path)
+    return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
 
 
-def _refined(
-    model,
-    load,
-    frequency: float,
-    settings: PeriodSettings,
-    start: Orbit | None,
-    stability: bool,
-    tolerance: float,
-) -> Orbit:
+def _refined(task: _Task, settings: PeriodSettings, start: Orbit | None, tolerance: float) -> Orbit:
     """An orbit whose displacements do not change by more than a tolerance when its steps are doubled."""
-    found = _shot(model, load, frequency, settings, start, stability)
+    found = _shot(task, settings, start)
     for _ in range(DOUBLINGS):
         steps = 2 * len(found.time) // found.periods
         settings = replace(settings, steps=steps, periods=found.periods)
-        finer = _shot(model, load, frequency, settings, found, stability)
+        finer = _shot(task, settings, found)
         one, other = (
             np.concatenate([orbit.displacement(point)[::stride] for point in found.points])
             for orbit, stride in ((found, 1), (finer, 2))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -16,10 +17,12 @@ from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.preparation import PeriodSettings, prepare
 from ..dynamics.shooting import Period, shoot
-from ..dynamics.steady import steady_state
+from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
 from ..parallel import collective
+from ..petsc import MPI
 from ..progress import progress_bar
+from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Constant, Signal
 from ..system.model import Model
@@ -52,8 +55,8 @@ def frequency_response(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a Reduction a value for each of its unit
-    loads
+    load : PointForce, EdgeLoad, a sum or a sequence of them; for a system of matrices a value for each of its
+    unit loads
         Numbers are amplitudes of sin(2 pi f t) at the swept frequency; `Constant` signals are preloads.
     start, stop : float
         Hz; `stop` below `start` sweeps downwards.
@@ -70,7 +73,7 @@ def frequency_response(
     stability : bool
         Compute Floquet multipliers and bifurcations.
     file : str, optional
-        HDF5 file that is kept up to date (`results.curves.read_curve`).
+        HDF5 file that is kept up to date (`read_branch`).
     resume : bool
         Continue `file` if it exists, with the same model, loads and settings.
     progress : callable, "auto" or None
@@ -104,13 +107,14 @@ def frequency_response(
     if not contact:
         linear = replace(shooting, steps=INSTANTS)
         return linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
-    period = prepare(what, model, load, start, settings=shooting, first=first, band=highest)
 
-    def begin() -> np.ndarray:
+    def begin(period: Period) -> np.ndarray:
         guess = period.at(start).linear_state if first is None else first.state
-        return steady_state(period, start, guess)[0].state
+        return find_steady_state(period, start, guess, multiples=False)[0].state
 
-    return _follow(period, ParameterRange("frequency", start, stop), begin, settings, progress, comm)
+    with _file(comm, file, resume) as record:
+        period = prepare(what, model, load, start, settings=shooting, first=first, band=highest)
+        return _follow(period, ParameterRange("frequency", start, stop), begin, settings, record, progress)
 
 
 def load_response(
@@ -152,22 +156,40 @@ def load_response(
             raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")
         settings = _checked(what, points, largest_step, stability, True, first, frequency, file, resume)
     steps, periods = _of_first(first, steps, periods)
-    period = prepare(
-        what, model, load, frequency, settings=PeriodSettings(periods, steps, modes), first=first
-    )
+    shooting = PeriodSettings(periods, steps, modes)
 
-    def begin() -> np.ndarray:
+    def begin(period: Period) -> np.ndarray:
         guess = first.state if first is not None else period.at(frequency, start).linear_state
         return shoot(period, guess, frequency, start).state
 
-    return _follow(period, ParameterRange("load", start, stop, frequency), begin, settings, progress, comm)
+    with _file(comm, file, resume) as record:
+        period = prepare(what, model, load, frequency, settings=shooting, first=first)
+        parameter = ParameterRange("load", start, stop, frequency)
+        return _follow(period, parameter, begin, settings, record, progress)
+
+
+def _file(
+    comm: MPI.Comm, file: str | None, resume: bool
+) -> contextlib.AbstractContextManager[BranchFile | None]:
+    """The file of the branch, if there is to be one."""
+    return contextlib.nullcontext() if file is None else BranchFile(comm, file, resume=resume)
 
 
 def _follow(
-    period: Period, parameter: ParameterRange, begin, settings: ContinuationSettings, progress, comm
+    period: Period,
+    parameter: ParameterRange,
+    begin: Callable[[Period], np.ndarray],
+    settings: ContinuationSettings,
+    record: BranchFile | None,
+    progress: Callable[[float], None] | str | None,
 ) -> Branch:
+    comm = period.reduced.comm
+    if record is not None:
+        period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
-        return follow(period, parameter, begin, settings=settings, report=report)
+        return follow(
+            period, parameter, lambda: begin(period), settings=settings, recorder=record, report=report
+        )
 
 
 def _of_first(first: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:
@@ -195,7 +217,7 @@ def _checked(
     flag(what, "contact", contact)
     flag(what, "resume", resume)
     if resume and file is None:
-        raise ValueError(f"{what}: resume = True needs the file to continue, file = 'curve.h5'")
+        raise ValueError(f"{what}: resume = True needs the file to continue, file = 'branch.h5'")
     if first is not None:
         if not isinstance(first, Orbit):
             raise TypeError(f"{what}: first = {first!r} must be an Orbit")

@@ -14,6 +14,7 @@ from ..loads import Loads, as_loads
 from ..parallel import collective
 from ..system.equilibrium import equilibrium
 from ..system.model import Model
+from ..writing import write_table
 
 # Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned:
 # displacements are wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
@@ -71,6 +72,28 @@ class Static:
     def displacement(self, point: str) -> np.ndarray:
         """(2,): displacement of a named point, m."""
         return at_point(self.point_displacements, point)
+
+    def to_csv(self, path: str) -> None:
+        """Write displacements of the named points, stress intensity factors and contact pairs as comma-separated
+        values: quantity, where, number of the pair, value, unit.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        rows: list[tuple[str, str, str, float, str]] = []
+        for point, u in self.point_displacements.items():
+            rows += [(name, point, "", float(value), "m") for name, value in zip(("u_x", "u_y"), u)]
+        for tip, factors in self.stress_intensity.items():
+            rows += [(name, tip, "", float(k), "Pa m^(1/2)") for name, k in zip(("K_I", "K_II"), factors)]
+        rows.append(("contact_resultant", "", "", self.contact_resultant, "N"))
+        crack_of = [self.model.cracks[k].name for k in self.model.pairs.crack]
+        for name, values, unit in (("contact_force", self.contact_force, "N"), ("gap", self.gap, "m")):
+            rows += [(name, at, str(k), float(v), unit) for k, (at, v) in enumerate(zip(crack_of, values), 1)]
+        write_table(path, dict(zip(("quantity", "where", "pair", "value", "unit"), zip(*rows))))
 
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
 from collections.abc import Callable
@@ -13,12 +14,15 @@ import numpy as np
 from ..checks import choice, flag, integer, positive
 from ..dynamics.history import History
 from ..dynamics.initial import modal_start
-from ..dynamics.integration import Steps, integrate
-from ..dynamics.loading import communicator, loading, serving
-from ..dynamics.reduced_history import ReducedIntegrator
-from ..dynamics.unreduced_history import UnreducedIntegrator
+from ..dynamics.integration import Steps, integrate, row_size
+from ..dynamics.loading import Loading, communicator, loading, serving
+from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
+from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
 from ..parallel import collective
+from ..petsc import MPI
 from ..progress import progress_bar
+from ..recording.capacity import KEPT, default_decimation, require_disk, require_memory
+from ..recording.history_file import FormerRun, HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -36,7 +40,7 @@ COARSE = 20
 
 
 class StepWarning(UserWarning):
-    """The time step is coarse for the load's highest frequency, or for contact."""
+    """The time step is coarse for the load's highest frequency or for contact, or not every step is kept."""
 
 
 def transient(
@@ -49,7 +53,7 @@ def transient(
     contact: bool = True,
     scheme: str = "exact",
     start: Any = "rest",
-    decimation: int = 1,
+    decimation: int | None = None,
     reduction: str | None = "modes",
     progress: Callable[[float], None] | str | None = "auto",
     file: str | None = None,
@@ -85,16 +89,17 @@ def transient(
         Zero displacement and velocity; static equilibrium, contact included, under the loads at t = 0;
         functions of x and y (m, arrays) that give (u_x, u_y) in m and m/s, None for zero; or modal
         coordinates and their velocities, (m,) arrays, of a reduced model.
-    decimation : int
-        Every so many steps are kept.
+    decimation : int, optional
+        Every so many steps are kept; the step is shortened so that the last one is among them. Default: every
+        one, unless the history would take more than 1 GB; then the fewest that are left out to stay below, with a
+        warning.
     reduction : "modes" or None
         "modes": lowest modes and residual flexibility; None: the unreduced model by Newmark's average
         acceleration with implicit contact (see `dynamics.unreduced_history`).
     progress : callable, "auto" or None
         Called with the fraction done after each chunk of steps; "auto": a bar on rank 0, on a terminal only.
     file : str, optional
-        HDF5 file that records the history as it runs (`results.history.read_history` reads it, also after
-        Ctrl-C or a kill).
+        HDF5 file that records the history as it runs (`read_history` reads it, also after Ctrl-C or a kill).
     restart : bool
         Continue `file` if it exists, with the same model, loads and settings; the history is that of an
         uninterrupted run. A longer `duration` continues a shorter run, at its step. False: replace it.
@@ -105,7 +110,7 @@ def transient(
     Raises
     ------
     ValueError, TypeError, KeyError
-        For input that makes no sense.
+        For input that makes no sense, and if the history would take more memory or disk than is free.
     SolveError
         If a contact problem is not solved, the energy runs away or `file` cannot be written any more.
 
@@ -113,7 +118,8 @@ def transient(
     -----
     StepWarning
         If the step takes fewer than 20 steps a period of the highest load frequency, or is longer than the
-        period of the highest mode of a reduced model and pairs close.
+        period of the highest mode of a reduced model and pairs close, or if not every step is kept though
+        `decimation` was not given.
     """
     comm = communicator(model)
     with collective(comm):
@@ -138,27 +144,51 @@ def transient(
                 "transient: start in modal coordinates is for the reduced model; give functions of x and y"
             )
     highest = loads.highest_frequency
-    if isinstance(model, Model) and unreduced:
-        touching = contact and len(model.gap_operator) > 0
-        needed = bool(model.damping) or (touching and step is None)
-        damped = (modes or default_modes(model, highest)) if needed else 0
-        top = float(model.modes(damped).frequencies[-1]) if touching and step is None else 0.0
-    else:
-        reduced = serving("transient", model, loads, modes, highest)
-        top = float(reduced.frequencies[-1]) if contact and len(reduced.initial_gap) else 0.0
-        if isinstance(start, tuple) and _by_functions(start):
-            start = modal_start(reduced, start)
-    count, step = _steps(duration, step, highest, top)
-    _warn_if_coarse(highest, step)
-    with progress_bar(comm, "transient", progress) as report:
+    with contextlib.ExitStack() as stack:
+        record = None
+        if file is not None:
+            kind = "unreduced" if unreduced else "reduced"
+            record = stack.enter_context(
+                HistoryFile(comm, file, kind=kind, restart=restart, in_memory=in_memory)
+            )
         if isinstance(model, Model) and unreduced:
-            steps = Steps(count, step, contact, "paper" if scheme == "paper" else "implicit", decimation)
-            with UnreducedIntegrator(
-                model, loads.units, loads.signals, steps=steps, start=start, modes=damped
-            ) as integrator:
-                return integrate(integrator, steps, None, report)
-        steps = Steps(count, step, contact, scheme, decimation)
-        history = integrate(ReducedIntegrator(reduced, loads.signals, steps, start), steps, None, report)
+            touching = contact and len(model.gap_operator) > 0
+            needed = bool(model.damping) or (touching and step is None)
+            damped = (modes or default_modes(model, highest)) if needed else 0
+            top = float(model.modes(damped).frequencies[-1]) if touching and step is None else 0.0
+            row = row_size(unreduced_columns(model))
+        else:
+            reduced = serving("transient", model, loads, modes, highest)
+            reduced = reduced if record is None else record.adopt(reduced)
+            top = float(reduced.frequencies[-1]) if contact and len(reduced.initial_gap) else 0.0
+            row = row_size(reduced_columns(reduced))
+            if isinstance(start, tuple) and _by_functions(start):
+                start = modal_start(reduced, start)
+        former = record.former if record is not None else None
+        step = _default_step(duration, highest, top) if step is None and former is None else step
+        count, step, every = _plan(duration, step, decimation, row, former)
+        _warn_if_coarse(highest, step)
+        if every > 1 and decimation is None and former is None:
+            warnings.warn(
+                f"transient: of {count:,d} steps every {every} are kept, for all of them would take more than "
+                f"{KEPT / 1e9:g} GB; decimation = 1 keeps all",
+                StepWarning,
+                stacklevel=2,
+            )
+        steps = Steps(count, step, contact, "implicit" if unreduced and scheme != "paper" else scheme, every)
+        _require_room(comm, steps, row, file, in_memory=in_memory, former=former)
+        report = stack.enter_context(progress_bar(comm, "transient", progress))
+        if isinstance(model, Model) and unreduced:
+            integrator = stack.enter_context(
+                UnreducedIntegrator(model, loads.units, loads.signals, steps=steps, start=start, modes=damped)
+            )
+            if record is not None:
+                _begin_unreduced(record, integrator, loads, start)
+            return integrate(integrator, steps, record, report)
+        advanced = ReducedIntegrator(reduced, loads.signals, steps, start)
+        if record is not None:
+            _begin_reduced(record, advanced, loads, start)
+        history = integrate(advanced, steps, record, report)
     if step * top > 1.0 and history.states.contact.any():
         warnings.warn(
             f"the step of {step:.3g} s is longer than the period of the highest mode ({top:.6g} Hz), and "
@@ -208,7 +238,8 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
         raise ValueError(
             "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
         )
-    duration, decimation = float(history.time[-1]), options.pop("decimation", 1)
+    duration, decimation = float(history.time[-1]), round(float(history.time[1]) / history.step)
+    options.pop("decimation", None)
     modes, step = len(history.reduced.omega), 0.5 * history.step
     halved = transient(model, load, duration, step, modes=modes, decimation=2 * decimation, **options)
     # at half of the step too: more modes need a finer one where there is contact
@@ -231,7 +262,8 @@ def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
             raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
     if modes is not None:
         integer("transient", "modes", modes, least=1)
-    integer("transient", "decimation", decimation, least=1)
+    if decimation is not None:
+        integer("transient", "decimation", decimation, least=1)
     flag("transient", "contact", contact)
     choice("transient", "scheme", scheme, ("exact", "newmark", "paper"))
     if not (isinstance(start, tuple) and len(start) == 2):
@@ -250,13 +282,93 @@ def _by_functions(start: tuple) -> bool:
     return all(part is None or callable(part) for part in start)
 
 
-def _steps(duration: float, step: float | None, highest: float, top: float) -> tuple[int, float]:
-    """Number of steps and the step that divides `duration`; `highest` of the loads, `top` of the modes, Hz."""
-    if step is None:
-        step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
-        step = min(step, CONTACT_STEP / top) if top > 0.0 else step
-    count = max(1, math.ceil(duration / step * (1.0 - 1e-9)))
-    return count, duration / count
+def _default_step(duration: float, highest: float, top: float) -> float:
+    """Time step for the highest frequencies of the loads and of the modes, Hz."""
+    step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
+    return min(step, CONTACT_STEP / top) if top > 0.0 else step
+
+
+def _plan(
+    duration: float, step: float | None, decimation: int | None, row: int, former: FormerRun | None
+) -> tuple[int, float, int]:
+    """Number of steps, the step, and every how many are kept: with those of the file that is to be continued if
+    none or the same were asked for, otherwise such that they divide `duration`.
+    """
+    if former is not None:
+        decimation = former.decimation if decimation is None else decimation
+        if step is None or _multiple(former.count * former.step / step, decimation) == former.count:
+            return _multiple(duration / former.step, decimation), former.step, decimation
+    assert step is not None
+    count = _multiple(duration / step, 1)
+    decimation = default_decimation(count, row) if decimation is None else decimation
+    count = _multiple(count, decimation)
+    return count, duration / count, decimation
+
+
+def _multiple(steps: float, divisor: int) -> int:
+    """The least multiple of a divisor that reaches a number of steps."""
+    return divisor * max(1, math.ceil(steps / divisor * (1.0 - 1e-9)))
+
+
+def _require_room(
+    comm: MPI.Comm, steps: Steps, row: int, file: str | None, *, in_memory: bool, former: FormerRun | None
+) -> None:
+    """Refuse a history that would take more memory or disk than is free."""
+    needed, what = float(steps.kept * row), f"{steps.kept:,d} instants of {row:,d} bytes"
+
+    def fewer(share: float) -> str:
+        return f"keep every {math.ceil(steps.decimation / share)}th step or fewer (decimation)"
+
+    if in_memory:
+        require_memory(
+            "transient",
+            comm,
+            needed,
+            what,
+            lambda share: f"{fewer(share)}, or leave them in a file (file = 'history.h5', in_memory = False)",
+        )
+    if file is not None:
+        continued = former is not None and former.count == steps.count
+        require_disk("transient", comm, file, needed=needed, what=what, continued=continued, remedy=fewer)
+
+
+def _settings(steps: Steps, start, norms, chunk: int) -> dict[str, Any]:
+    """What a file must have been written with to be continued."""
+    return {
+        "count": steps.count,
+        "step": steps.step,
+        "contact": steps.contact,
+        "scheme": steps.scheme,
+        "start": start,
+        "start_norms": np.array(norms, dtype=float),
+        "decimation": steps.decimation,
+        "chunk": chunk,
+    }
+
+
+def _begin_reduced(record: HistoryFile, integrator: ReducedIntegrator, loads: Loading, start) -> None:
+    """Tell a file what a reduced model's history will hold."""
+    norms = []
+    if not isinstance(start, str):
+        norms = [np.linalg.norm(integrator.reduced.omega * start[0]), np.linalg.norm(start[1])]
+    name = start if isinstance(start, str) else "modal"
+    settings = _settings(integrator.steps, name, norms, integrator.chunk)
+    record.begin(integrator.columns, settings, loads.signals)
+
+
+def _begin_unreduced(record: HistoryFile, integrator: UnreducedIntegrator, loads: Loading, start) -> None:
+    """Tell a file what an unreduced model's history will hold."""
+    model, march = integrator.model, integrator.march
+    norms = np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v])))
+    name = start if isinstance(start, str) else "functions"
+    settings = _settings(integrator.steps, name, norms, integrator.chunk) | {
+        "damping": model.damping,
+        "damped_modes": len(march.omega),
+        "rayleigh": np.array(model.rayleigh),
+        "pairs": model.gap_operator.pairs,
+    }
+    texts = {"points": tuple(model.points), "tips": model.tips.names}
+    record.begin(integrator.columns, settings, loads.signals, texts=texts, fingerprint=march.fingerprint())
 
 
 def _warn_if_coarse(highest: float, step: float) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import UnknownName
 from ..reduction.reduced_model import ReducedModel
+from ..writing import write_table
 from .bifurcations import Bifurcation
 from .orbit import FLOOR, Orbit, axis_number, make_orbit
 from .shooting import FixedPoint, Period
@@ -119,6 +120,35 @@ class Branch:
     def peak(self, point: str) -> Peak:
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
+
+    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
+        """Write parameter, verdict, contact and the amplitudes and first harmonics of points (default: all) as
+        comma-separated values.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError, KeyError
+            If it cannot be written, or for an unknown point.
+        """
+        first = (
+            ("frequency_Hz", "load_factor")
+            if self.parameter == "frequency"
+            else ("load_factor", "frequency_Hz")
+        )
+        other = np.ones(len(self.value)) if self.parameter == "frequency" else self.frequency
+        columns = {
+            first[0]: self.value,
+            first[1]: other,
+            "stable": self.stable.astype(int),
+            "contact_peak_N": self.contact_peak,
+        }
+        for point in self.points if points is None else points:
+            columns[f"amplitude_{point}_m"] = self.amplitude(point)
+            for k in (1, 2, 3):
+                columns[f"harmonic{k}_y_{point}_m"] = np.abs(self.harmonics(point)[:, k])
+        write_table(path, columns)
 
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""

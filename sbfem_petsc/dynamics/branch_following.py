@@ -31,11 +31,11 @@ class BranchRecorder(Protocol):
 
     Attributes
     ----------
-    former : (states (n, 2 m), values (n,), float) or None
-        Points of the run that is resumed, and the length of its next step.
+    former : (states (n, 2 m), values (n,), float, str) or None
+        Points of the run that is resumed, the length of its next step, and why it ended.
     """
 
-    former: tuple[np.ndarray, np.ndarray, float] | None
+    former: tuple[np.ndarray, np.ndarray, float, str] | None
 
     def update(self, branch: Callable[[], Branch], length: float, last: bool = False) -> None:
         """Keep the branch as it is and the length of its next step. Collective."""
@@ -84,7 +84,7 @@ def follow(
     continuation = Continuation(period, points[0], parameter, settings)
     continuation.points = points
     if former is not None:
-        continuation.length = former[2]
+        continuation.length, continuation.reason = former[2:]
     rows = PointRows(period, settings.stability)
     for item in points:
         rows.add(item)

@@ -153,7 +153,7 @@ class Continuation:
         period: Period,
         first: ContinuationPoint,
         parameter: ParameterRange,
-        settings: ContinuationSettings = ContinuationSettings(),  # noqa: B008 - frozen
+        settings: ContinuationSettings = ContinuationSettings(),
     ):
         self.period, self.parameter, self.settings = period, parameter, settings
         self.points = [first]

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import os
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..checks import real
 from ..errors import UnknownName
+from ..writing import write_table
 from .energy import Energy
 from .states import ModalStates, SampledStates
 
@@ -90,6 +89,11 @@ class Motion:
         """Write time, displacements of points (default: all) and the contact resultant as comma-separated values.
 
         The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError, KeyError
+            If it cannot be written, or for an unknown point.
         """
         chosen = self.points if points is None else points
         columns = {"time_s": self.time}
@@ -97,17 +101,7 @@ class Motion:
             u = self.displacement(point)
             columns |= {f"ux_{point}_m": u[:, 0], f"uy_{point}_m": u[:, 1]}
         columns["contact_resultant_N"] = self.contact_resultant
-        temporary = f"{os.fspath(path)}.part"
-        try:
-            with open(temporary, "w", newline="", encoding="utf-8") as file:
-                writer = csv.writer(file)
-                writer.writerow(columns)
-                writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values())))
-            os.replace(temporary, path)
-        except OSError as error:
-            if os.path.exists(temporary):
-                os.remove(temporary)
-            raise ValueError(f"to_csv: {path!r} cannot be written ({error.strerror or error})") from None
+        write_table(path, columns)
 
 
 @dataclass(frozen=True, eq=False)

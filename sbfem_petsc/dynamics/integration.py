@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
@@ -78,7 +79,9 @@ class Recorder(Protocol):
     in_memory: bool
 
     def resume(self) -> tuple[int, Rows, np.ndarray] | None:
-        """Steps done, rows and this rank's checkpoint of a former run; None for a new one. Collective."""
+        """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new one.
+        Collective.
+        """
 
     def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
         """Keep the rows of a chunk and the state after it. Collective."""
@@ -98,26 +101,39 @@ def integrate(
     if former is not None:
         done, rows, checkpoint = former
         integrator.restore(checkpoint)
-        parts = [rows]
     else:
-        parts = [integrator.first()]
+        rows = integrator.first()
         if recorder is not None:
-            recorder.append(0, parts[0], integrator.checkpoint())
-    in_memory = recorder is None or recorder.in_memory
+            recorder.append(0, rows, integrator.checkpoint())
+    kept: Rows | None = None
+    if recorder is None or recorder.in_memory:  # made at once, so that nothing is held twice
+        kept = {name: np.empty((steps.kept, *column.shape)) for name, column in integrator.columns.items()}
+    filled = _fill(kept, rows, 0)
     while done < steps.count:
-        if not in_memory:
-            parts.clear()
         size = min(integrator.chunk, steps.count - done)
         rows = integrator.advance(done, size, steps.decimation)
         done += size
-        parts.append(rows)
+        filled = _fill(kept, rows, filled)
         if recorder is not None:
             recorder.append(done, rows, integrator.checkpoint())
         if progress is not None:
             progress(done / steps.count)
-    if recorder is not None and not in_memory:
-        return integrator.history(recorder.recorded())
-    # one list after another is given up, so that not everything is held twice
-    return integrator.history(
-        {name: np.concatenate([part.pop(name) for part in parts]) for name in integrator.columns}
-    )
+    if kept is None:
+        assert recorder is not None
+        kept = recorder.recorded()
+    return integrator.history(kept)
+
+
+def _fill(kept: Rows | None, rows: Rows, first: int) -> int:
+    """Put rows in their place; the number of rows so far."""
+    if kept is None:
+        return 0
+    last = first + len(rows["time"])
+    for name, values in rows.items():
+        kept[name][first:last] = values
+    return last
+
+
+def row_size(columns: dict[str, Column]) -> int:
+    """Bytes of a row."""
+    return 8 * sum(math.prod(column.shape) for column in columns.values())

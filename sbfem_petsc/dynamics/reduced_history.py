@@ -50,15 +50,7 @@ class ReducedIntegrator:
         )
         self.ledger = Ledger(r, steps.step, smooth=steps.scheme != "newmark")
         self.exchanges = 0
-        modes, loads = r.load_modes.shape
-        self.columns = {
-            "time": Column((), "s", "instants"),
-            "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
-            "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
-            "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
-            "contact_force": Column((self.size,), "N", "forces of the contact rows, compression positive"),
-            "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
-        }
+        self.columns = reduced_columns(r)
 
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
         if not self.signals:
@@ -119,7 +111,7 @@ class ReducedIntegrator:
         return {name: value[kept] for name, value in zip(self.columns, values)}
 
     def checkpoint(self) -> np.ndarray:
-        """State, contact set and the energies' account."""
+        """State, contact set and the energies' account; the number of exchanges comes first."""
         ledger = self.ledger
         parts = [[self.exchanges, ledger.supplied], ledger.work, self.q, self.v, self.force, self.active]
         return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
@@ -140,6 +132,26 @@ class ReducedIntegrator:
     def history(self, rows: Rows) -> History:
         """The motion of all rows."""
         return reduced_history(rows, self.reduced, self.steps.step, self.exchanges)
+
+
+def reduced_columns(reduced: ReducedModel) -> dict[str, Column]:
+    """What is kept of each instant."""
+    modes, loads = reduced.load_modes.shape
+    return {
+        "time": Column((), "s", "instants"),
+        "modal_displacement": Column((modes,), "m sqrt(kg)", "modal coordinates q"),
+        "modal_velocity": Column((modes,), "m sqrt(kg)/s", "derivative of q"),
+        "amplitudes": Column((loads,), "unit of the load", "values of the load signals"),
+        "contact_force": Column(
+            (len(reduced.initial_gap),), "N", "forces of the contact rows, compression positive"
+        ),
+        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+    }
+
+
+def recorded_exchanges(checkpoint: np.ndarray) -> int:
+    """Exchanges of active sets up to a checkpoint."""
+    return int(checkpoint[0])
 
 
 def reduced_history(

@@ -280,7 +280,12 @@ class FixedPoint:
 
 
 def shoot(
-    period: Period, state: np.ndarray, frequency: float, factor: float = 1.0, jacobian: str = "auto"
+    period: Period,
+    state: np.ndarray,
+    frequency: float,
+    factor: float = 1.0,
+    jacobian: str = "auto",
+    iterations: int | None = None,
 ) -> FixedPoint:
     """Fixed point of a period near a state, by SNES.
 
@@ -297,6 +302,9 @@ def shoot(
         Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion
         without contact; or finite differences, an integration for each unknown (the paper's way).
 
+    iterations : int, optional
+        Newton iterations at most. Default: `ITERATIONS`.
+
     Raises
     ------
     SolveError
@@ -304,7 +312,7 @@ def shoot(
     """
     if jacobian == "auto":
         jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
-    return _Newton(period, jacobian, (), None).solve(
+    return _Newton(period, jacobian, (), None, iterations).solve(
         state, lambda _: period.at(frequency, factor), np.zeros(0)
     )
 
@@ -333,7 +341,15 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
 class _Newton:
     """SNES on the residual of a period and conditions on its free parameters."""
 
-    def __init__(self, period: Period, jacobian: str, parameters: tuple[str, ...], condition):
+    def __init__(
+        self,
+        period: Period,
+        jacobian: str,
+        parameters: tuple[str, ...],
+        condition,
+        iterations: int | None = None,
+    ):
+        self.iterations = ITERATIONS if iterations is None else iterations
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
         self.residuals, self.key = [], None
 
@@ -373,7 +389,7 @@ class _Newton:
             rtol=RELATIVE,
             atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300),
             stol=0.0,
-            max_it=ITERATIONS,
+            max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
         snes.setFromOptions()

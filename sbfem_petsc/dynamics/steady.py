@@ -1,71 +1,324 @@
-"""Fixed points that Newton's method does not find from its first guess."""
+"""Search for a steady state where Newton's method does not converge from the first guess.
+
+A stable steady state is what a history settles on, so a history is followed until Newton's method takes over
+from it; one period costs a small part of a Newton iteration. Steady states that no history reaches, or that
+take too long, are looked for along branches: from a small load, from larger damping, from neighbouring
+frequencies. The message of a search in vain says what was tried and how far it came.
+"""
 
 from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .continuation import Continuation, ContinuationPoint, ParameterRange
+from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
 from .shooting import FixedPoint, Period, shoot
 
-# Periods of a history after which Newton's method is tried again.
-SETTLING = (1, 3, 10, 30)
-# Factor on the oscillating loads from which a ramp starts where Newton's method does not converge at full load.
-RAMP = 0.02
+
+@dataclass(frozen=True)
+class Search:
+    """How far a steady state is looked for.
+
+    Attributes
+    ----------
+    settling : tuple of int
+        Periods of a history after which Newton's method is tried; the last number is doubled from then on.
+    time_constants : float
+        The history is given up after so many time constants of the mode that decays most slowly ...
+    work : float
+        ... or so many steps times modes, here and, a tenth of them, before other ways are tried.
+    attempt : int
+        Newton iterations of one attempt; from a history that is near its end two to four are enough.
+    longest : int
+        Multiples of the loads' period that a history is watched for.
+    ramp : float
+        Factor on the oscillating loads from which they are raised; 0: they are not.
+    dampings : tuple of float
+        Factors on the damping ratios from which they are lowered.
+    neighbours : tuple of float
+        Relative distances of the frequencies from which the wanted one is approached.
+    """
+
+    settling: tuple[int, ...] = (1, 3, 10, 30)
+    time_constants: float = 40.0
+    work: float = 6e8
+    attempt: int = 12
+    longest: int = 6
+    ramp: float = 0.02
+    dampings: tuple[float, ...] = (4.0, 16.0, 64.0)
+    neighbours: tuple[float, ...] = (0.01, -0.01, 0.04, -0.04)
 
 
-def steady_state(
-    period: Period, frequency: float, guess: np.ndarray, jacobian: str = "auto"
+NEWTON_ALONE = Search(settling=(), ramp=0.0, dampings=(), neighbours=())
+# Of the state's size: a change over some periods below which a history has come back to where it was, and of
+# the change over fewer periods: below which that is more than slow settling.
+RETURNED, TRULY = 1e-4, 1e-2
+# Newton's method is tried again behind a long history if that has come nearer to its end by this factor.
+NEARER = 0.3
+# Smallest factor between two damping ratios on the way down.
+FINEST = 1.002
+
+
+def find_steady_state(
+    period: Period,
+    frequency: float,
+    guess: np.ndarray,
+    *,
+    jacobian: str = "auto",
+    multiples: bool = True,
+    search: Search | None = None,
 ) -> tuple[FixedPoint, str]:
-    """A fixed point and how it was reached: "Newton", "history" or "ramp of the load".
+    """A periodic motion, by whatever leads to one.
+
+    Parameters
+    ----------
+    period : Period
+        With contact.
+    frequency : float
+        Hz.
+    guess : (2 m,) array
+        First guess of x(0) = (Omega q, q').
+    jacobian : str
+        See `shoot`.
+    multiples : bool
+        Whether a motion of several of the loads' periods is an answer, if a history settles on one.
+    search : Search, optional
+
+    Returns
+    -------
+    shot : FixedPoint
+        Its `driven.period` is the given one or one of several times its length.
+    path : str
+        "Newton", "history", "ramp of the load", "ramp of the damping" or "neighbouring frequency".
 
     Raises
     ------
     SolveError
-        If there is none from the guess, after some periods of a history, or along a ramp of the load.
+        If nothing leads to one; it says what was tried.
     """
     try:
         return shoot(period, guess, frequency, jacobian=jacobian), "Newton"
     except SolveError as error:
-        if not period.pairs:
-            raise
-        found = _settled(period, frequency, guess)
-        if found is not None:
-            return found, "history"
-        return _ramped(period, frequency, error), "ramp of the load"
+        first = error
+    tried = _Attempts(period, frequency, guess, jacobian, multiples, search or Search())
+    for attempt, path in (
+        (tried.settle_first, "history"),
+        (tried.raise_load, "ramp of the load"),
+        (tried.lower_damping, "ramp of the damping"),
+        (tried.from_neighbours, "neighbouring frequency"),
+        (tried.settle, "history"),
+    ):
+        shot = attempt()
+        if shot is not None:
+            return shot, path
+    others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
+    raise on_all_ranks(SolveError(f"{first}{others}"))
 
 
-def _settled(period: Period, frequency: float, state: np.ndarray) -> FixedPoint | None:
-    """Fixed point from where a history of some periods has brought the state: it forgets what Newton's method
-    cannot leave.
-    """
-    driven, done = period.at(frequency), 0
-    for periods in SETTLING:
+class _Attempts:
+    """The ways to a steady state, and what is to be notes of each that failed."""
+
+    def __init__(self, period: Period, frequency: float, guess, jacobian: str, multiples: bool, search):
+        self.period, self.frequency, self.guess = period, frequency, guess
+        self.jacobian, self.multiples, self.search = jacobian, multiples, search
+        self.notes: list[str] = []
+
+    def _newton(self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0):
+        """The fixed point near a state, or None."""
         try:
-            for _ in range(periods - done):
-                state = state + driven.run(state).residual
-            done = periods
-            return shoot(period, state, frequency)
+            return shoot(period, state, frequency, factor, self.jacobian, self.search.attempt)
         except SolveError:
-            continue
-    return None
+            return None
+
+    # ---------------------------------------------------------------- a history
+    def settle_first(self) -> FixedPoint | None:
+        """Where a history settles soon."""
+        most = 0.1 * self.search.work / (self.period.steps * self.period.modes)
+        shot, _, _, repeat = self._history(self.period, self.frequency, self.guess, most)
+        return shot
+
+    def settle(self) -> FixedPoint | None:
+        """Where a history settles in the end."""
+        shot, done, change, repeat = self._history(self.period, self.frequency, self.guess)
+        if shot is None and done:
+            self.notes.append(
+                f"a history of {done} periods, after which x(T) - x(0) is at {change:.1e} of x(0)"
+                + (
+                    f" and which repeats itself after {repeat} periods: give periods={repeat}"
+                    if repeat
+                    else ""
+                )
+            )
+        return shot
+
+    def _history(self, period: Period, frequency: float, state: np.ndarray, most: float = math.inf):
+        """Fixed point behind a history, or None; periods done, relative change over the last one, and number
+        of periods after which the history repeats itself where that is more than one (else 0).
+        """
+        driven = period.at(frequency)
+        most = min(most, self._patience(period, driven.duration))
+        size = np.linalg.norm(driven.linear_state)
+        past: deque[np.ndarray] = deque([state], self.search.longest + 1)
+        done, change, repeat, tried_at = 0, math.nan, 0, math.inf
+        for target in self._rounds(most):
+            try:
+                while done < target:
+                    past.append(past[-1] + driven.run(past[-1]).residual)
+                    done += 1
+            except SolveError as error:  # a contact problem that was not solved
+                self.notes.append(str(error))
+                return None, done, change, repeat
+            norm = max(np.linalg.norm(past[-1]), size, 1e-300)
+            changes = [np.linalg.norm(past[-1] - past[-1 - n]) / norm for n in range(1, len(past))]
+            change = changes[0]
+            # a failed attempt takes as long as some hundreds of periods
+            if done <= self.search.settling[-1] or target >= most or not change > NEARER * tried_at:
+                tried_at, shot = change, self._newton(period, past[-1], frequency)
+                if shot is not None:
+                    return shot, done, change, 0
+            repeat = _recurrence(changes)
+            if repeat:
+                if self.multiples:
+                    shot = self._newton(_repeated(period, repeat), past[-1], frequency)
+                    if shot is not None:
+                        return shot, done, change, repeat
+                elif changes[repeat - 1] < 1e-2 * RETURNED:
+                    break
+        return None, done, change, repeat
+
+    def _rounds(self, most: float):
+        last = 0
+        for last in self.search.settling:
+            if last >= most:
+                break
+            yield last
+        while 0 < last < most:
+            last = int(min(2 * last, most))
+            yield last
+
+    def _patience(self, period: Period, duration: float) -> float:
+        """Periods after which a history is given up; none without damping."""
+        r = period.reduced
+        slowest = float((r.damping * period.weights).min()) * duration
+        if slowest <= 0.0:
+            return self.search.settling[-1] if self.search.settling else 0
+        most = self.search.work / (period.steps * period.modes)
+        return math.ceil(min(most, max(self.search.time_constants / slowest, 100.0)))
+
+    # ---------------------------------------------------------------- along branches
+    def raise_load(self) -> FixedPoint | None:
+        """The end of a branch from a small load. With nothing but touching faces and no constant load, the
+        motion is proportional to the load and nothing is gained.
+        """
+        period, frequency, ramp = self.period, self.frequency, self.search.ramp
+        if (
+            ramp <= 0.0
+            or not (period.excitation.orders == 0).any()
+            and not period.reduction.initial_gap[: period.pairs].any()
+        ):
+            return None
+        first = self._newton(period, period.at(frequency, ramp).linear_state, frequency, ramp)
+        if first is None:
+            self.notes.append(f"a ramp of the load, without a motion at {ramp:g} of it")
+            return None
+        trace = Continuation(
+            period, ContinuationPoint(first, ramp), ParameterRange("load", 0.0, 1.0, frequency)
+        )
+        shot = self._end(trace, 1.0)
+        if shot is None:
+            self.notes.append(f"a ramp of the load, which ended as well: {trace.reason} of the full load")
+        return shot
+
+    def lower_damping(self) -> FixedPoint | None:
+        """From a motion with larger damping, in steps of the damping ratio that halve where one fails."""
+        start, factor = None, 1.0
+        for factor in self.search.dampings:
+            damped = _with_damping(self.period, factor)
+            start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
+            if start is None:
+                start = self._history(damped, self.frequency, damped.at(self.frequency).linear_state, 240)[0]
+            if start is not None:
+                break
+        if start is None:
+            if self.search.dampings and self.period.reduction.damping.any():
+                self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
+            return None
+        # near a resonance the motion grows as the inverse of the damping
+        state, slope, ratio = start.state, np.zeros(len(start.state)), factor**0.25
+        while factor > 1.0:
+            following = max(1.0, factor / ratio)
+            guess = state + slope * (1.0 / following - 1.0 / factor)
+            shot = self._newton(_with_damping(self.period, following), guess, self.frequency)
+            if shot is None:
+                ratio = math.sqrt(ratio)
+                if ratio < FINEST:
+                    self.notes.append(
+                        f"a ramp of the damping, which ended at {factor:.4g} times the given one"
+                    )
+                    return None
+                continue
+            slope = (shot.state - state) / (1.0 / following - 1.0 / factor)
+            state, factor, ratio = shot.state, following, ratio**1.3
+        # the map itself, not a copy of it
+        return self._newton(self.period, state, self.frequency)
+
+    def from_neighbours(self) -> FixedPoint | None:
+        """The end of a branch over the frequency, from either side."""
+        ends = []
+        for distance in self.search.neighbours:
+            value = self.frequency * (1.0 + distance)
+            state = self.period.at(value).linear_state
+            shot = self._newton(self.period, state, value)
+            if shot is None:
+                shot = self._history(self.period, value, state, 240)[0]
+            if shot is None or shot.driven.period is not self.period:
+                ends.append(f"{value:.6g} Hz (no motion there)")
+                continue
+            beyond = value + (value - self.frequency)
+            trace = Continuation(
+                self.period,
+                ContinuationPoint(shot, value),
+                ParameterRange("frequency", beyond, self.frequency),
+                ContinuationSettings(points=40),
+            )
+            found = self._end(trace, self.frequency)
+            if found is not None:
+                return found
+            ends.append(f"{value:.6g} Hz (until {trace.reason})")
+        if ends:
+            self.notes.append(f"continuation from {', '.join(ends)}")
+        return None
+
+    def _end(self, trace: Continuation, value: float) -> FixedPoint | None:
+        """The end of a branch, where the range ends at the wanted value."""
+        try:
+            for station in trace:
+                if abs(station.value - value) <= 1e-12 * abs(value):
+                    # the branch ends at the value itself, not near it
+                    return self._newton(self.period, station.fixed.state, self.frequency)
+        except (SolveError, np.linalg.LinAlgError) as error:
+            trace.reason = str(error)
+        return None
 
 
-def _ramped(period: Period, frequency: float, error: SolveError) -> FixedPoint:
-    """Fixed point at full load, at the end of a branch from a small one."""
-    try:
-        first = shoot(period, period.at(frequency, RAMP).linear_state, frequency, RAMP)
-    except SolveError:
-        raise error from None
-    continuation = Continuation(
-        period,
-        ContinuationPoint(first, RAMP),
-        ParameterRange("load", 0.0, 1.0, frequency),
-    )
-    for point in continuation:
-        if point.value >= 1.0:
-            # the branch ends at the load itself, not near it
-            return shoot(period, point.fixed.state, frequency)
-    raise on_all_ranks(
-        SolveError(f"{error}; a ramp of the load ended as well: {continuation.reason} of the full load")
-    )
+def _recurrence(changes: list[float]) -> int:
+    """The fewest periods, more than one, after which a state has returned though not after one; 0 if none."""
+    for n in range(2, len(changes) + 1):
+        if changes[n - 1] < RETURNED and changes[n - 1] < TRULY * min(changes[: n - 1]):
+            return n
+    return 0
+
+
+def _repeated(period: Period, times: int) -> Period:
+    """The same map over several of its periods."""
+    return Period(period.reduced, period.excitation.repeated(times), times * period.steps, period.pairs > 0)
+
+
+def _with_damping(period: Period, factor: float) -> Period:
+    """The same map with the damping ratios times a factor, critical at most."""
+    reduced = replace(period.reduced, damping=np.minimum(factor * period.reduction.damping, 1.0))
+    return Period(reduced, period.excitation, period.steps, period.pairs > 0)

@@ -69,18 +69,7 @@ class UnreducedIntegrator:
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
         self.pencil = Pencil(model, 1.0, 0.0)
         self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
-        tips = len(model.tips.names)
-        points, size = len(model.points), len(model.gap_operator)
-        self.columns = {
-            "time": Column((), "s", "instants"),
-            "displacement": Column((points, 2), "m", "of the named points"),
-            "velocity": Column((points, 2), "m/s", "of the named points"),
-            "acceleration": Column((points, 2), "m/s^2", "of the named points"),
-            "contact_force": Column((size,), "N", "forces of the contact rows, compression positive"),
-            "gap": Column((size,), "m", "gaps of the contact rows"),
-            "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
-            "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
-        }
+        self.columns = unreduced_columns(model)
         self.force = self._set_start(units, start)
         self.march.initial = float(self.march.energies().sum())
 
@@ -185,6 +174,21 @@ class UnreducedIntegrator:
         march.force = force
         march.settle(fold=False)
         return force
+
+
+def unreduced_columns(model: Model) -> dict[str, Column]:
+    """What is kept of each instant."""
+    points, tips, size = len(model.points), len(model.tips.names), len(model.gap_operator)
+    return {
+        "time": Column((), "s", "instants"),
+        "displacement": Column((points, 2), "m", "of the named points"),
+        "velocity": Column((points, 2), "m/s", "of the named points"),
+        "acceleration": Column((points, 2), "m/s^2", "of the named points"),
+        "contact_force": Column((size,), "N", "forces of the contact rows, compression positive"),
+        "gap": Column((size,), "m", "gaps of the contact rows"),
+        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+        "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
+    }
 
 
 def unreduced_history(

@@ -1,1 +1,31 @@
-"""Pictures."""
+"""Pictures of results: every function returns matplotlib's axes, and `save_picture` writes them."""
+
+try:
+    import matplotlib  # noqa: F401 - the one place that says what is missing
+except ImportError as error:  # pragma: no cover - depends on the machine
+    raise ImportError(
+        f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"
+    ) from error
+
+from .branches import plot_branches
+from .drawing import save_picture
+from .fields import plot_contact, plot_crack, plot_modes
+from .histories import Panel, plot_histories, plot_history, plot_spectra
+from .meshes import plot_discretisation
+from .orbits import plot_harmonics, plot_multipliers, plot_orbit
+
+__all__ = [
+    "Panel",
+    "plot_branches",
+    "plot_contact",
+    "plot_crack",
+    "plot_discretisation",
+    "plot_harmonics",
+    "plot_histories",
+    "plot_history",
+    "plot_modes",
+    "plot_multipliers",
+    "plot_orbit",
+    "plot_spectra",
+    "save_picture",
+]

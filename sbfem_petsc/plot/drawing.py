@@ -1,4 +1,4 @@
-"""Figures on the Agg canvas: palette, style, saving.
+"""Figures on the Agg canvas: palette, style, saving as files.
 
 Through matplotlib's object-oriented interface alone: no display, no global state.
 """
@@ -6,12 +6,16 @@ Through matplotlib's object-oriented interface alone: no display, no global stat
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+
+from ..writing import destination, replaced
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
 BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
@@ -28,7 +32,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 MATERIAL = "#E8EDF2"
 WIDTH = 7.2  # inches: two columns of a journal
 RESOLUTION = 200  # dots per inch
-MILLI = 1e3
+FORMATS = ("png", "svg", "pdf")
 
 
 def figure(height: float, width: float = WIDTH) -> Figure:
@@ -38,21 +42,36 @@ def figure(height: float, width: float = WIDTH) -> Figure:
     return result
 
 
-def save(drawing: Figure, path: str) -> str:
-    """Write a PNG, whole or not at all.
+def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> str | None:
+    """Write a picture, whole or not at all: PNG, SVG or PDF by the name's ending.
+
+    Parameters
+    ----------
+    drawing : axes, several of one figure, or the figure; None on ranks that drew nothing
+    path : str
+
+    Returns
+    -------
+    str, None on ranks that drew nothing
 
     Raises
     ------
-    ValueError
-        If it cannot be written.
+    TypeError, ValueError
+        If it is no drawing, or cannot be written.
     """
-    temporary = f"{path}.part"
-    try:
-        drawing.savefig(temporary, format="png", dpi=RESOLUTION)
-        os.replace(temporary, path)
-    except OSError as error:
-        raise ValueError(f"picture {path!r} cannot be written: {error.strerror or error}") from None
-    return path
+    if drawing is None:
+        return None
+    first = drawing if isinstance(drawing, (Axes, Figure)) else next(iter(np.ravel(drawing)), None)  # type: ignore[arg-type]
+    picture = first.figure if isinstance(first, Axes) else first
+    if not isinstance(picture, Figure):
+        raise TypeError(f"save_picture: {drawing!r} is neither axes nor a figure")
+    place = destination(path, "picture")
+    form = os.path.splitext(place)[1].lower()[1:]
+    if form not in FORMATS:
+        raise ValueError(f"picture {path!r} must end in one of {', '.join('.' + f for f in FORMATS)}")
+    with replaced(path, "picture") as temporary:
+        picture.savefig(temporary, format=form, dpi=RESOLUTION)
+    return os.fspath(path)
 
 
 def style(axes) -> None:
@@ -71,11 +90,11 @@ def crack_title(crack) -> str:
     return crack.name if crack.name.startswith("crack") else f"crack {crack.name}"
 
 
-def fill(axes, rings, colour, edge, width, line="-") -> None:
-    """Closed loops, holes running the other way round, as one filled shape; metres in, millimetres drawn."""
+def fill(axes: Axes, rings, scale: float, *, colour: str, edge: str, width: float, line="-") -> None:
+    """Closed loops (m), holes running the other way round, as one filled shape; drawn in units of 1 / scale."""
     vertices, codes = [], []
     for ring in rings:
-        points = np.concatenate(ring) * MILLI
+        points = np.concatenate(ring) * scale
         vertices.append(np.vstack([points, points[:1]]))
         codes += [Path.MOVETO] + [Path.LINETO] * (len(points) - 1) + [Path.CLOSEPOLY]
     axes.add_patch(

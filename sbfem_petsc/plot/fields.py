@@ -1,44 +1,40 @@
-"""Pictures (PNG) of the discretisation, mode shapes, crack regions and contact forces.
+"""Pictures of mode shapes, crack regions and contact forces.
 
 Rank 0 draws; the other ranks send sampled outlines.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from ..analysis.modal import Modal
 from ..analysis.static import Static
 from ..parallel import on_root
 from ..system.model import Model
-from .drawing import BLACK, BLUE, CYCLE, MARKERS, MILLI, SKY, WIDTH, crack_title, figure, fill, save, style
-from .meshes import plot_discretisation
+from ..system.modes import Modal
+from .drawing import BLACK, BLUE, CYCLE, MARKERS, SKY, WIDTH, crack_title, figure, fill, style
 from .outlines import Piece, Region, contact_lengths, gather_outline, gather_region, loops
-
-__all__ = ["plot_contact", "plot_crack", "plot_discretisation", "plot_modes"]
+from .units import frequency_unit, length_unit, place_unit, stress_unit
 
 
 # ---------------------------------------------------------------------- mode shapes
-def plot_modes(modal: Modal, path: str, modes: Sequence[int] | None = None, columns: int = 2) -> str | None:
+def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int = 2) -> list[Axes] | None:
     """Mode shapes on the structure's outline, the frequency in each title. Collective.
 
     Parameters
     ----------
     modal : Modal
-    path : str
-        PNG file.
     modes : sequence of int, optional
         Modes to draw, 0 the lowest; default: the first twelve.
     columns : int
 
     Returns
     -------
-    str on rank 0, None elsewhere
+    Axes of the modes on rank 0, None elsewhere; `save_picture` writes them
     """
     chosen = list(range(min(12, len(modal.frequencies))) if modes is None else modes)
     wrong = [m for m in chosen if not 0 <= m < len(modal.frequencies)]
@@ -46,13 +42,13 @@ def plot_modes(modal: Modal, path: str, modes: Sequence[int] | None = None, colu
         raise ValueError(
             f"plot_modes: modes = {modes!r} must be numbers from 0 to {len(modal.frequencies) - 1}"
         )
+    if not isinstance(modal.model, Model):
+        raise TypeError("plot_modes: modal must be the modes of a Model")
     pieces = gather_outline(modal.model, [modal.nodal(m) for m in chosen], max(2 * modal.model.order, 8))
-    return on_root(
-        modal.model.comm, lambda: save(_draw_modes(pieces, modal.frequencies, chosen, columns), path)
-    )
+    return on_root(modal.model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
 
 
-def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], columns: int) -> Figure:
+def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], columns: int) -> list[Axes]:
     points = np.concatenate([p.positions for p in pieces])
     lower, upper = points.min(axis=0), points.max(axis=0)
     extent = upper - lower
@@ -67,6 +63,8 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
     drawing = figure(rows * height + 0.35)
     grid = drawing.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     order = loops(pieces)
+    scale_drawn, unit = place_unit(float(size))
+    tone, tone_unit = frequency_unit(float(frequencies[modes].max()))
     for axes, (k, mode) in zip(grid.flat, enumerate(modes)):
         shape = np.concatenate([p.displacements[k] for p in pieces])
         largest = np.abs(shape).max(axis=0)
@@ -85,29 +83,37 @@ def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], 
             else shape.flat[np.abs(shape).argmax()],
         )
         fill(
-            axes, [[pieces[i].positions for i in loop] for loop in order], "none", "#999999", 0.4, (0, (3, 2))
+            axes,
+            [[pieces[i].positions for i in loop] for loop in order],
+            scale_drawn,
+            colour="none",
+            edge="#999999",
+            width=0.4,
+            line=(0, (3, 2)),
         )
         fill(
             axes,
             [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order],
-            SKY,
-            BLUE,
-            0.6,
+            scale_drawn,
+            colour=SKY,
+            edge=BLUE,
+            width=0.6,
         )
-        axes.set_title(f"mode {mode + 1}:  {_frequency(frequencies[mode])}", fontsize=8, pad=2)
+        value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")
+        axes.set_title(f"mode {mode + 1}:  {value} {tone_unit}", fontsize=8, pad=2)
         axes.set_aspect("equal")
         margin = 1.15 * amplitude
-        axes.set_xlim((lower[0] - aside) * MILLI, (upper[0] + aside) * MILLI)
-        axes.set_ylim((lower[1] - margin) * MILLI, (upper[1] + margin) * MILLI)
+        axes.set_xlim((lower[0] - aside) * scale_drawn, (upper[0] + aside) * scale_drawn)
+        axes.set_ylim((lower[1] - margin) * scale_drawn, (upper[1] + margin) * scale_drawn)
         axes.yaxis.set_major_locator(MaxNLocator(3))
         style(axes)
     for axes in list(grid.flat)[len(modes) :]:
         axes.set_axis_off()
     for axes in grid[-1]:
-        axes.set_xlabel("x (mm)")
+        axes.set_xlabel(f"x ({unit})")
     for axes in grid[:, 0]:
-        axes.set_ylabel("y (mm)")
-    return drawing
+        axes.set_ylabel(f"y ({unit})")
+    return list(grid.flat)[: len(modes)]
 
 
 def _opening(pieces: list[Piece], field: int) -> float:
@@ -123,19 +129,15 @@ def _opening(pieces: list[Piece], field: int) -> float:
     return total
 
 
-def _frequency(value: float) -> str:
-    return f"{value / 1e3:.2f} kHz" if value >= 1e4 else f"{value:.1f} Hz"
-
-
 # ---------------------------------------------------------------------- crack region
 def plot_crack(
     model: Model,
-    fields: dict[str, np.ndarray],
-    path: str,
+    fields: Mapping[str, np.ndarray],
     crack: int = 0,
+    *,
     colour: str = "von_mises",
     magnification: float | None = None,
-) -> str | None:
+) -> list[Axes] | None:
     """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
 
     The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be
@@ -148,14 +150,16 @@ def plot_crack(
     model : Model
     fields : dict of str to (m, 2) array
         Displacements of this rank's nodes, m, one row of the picture each: ``{"100 N": push.field}``.
-    path : str
-        PNG file.
     crack : int
         Number of the crack, from 0.
     colour : {"von_mises", "displacement"}
         What the colours show.
     magnification : float, optional
         Default: chosen for each panel and written into it.
+
+    Returns
+    -------
+    Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
     """
     if not fields:
         raise ValueError("plot_crack: no displacement field is given")
@@ -167,9 +171,7 @@ def plot_crack(
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}
     outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
-    return on_root(
-        model.comm, lambda: save(_draw_crack(regions, outline, facts, half, colour, magnification), path)
-    )
+    return on_root(model.comm, lambda: _draw_crack(regions, outline, facts, half, colour, magnification))
 
 
 def _draw_crack(
@@ -179,7 +181,7 @@ def _draw_crack(
     halves: np.ndarray,
     colour: str,
     magnification: float | None,
-) -> Figure:
+) -> list[Axes]:
     tip = np.array(crack.tip)
     drawing = figure(3.15 * len(regions) + 0.15)
     grid = drawing.subplots(len(regions), 2, squeeze=False)
@@ -191,15 +193,17 @@ def _draw_crack(
             relative = region.displacements - motion(region.positions - tip)
             largest = np.abs(relative + own.opening(region.positions))[inside].max()
             factor = magnification or _round(0.12 * half / largest)
-            place = (own.drawn(region.positions, relative, factor) - tip) * MILLI
+            scale, unit = place_unit(2.0 * float(half))
+            place = (own.drawn(region.positions, relative, factor) - tip) * scale
             if colour == "von_mises":
-                values, label, top = region.stress[:, 3] * 1e-6, "von Mises stress (MPa)", 0.97
+                largest_shown = _area_quantile(region, region.stress[:, 3], inside, 0.97)
+                in_unit, stress_name = stress_unit(largest_shown)
+                values, label, top = region.stress[:, 3] * in_unit, f"von Mises stress ({stress_name})", 0.97
             else:
-                values, label, top = (
-                    np.linalg.norm(relative, axis=1) * 1e6,
-                    "displacement without rigid-body motion (µm)",
-                    1.0,
-                )
+                moves = np.linalg.norm(relative, axis=1)
+                in_unit, length_name = length_unit(float(moves[inside].max()))
+                label, top = f"displacement without rigid-body motion ({length_name})", 1.0
+                values = moves * in_unit
             norm = Normalize(0.0, _area_quantile(region, values, inside, top))
             shown = axes.tripcolor(
                 *place.T,
@@ -223,20 +227,20 @@ def _draw_crack(
                         piece.positions, piece.displacements[row] - motion(piece.positions - tip), factor
                     )
                     axes.plot(
-                        *((moved - tip) * MILLI).T,
+                        *((moved - tip) * scale).T,
                         color=BLACK,
                         linewidth=0.8,
                         linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)),
                     )
-            axes.set_xlim(-half * MILLI, half * MILLI)
-            axes.set_ylim(-half * MILLI, half * MILLI)
+            axes.set_xlim(-half * scale, half * scale)
+            axes.set_ylim(-half * scale, half * scale)
             axes.set_aspect("equal")
             axes.set_facecolor("white")
             axes.set_title(f"{name}, {own.magnified} × {_plain(factor)}", fontsize=8)
-            axes.set_xlabel("x from the tip (mm)")
+            axes.set_xlabel(f"x from the tip ({unit})")
+            axes.set_ylabel(f"y from the tip ({unit})")
             style(axes)
-        grid[row, 0].set_ylabel("y from the tip (mm)")
-    return drawing
+    return list(grid.flat)
 
 
 class _Notch:
@@ -296,7 +300,7 @@ def _round(value: float) -> float:
 
 
 # ---------------------------------------------------------------------- contact along the crack
-def plot_contact(cases: dict[str, Static], path: str, crack: int = 0) -> str | None:
+def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[Axes] | None:
     """Contact pressure and gap along a crack for several static cases. Collective.
 
     The pressure of a pair is its force divided by its share of the face. The pair on the tip element's
@@ -305,34 +309,42 @@ def plot_contact(cases: dict[str, Static], path: str, crack: int = 0) -> str | N
 
     Parameters
     ----------
-    cases : dict of str to Static
+    cases : Static or dict of str to Static
         By the name of the load, of one model.
-    path : str
-        PNG file.
     crack : int
         Number of the crack, from 0.
+
+    Returns
+    -------
+    [pressure, gap] on rank 0, None elsewhere; `save_picture` writes them
     """
+    cases = {"load": cases} if isinstance(cases, Static) else cases
     if not cases:
         raise ValueError("plot_contact: no static case is given")
     model = next(iter(cases.values())).model
     if not 0 <= crack < len(model.cracks):
         raise ValueError(f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}")
     lengths = contact_lengths(model)
-    return on_root(model.comm, lambda: save(_draw_contact(model, cases, lengths, crack), path))
+    return on_root(model.comm, lambda: _draw_contact(model, cases, lengths, crack))
 
 
-def _draw_contact(model, cases: dict[str, Static], lengths: np.ndarray, crack: int) -> Figure:
+def _draw_contact(model: Model, cases: Mapping[str, Static], lengths: np.ndarray, crack: int) -> list[Axes]:
     pairs, length = model.pairs, model.cracks[crack].length
     rows = np.flatnonzero(pairs.crack == crack)
     drawn = lengths[rows].copy()
     if model.cracks[crack].tip_element >= 0 and len(rows):
         drawn[np.argmin(pairs.position[rows])] = np.nan
-    distance = pairs.position[rows] * length * MILLI
+    along, along_unit = length_unit(length)
+    distance = pairs.position[rows] * length * along
+    pressures = {name: case.contact_force[rows] / (drawn * model.thickness) for name, case in cases.items()}
+    press, press_unit = stress_unit(max(float(np.nanmax(p, initial=0.0)) for p in pressures.values()))
+    gaps = [pairs.gap[rows], *(case.gap[rows] for case in cases.values())]
+    wide, wide_unit = length_unit(max(float(np.abs(gap).max(initial=0.0)) for gap in gaps))
     drawing = figure(4.6)
     pressure_axes, gap_axes = drawing.subplots(2, 1, sharex=True)
     gap_axes.plot(
         distance,
-        pairs.gap[rows] * 1e6,
+        pairs.gap[rows] * wide,
         color="#777777",
         linestyle=(0, (4, 2)),
         linewidth=0.9,
@@ -341,27 +353,26 @@ def _draw_contact(model, cases: dict[str, Static], lengths: np.ndarray, crack: i
     for (name, case), colour, marker in zip(
         cases.items(), CYCLE * (1 + len(cases) // len(CYCLE)), MARKERS * (1 + len(cases) // len(MARKERS))
     ):
-        pressure = case.contact_force[rows] / (drawn * model.thickness) * 1e-6
         shown = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
         force = case.contact_force[rows].sum()
         pressure_axes.plot(
             distance,
-            pressure,
+            pressures[name] * press,
             label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)",
             **shown,
         )
-        gap_axes.plot(distance, case.gap[rows] * 1e6, label=name, **shown)
-    pressure_axes.set_ylabel("contact pressure (MPa)")
+        gap_axes.plot(distance, case.gap[rows] * wide, label=name, **shown)
+    pressure_axes.set_ylabel(f"contact pressure ({press_unit})")
     pressure_axes.set_ylim(bottom=0.0)
     pressure_axes.set_title(
         f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face", fontsize=8
     )
-    gap_axes.set_ylabel("gap (µm)")
-    gap_axes.set_xlabel("distance from the tip along the crack (mm)")
-    gap_axes.set_xlim(0.0, length * MILLI * 1.02)
+    gap_axes.set_ylabel(f"gap ({wide_unit})")
+    gap_axes.set_xlabel(f"distance from the tip along the crack ({along_unit})")
+    gap_axes.set_xlim(0.0, length * along * 1.02)
     for axes in (pressure_axes, gap_axes):
         style(axes)
         axes.grid(color="#DDDDDD", linewidth=0.4)
         axes.set_axisbelow(True)
         axes.legend(fontsize=7, frameon=False)
-    return drawing
+    return [pressure_axes, gap_axes]

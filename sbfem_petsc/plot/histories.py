@@ -1,17 +1,19 @@
-"""Pictures (PNG) of time histories and spectra."""
+"""Pictures of time histories and spectra."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
+from ..dynamics.history import Motion
 from ..parallel import on_root
 from ..petsc import MPI
-from .drawing import BLACK, CYCLE, figure, save, style
+from .drawing import BLACK, CYCLE, figure, style
+from .units import force_unit, frequency_unit, length_unit, time_unit
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000
@@ -44,40 +46,78 @@ class Panel:
     zero: bool = True
 
 
-def plot_histories(panels: Sequence[Panel], path: str, comm: MPI.Comm | None = None) -> str | None:
+def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
 
     Parameters
     ----------
     panels : sequence of Panel
         On rank 0 at least.
-    path : str
-        PNG file.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
     Returns
     -------
-    str on rank 0, None elsewhere
+    Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    return on_root(
-        MPI.COMM_WORLD if comm is None else comm, lambda: save(_draw_histories(list(panels)), path)
-    )
+    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw_histories(list(panels)))
 
 
-def _draw_histories(panels: list[Panel]) -> Figure:
+def plot_history(
+    motion: Motion,
+    point: str = "A",
+    *,
+    window: tuple[float, float] | None = None,
+    title: str = "",
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw what a motion does over time: displacement of a point, and the contact resultant where there is contact.
+    Collective.
+
+    Parameters
+    ----------
+    motion : History or Orbit
+        On rank 0 at least.
+    point : str
+    window : (float, float), optional
+        Times shown, s; default: all.
+    title : str
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Returns
+    -------
+    Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
+    """
+
+    def draw() -> list[Axes]:
+        u, resultant = motion.displacement(point), motion.contact_resultant
+        scale, unit = length_unit(float(np.abs(u).max()))
+        curves = {f"$u_{axis}$": (motion.time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
+        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, window, title)]
+        if motion.states.contact.shape[1]:
+            scale, unit = force_unit(float(resultant.max(initial=0.0)))
+            panels.append(Panel(f"contact resultant ({unit})", {"": (motion.time, resultant)}, scale, window))
+        return _draw_histories(panels)
+
+    return on_root(MPI.COMM_WORLD if comm is None else comm, draw)
+
+
+def _draw_histories(panels: list[Panel]) -> list[Axes]:
     if not panels:
         raise ValueError("plot_histories: no panel is given")
     drawing = figure(1.75 * len(panels) + 0.25)
-    for axes, panel in zip(drawing.subplots(len(panels), 1, squeeze=False)[:, 0], panels):
+    grid = drawing.subplots(len(panels), 1, squeeze=False)[:, 0]
+    for axes, panel in zip(grid, panels):
         start, stop = panel.window or (
             min(t[0] for t, _ in panel.curves.values()),
             max(t[-1] for t, _ in panel.curves.values()),
         )
+        clock, unit = time_unit(max(abs(start), abs(stop)))
         for k, (name, (time, values)) in enumerate(panel.curves.items()):
             shown = (time >= start) & (time <= stop)
             axes.plot(
-                *_thinned(np.asarray(time)[shown] * 1e3, np.asarray(values)[shown] * panel.scale),
+                *_thinned(np.asarray(time)[shown] * clock, np.asarray(values)[shown] * panel.scale),
                 color=CYCLE[k % len(CYCLE)],
                 label=name,
                 linewidth=1.5 if k == 0 and len(panel.curves) > 1 else 0.8,
@@ -85,9 +125,9 @@ def _draw_histories(panels: list[Panel]) -> Figure:
             )
         if panel.zero:
             axes.axhline(0.0, color="#999999", linewidth=0.4, zorder=0.5)
-        axes.set_xlim(start * 1e3, stop * 1e3)
+        axes.set_xlim(start * clock, stop * clock)
         axes.margins(y=0.08)
-        axes.set_xlabel("time (ms)")
+        axes.set_xlabel(f"time ({unit})")
         axes.set_ylabel(panel.quantity)
         axes.set_title(panel.title, fontsize=8, loc="left")
         axes.yaxis.set_major_locator(MaxNLocator(5))
@@ -101,7 +141,7 @@ def _draw_histories(panels: list[Panel]) -> Figure:
                 ncols=len(panel.curves),
                 borderaxespad=0.0,
             )
-    return drawing
+    return list(grid)
 
 
 def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -121,23 +161,21 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def plot_spectra(
-    spectra: dict[str, tuple[np.ndarray, np.ndarray]],
-    path: str,
+    spectra: Mapping[str, tuple[np.ndarray, np.ndarray]],
     quantity: str,
     window: tuple[float, float],
-    lines: dict[str, float] | None = None,
+    *,
+    lines: Mapping[str, float] | None = None,
     decades: float = 6.0,
-    harmonics: dict[str, Sequence[float]] | None = None,
+    harmonics: Mapping[str, Sequence[float]] | None = None,
     comm: MPI.Comm | None = None,
-) -> str | None:
+) -> list[Axes] | None:
     """Draw amplitude spectra below each other on common axes, with named lines marked. Collective.
 
     Parameters
     ----------
     spectra : dict of str to (frequency, amplitude)
         Hz, and complex or real amplitudes.
-    path : str
-        PNG file.
     quantity : str
         Label of the ordinate.
     window : (float, float)
@@ -153,28 +191,28 @@ def plot_spectra(
 
     Returns
     -------
-    str on rank 0, None elsewhere
+    Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
     return on_root(
         MPI.COMM_WORLD if comm is None else comm,
-        lambda: save(_draw_spectra(spectra, quantity, window, lines or {}, decades, harmonics or {}), path),
+        lambda: _draw_spectra(spectra, quantity, window, lines or {}, decades, harmonics or {}),
     )
 
 
-def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmonics) -> Figure:
+def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmonics) -> list[Axes]:
     if not spectra:
         raise ValueError("plot_spectra: no spectrum is given")
     drawing = figure(1.9 * len(spectra) + 0.45)
     grid = drawing.subplots(len(spectra), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
-    top = 0.0
+    top, (tone, unit) = 0.0, frequency_unit(window[1])
     for k, (axes, (name, (frequency, amplitude))) in enumerate(zip(grid, spectra.items())):
         shown = (frequency >= window[0]) & (frequency <= window[1]) & (frequency > 0.0)
         level = np.abs(amplitude[shown])
         top = max(top, float(level.max()))
         for place in lines.values():
-            axes.axvline(place, color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
+            axes.axvline(place * tone, color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         axes.plot(
-            frequency[shown],
+            frequency[shown] * tone,
             np.maximum(level, np.finfo(float).tiny),
             color=CYCLE[k % len(CYCLE)],
             linewidth=0.7,
@@ -183,7 +221,7 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmoni
             at = [int(np.abs(frequency[shown] - f).argmin()) for f in places if window[0] <= f <= window[1]]
             at = [k for k in at if level[k] > 3.0 * np.median(level[max(k - 5, 0) : k + 6])]
             axes.plot(
-                frequency[shown][at],
+                frequency[shown][at] * tone,
                 level[at],
                 linestyle="none",
                 marker="v",
@@ -193,7 +231,7 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmoni
                 label=family,
             )
         axes.set_yscale("log")
-        axes.set_xlim(window)
+        axes.set_xlim(window[0] * tone, window[1] * tone)
         axes.set_ylabel(quantity)
         axes.text(
             0.995,
@@ -211,12 +249,12 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmoni
         grid[-1].legend(fontsize=7, frameon=False, loc="lower left")
     grid[0].set_ylim(top * 10.0**-decades, 4.0 * top)
     grid[0].yaxis.set_major_locator(LogLocator(numticks=6))
-    grid[-1].set_xlabel("frequency (Hz)")
+    grid[-1].set_xlabel(f"frequency ({unit})")
     for name, place in lines.items():
         if window[0] <= place <= window[1]:
             grid[0].annotate(
                 name,
-                (place, 1.0),
+                (place * tone, 1.0),
                 xycoords=grid[0].get_xaxis_transform(),
                 xytext=(0, 2),
                 textcoords="offset points",
@@ -225,4 +263,4 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmoni
                 verticalalignment="bottom",
                 annotation_clip=False,
             )
-    return drawing
+    return list(grid)

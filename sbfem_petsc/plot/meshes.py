@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
-from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.transforms import ScaledTranslation
+
+from meshing.boundary_mesh import BoundaryMesh
 
 from ..parallel import on_root
 from ..petsc import MPI
@@ -17,43 +19,42 @@ from .drawing import (
     BLUE,
     GREEN,
     MATERIAL,
-    MILLI,
     PURPLE,
     VERMILION,
     WIDTH,
     crack_title,
     figure,
-    save,
     style,
 )
+from .units import place_unit
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
-def plot_discretisation(mesh, path: str, comm: MPI.Comm | None = None) -> str | None:
+def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = None) -> list[Axes] | None:
     """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
 
     Parameters
     ----------
     mesh : BoundaryMesh or None
         On rank 0 at least.
-    path : str
-        PNG file.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
     Returns
     -------
-    str on rank 0, None elsewhere
+    Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
     """
-    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: save(_draw(mesh), path))
+    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw(mesh))
 
 
-def _draw(mesh) -> Figure:
+def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
+    if not isinstance(mesh, BoundaryMesh):
+        raise TypeError(f"plot_discretisation: mesh = {mesh!r} is not a BoundaryMesh")
     lower, upper = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
     extent = upper - lower
     stretch = max(1.0, 0.16 * extent[0] / extent[1])
-    zoomed = list(enumerate(mesh.cracks))[:4]
+    zoomed = mesh.cracks[:4]
     tall = (WIDTH - 0.8) * min(extent[1] / extent[0] * stretch, 1.2) + 0.75
     heights = [tall] + [3.45] * len(zoomed)
     drawing = figure(sum(heights) + 0.3)
@@ -66,7 +67,7 @@ def _draw(mesh) -> Figure:
         "contact pairs"
     )
     whole.set_title(title + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""), fontsize=8)
-    for row, (number, crack) in enumerate(zoomed, 1):
+    for row, crack in enumerate(zoomed, 1):
         tip = np.array(crack.tip)
         wide = 1.15 * crack.length
         # The element on the tip of a coarse mesh may be as large as the crack.
@@ -78,10 +79,11 @@ def _draw(mesh) -> Figure:
             _panel(axes, mesh, tip - half, tip + half, nodes=True)
             axes.set_title(text, fontsize=8)
             if column == 0:
+                scale = place_unit(2.0 * half)[0]
                 axes.add_patch(
                     Rectangle(
-                        (tip - near) * MILLI,
-                        *[2.0 * near * MILLI] * 2,
+                        (tip - near) * scale,
+                        *[2.0 * near * scale] * 2,
                         fill=False,
                         edgecolor=PURPLE,
                         linewidth=0.8,
@@ -100,7 +102,7 @@ def _draw(mesh) -> Figure:
         columnspacing=1.2,
         handlelength=1.6,
     )
-    return drawing
+    return drawing.axes
 
 
 def _tip_size(mesh, crack) -> float:
@@ -111,7 +113,8 @@ def _tip_size(mesh, crack) -> float:
 
 
 def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretch: float = 1.0) -> None:
-    """The part of the mesh in a window; metres in, millimetres drawn."""
+    """The part of the mesh in a window."""
+    scale, unit = place_unit(float((upper - lower).max()))
     values, _ = shape_functions(mesh.order, np.linspace(-1.0, 1.0, max(2 * mesh.order, 8) + 1))
     lines = values @ mesh.nodes[mesh.edges]
     seen = ((lines.max(axis=1) >= lower) & (lines.min(axis=1) <= upper)).all(axis=1)
@@ -129,20 +132,20 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
         if not mesh.closed[element]:
             faces += [np.array([ring[0][0], centre]), np.array([ring[-1][-1], centre])]
             ring.append(centre[None])
-        fills.append((np.concatenate(ring) * MILLI, OPEN if not mesh.closed[element] else MATERIAL))
+        fills.append((np.concatenate(ring) * scale, OPEN if not mesh.closed[element] else MATERIAL))
     axes.add_collection(
         PolyCollection([f for f, _ in fills], facecolors=[c for _, c in fills], edgecolors="none")
     )
-    axes.add_collection(LineCollection(lines[seen & ~outer] * MILLI, colors=EDGE, linewidths=0.5))
-    axes.add_collection(LineCollection(lines[seen & outer] * MILLI, colors=BLACK, linewidths=0.9))
+    axes.add_collection(LineCollection(lines[seen & ~outer] * scale, colors=EDGE, linewidths=0.5))
+    axes.add_collection(LineCollection(lines[seen & outer] * scale, colors=BLACK, linewidths=0.9))
     axes.add_collection(
         LineCollection(
-            np.array(faces).reshape(-1, 2, 2) * MILLI, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))
+            np.array(faces).reshape(-1, 2, 2) * scale, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))
         )
     )
     if nodes:
         axes.plot(
-            *_inside(mesh.nodes, lower, upper).T * MILLI,
+            *_inside(mesh.nodes, lower, upper).T * scale,
             linestyle="none",
             marker=".",
             color=BLUE,
@@ -151,7 +154,7 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
         )
     size = 4.5 if stretch == 1.0 else 2.8
     axes.plot(
-        *_inside(mesh.scaling_centres, lower, upper).T * MILLI,
+        *_inside(mesh.scaling_centres, lower, upper).T * scale,
         linestyle="none",
         marker="+",
         markersize=size,
@@ -174,7 +177,7 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
                     )  # points at the other face
                     moved = axes.transData + ScaledTranslation(*shift, axes.figure.dpi_scale_trans)
                     axes.plot(
-                        *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * MILLI,
+                        *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
                         linestyle="none",
                         marker=marker,
                         markersize=3.4,
@@ -182,12 +185,12 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
                         markeredgewidth=0,
                         transform=moved,
                     )
-    _label_points(axes, mesh, lower, upper)
-    axes.set_xlim(lower[0] * MILLI, upper[0] * MILLI)
-    axes.set_ylim(lower[1] * MILLI, upper[1] * MILLI)
+    _label_points(axes, mesh, lower, upper, scale)
+    axes.set_xlim(lower[0] * scale, upper[0] * scale)
+    axes.set_ylim(lower[1] * scale, upper[1] * scale)
     axes.set_aspect(stretch)
-    axes.set_xlabel("x (mm)")
-    axes.set_ylabel("y (mm), stretched" if stretch > 1 else "y (mm)")
+    axes.set_xlabel(f"x ({unit})")
+    axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
     style(axes)
 
 
@@ -195,7 +198,7 @@ def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndar
     return points[((points >= lower) & (points <= upper)).all(axis=1)]
 
 
-def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
+def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.ndarray, scale: float) -> None:
     """Named points; those that nearly coincide in the window share one label, above or below the point, where
     the material is not.
     """
@@ -212,7 +215,7 @@ def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
             groups.append((at, [name]))
     for at, names in groups:
         axes.plot(
-            *(at * MILLI),
+            *(at * scale),
             marker="o",
             markersize=3.5,
             markerfacecolor="white",
@@ -223,7 +226,7 @@ def _label_points(axes, mesh, lower: np.ndarray, upper: np.ndarray) -> None:
         above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
         axes.annotate(
             ", ".join(names),
-            at * MILLI,
+            at * scale,
             xytext=(0 if centred else -3, 4 if above else -4),
             textcoords="offset points",
             fontsize=8,

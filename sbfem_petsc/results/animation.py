@@ -1,27 +1,26 @@
-"""Field snapshots of a history for ParaView: VTU (PVTU) files and a PVD file that gives their times."""
+"""Field snapshots of a motion for ParaView: VTU (PVTU) files and a PVD file that gives their times."""
 
 from __future__ import annotations
 
 import os
 import xml.etree.ElementTree as xml
+from typing import Any
 
 import numpy as np
 
-from ..analysis.modal import Modal
-from ..analysis.transient import History
+from ..checks import integer
+from ..dynamics.history import Motion
+from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from .hdf5 import check_output_folder
-from .vtu import write_vtu
-
-# Relative difference of a mode at the named points between the history's reduction and the modes given.
-SAME_MODE = 1e-3
+from .vtu import write_vtu, write_xml
 
 
 def write_animation(
     folder: str,
-    modal: Modal,
-    history: History,
-    times=None,
+    motion: Motion,
+    *,
+    times: Any = None,
     every: int | None = None,
     name: str = "history",
     stress: bool = False,
@@ -33,10 +32,9 @@ def write_animation(
     ----------
     folder : str
         Made if it is missing.
-    modal : Modal
-        Modes of the same model, `modal(model, count=len(history.reduction.omega))`; fewer give a smoother
-        field.
-    history : History
+    motion : History or Orbit
+        Of a reduced model that knows its model; the fields are those of `motion.field`, the residual flexibility
+        of contact and loads included.
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
     every : int, optional
@@ -53,93 +51,64 @@ def write_animation(
 
     Raises
     ------
-    ValueError
-        If the modes are another model's, an instant makes no sense or a file cannot be written; on all ranks.
-
-    Notes
-    -----
-    Fields are sums of modes. The static residual flexibility of contact and loads is left out: displacements
-    at the points of `history.displacement` include it, the fields do not, and the stress close to a contact
-    pair or a point force is too smooth.
+    TypeError, ValueError
+        If an instant makes no sense or a file cannot be written; on all ranks.
+    SolveError
+        If the motion keeps no fields: that of an unreduced model, of matrices, or read from a file.
     """
-    model = modal.model
-    folder = check_output_folder(folder, model.comm)
-    with collective(model.comm):
-        instants = _instants(history.time, times, every)
-        signs = _signs(modal, history)
-    used = len(signs)
-    vector = model.stiffness.createVecRight()
-    files = []
-    try:
-        for number, instant in enumerate(instants):
-            vector.array = modal.shapes[:, :used] @ (signs * history.modal_displacement[instant, :used])
-            files.append(
-                write_vtu(
-                    os.path.join(folder, f"{name}_{number:04d}.vtu"),
-                    model,
-                    {"displacement": model.nodal(vector)},
-                    stress,
-                    subdivisions,
-                )
+    if not isinstance(motion, Motion):
+        raise on_all_ranks(
+            TypeError(f"write_animation: motion = {motion!r} is neither a History nor an Orbit")
+        )
+    model = None if motion.reduced is None else motion.reduced.model
+    if model is None:
+        raise on_all_ranks(
+            SolveError(
+                "write_animation: the motion keeps no fields, being that of an unreduced model, of matrices, or read "
+                "from a file; give one that transient or periodic has just made of a Model"
             )
-    finally:
-        vector.destroy()
+        )
+    with collective(model.comm):
+        instants = _instants(motion.time, times, every)
+    folder = check_output_folder(folder, model.comm)
+    files = [
+        write_vtu(
+            os.path.join(folder, f"{name}_{number:04d}.vtu"),
+            model,
+            {"displacement": motion.field(float(motion.time[instant]))},
+            stress=stress,
+            subdivisions=subdivisions,
+        )
+        for number, instant in enumerate(instants)
+    ]
     path = os.path.join(folder, f"{name}.pvd")
     with collective(model.comm):
         if model.comm.rank == 0:
-            try:
-                _write_pvd(path, history.time[instants], files)
-            except OSError as error:
-                raise ValueError(f"PVD file {path!r} cannot be written: {error.strerror or error}") from None
+            _write_pvd(path, motion.time[instants], files)
     return path
 
 
-def _instants(time: np.ndarray, times, every: int | None) -> np.ndarray:
+def _instants(time: np.ndarray, times: Any, every: int | None) -> np.ndarray:
     """Indices of the recorded instants to write."""
     if times is not None and every is not None:
         raise ValueError("write_animation: give times or every, not both")
     if times is None:
-        if every is None:
-            every = max(1, len(time) // 100)
-        if isinstance(every, bool) or not isinstance(every, (int, np.integer)) or every < 1:
-            raise ValueError(f"write_animation: every = {every!r} must be a positive integer")
-        return np.arange(0, len(time), every)
-    times = np.atleast_1d(np.asarray(times, dtype=float))
+        step = (
+            max(1, len(time) // 100) if every is None else integer("write_animation", "every", every, least=1)
+        )
+        return np.arange(0, len(time), step)
+    chosen = np.atleast_1d(np.asarray(times, dtype=float))
     if (
-        times.ndim != 1
-        or not len(times)
-        or not np.isfinite(times).all()
-        or times.min() < time[0]
-        or times.max() > time[-1] * (1.0 + 1e-9)
+        chosen.ndim != 1
+        or not len(chosen)
+        or not np.isfinite(chosen).all()
+        or chosen.min() < time[0]
+        or chosen.max() > time[-1] * (1.0 + 1e-9)
     ):
         raise ValueError(
             f"write_animation: times must be finite and between {time[0]:g} and {time[-1]:.6g} s"
         )
-    right = (
-        np.clip(np.searchsorted(time, times), 1, max(len(time) - 1, 1))
-        if len(time) > 1
-        else np.zeros(len(times), dtype=int)
-    )
-    left = np.maximum(right - 1, 0)
-    return np.unique(np.where(times - time[left] < time[right] - times, left, right))
-
-
-def _signs(modal: Modal, history: History) -> np.ndarray:
-    """Sign of each given mode relative to the history's; another solve may have turned it round."""
-    r = history.reduction
-    used = min(len(modal.frequencies), len(r.omega))
-    other = "write_animation: the modes are not those of the history's model"
-    if not np.allclose(modal.frequencies[:used], r.frequencies[:used], rtol=1e-5):
-        raise ValueError(f"{other}: their frequencies differ")
-    if set(r.points) - set(modal.point_shapes) or not r.points:
-        raise ValueError(f"{other}: named points are missing")
-    shapes = np.stack([modal.point_shapes[p][:used] for p in r.points])  # (points, modes, 2)
-    expected = np.moveaxis(r.sensor_modes[:, :, :used], 1, 2)
-    signs = np.where((shapes * expected).sum(axis=(0, 2)) < 0.0, -1.0, 1.0)
-    distance = np.sqrt(((signs[:, None] * shapes - expected) ** 2).sum(axis=(0, 2)))
-    if (distance > SAME_MODE * np.sqrt((expected**2).sum(axis=(0, 2)))).any():
-        raise ValueError(f"{other}: mode {int(np.argmax(distance)) + 1} differs at the named points")
-    return signs
+    return np.unique([int(np.abs(time - at).argmin()) for at in chosen])
 
 
 def _write_pvd(path: str, times: np.ndarray, files: list[str]) -> None:
@@ -149,7 +118,4 @@ def _write_pvd(path: str, times: np.ndarray, files: list[str]) -> None:
         xml.SubElement(
             collection, "DataSet", timestep=repr(float(time)), part="0", file=os.path.basename(file)
         )
-    xml.indent(root)
-    temporary = f"{path}.part"
-    xml.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
-    os.replace(temporary, path)
+    write_xml(root, path, "PVD file")

@@ -15,16 +15,17 @@ import h5py
 import numpy as np
 import scipy
 
-from ..analysis.modal import Modal
 from ..analysis.static import Static
 from ..loads import as_loads
 from ..parallel import collective
 from ..petsc import MPI, PETSc, SLEPc
+from ..recording.hdf5 import new_hdf5, opened
 from ..system.model import Model
+from ..system.modes import Modal
+from ..writing import destination, reason
 from .gather import global_size, stream
 
-FORMAT = "sbfem-petsc results"
-FORMAT_VERSION = 1
+WHAT, FORMAT, FORMAT_VERSION = "results file", "sbfem-petsc results", 2
 
 # Units of the fields of materials and loads, by name.
 _UNITS = {
@@ -149,22 +150,19 @@ def write_results(
     last.
     """
     comm = model.comm
-    path = os.fspath(path)
     with collective(comm):
+        destination(path, WHAT)
         cases = _cases(static, loads)
         for name, result in (("modal", modal), *((name, result) for name, (result, _) in cases.items())):
             if result is not None and result.model is not model:
                 raise ValueError(
                     f"write_results: {name!r} was computed with another model than the one given"
                 )
-    temporary = os.path.join(
-        os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.{os.getpid()}.part"
-    )
     file = None
-    try:
+    with contextlib.ExitStack() as stack:
         with _written(comm, path):
             if comm.rank == 0:
-                file = h5py.File(temporary, "w")
+                file = stack.enter_context(new_hdf5(path, WHAT, FORMAT, FORMAT_VERSION))
                 _write_head(file)
                 _write_inputs(file.create_group("inputs"), model)
         _write_mesh(comm, file, model, path)
@@ -173,19 +171,9 @@ def write_results(
         for name, (result, load) in cases.items():
             _write_static(comm, file, name, result, load, path)
         with _written(comm, path):
-            if comm.rank == 0:
-                file.flush()
+            if file is not None:
                 file.attrs["complete"] = True
-                file.close()
-                _synchronise(temporary)
-                os.replace(temporary, path)
-                _synchronise(os.path.dirname(temporary))
-    finally:
-        if file is not None:
-            with contextlib.suppress(Exception):
-                file.close()
-            if os.path.exists(temporary):
-                os.remove(temporary)
+            stack.close()
     return path
 
 
@@ -195,30 +183,13 @@ def read_results(path: str) -> Results:
     Raises
     ------
     ValueError
-        If the file is missing, truncated, incomplete or of another kind; one sentence.
+        If the file is missing, truncated, damaged or of another kind; one sentence.
     """
-    path = os.fspath(path)
-    if not os.path.isfile(path):
-        raise ValueError(f"results file {path!r} does not exist")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != FORMAT:
-                raise ValueError(f"{path!r} is an HDF5 file of another kind, not {FORMAT}")
-            if not file.attrs.get("complete", False):
-                raise ValueError(
-                    f"results file {path!r} is incomplete: the run that wrote it did not end; run it again"
-                )
-            if int(file.attrs["format_version"]) > FORMAT_VERSION:
-                raise ValueError(
-                    f"results file {path!r} has format version {file.attrs['format_version']}, newer than "
-                    f"this program's {FORMAT_VERSION}"
-                )
-            units: dict[str, str] = {}
-            tree = _tree(file, units)
-    except (OSError, KeyError, RuntimeError) as error:
-        raise ValueError(f"results file {path!r} is truncated or no HDF5 file ({error})") from None
+    with opened(path, WHAT, {FORMAT: FORMAT_VERSION}) as file:
+        units: dict[str, str] = {}
+        tree = _tree(file, units)
     return Results(
-        path,
+        os.fspath(path),
         tree["versions"],
         tree["petsc_options"],
         tree["inputs"],
@@ -237,9 +208,7 @@ def _written(comm: MPI.Comm, path: str):
         try:
             yield
         except (OSError, RuntimeError) as error:
-            raise ValueError(
-                f"results file {path!r} cannot be written: {getattr(error, 'strerror', None) or error}"
-            ) from None
+            raise ValueError(f"{WHAT} {path!r} cannot be written: {reason(error)}") from None
 
 
 def _cases(static, loads) -> dict[str, tuple[Static, object]]:
@@ -261,8 +230,6 @@ def _cases(static, loads) -> dict[str, tuple[Static, object]]:
 
 
 def _write_head(file: h5py.File) -> None:
-    file.attrs["complete"] = False
-    file.attrs["format"], file.attrs["format_version"] = FORMAT, FORMAT_VERSION
     file.attrs["created"] = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
     try:
         own = metadata.version("sbfem-petsc")
@@ -568,12 +535,3 @@ def _tree(group: h5py.Group, units: dict[str, str]) -> dict:
             units[item.name] = item.attrs["unit"]
             result[name] = item[()]
     return result
-
-
-def _synchronise(path: str) -> None:
-    """Bring a file or folder to the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)

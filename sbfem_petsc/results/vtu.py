@@ -2,27 +2,37 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import xml.etree.ElementTree as xml
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from ..checks import integer
 from ..parallel import collective
 from ..system.model import Model
+from ..system.modes import Modal
 from ..system.sampling import Patches, point_grid_cells, sample
+from ..writing import destination, replaced
 
 STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
+# A mode's coordinates have the unit m sqrt(kg).
+_MODES_UNIT = "/sqrt(kg)"
 
 
 def write_vtu(
     path: str,
     model: Model,
-    fields: dict[str, np.ndarray],
+    fields: Mapping[str, np.ndarray],
+    *,
     stress: bool = True,
     subdivisions: int | None = None,
 ) -> str:
     """Write displacement fields and their stresses to a VTU file, or a PVTU file with one piece a rank.
     Collective.
+
+    Units stand in the arrays' names: "NAME (m)", "NAME von_mises (Pa)".
 
     Parameters
     ----------
@@ -31,9 +41,9 @@ def write_vtu(
         _0.vtu, _1.vtu ...).
     model : Model
     fields : dict of str to (m, 2) array
-        Displacements of this rank's nodes, m: `Static.field`, `Modal.nodal(mode)`.
+        Displacements of this rank's nodes, m: `Static.field`, `Motion.field(time)`; modes by `write_modes`.
     stress : bool
-        Write stresses too, Pa; named "<field> stress_xx" and so on.
+        Write stresses too: stress_xx, stress_yy, stress_xy, von_mises.
     subdivisions : int, optional
         Straight pieces an edge; default: the order of the edges.
 
@@ -53,34 +63,82 @@ def write_vtu(
     gives it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a crack
     tip for one, is that at a hundredth of the way to the boundary.
     """
+    return _write(path, model, fields, stress, subdivisions, "")
+
+
+def write_modes(
+    path: str,
+    modal: Modal,
+    modes: Sequence[int] | None = None,
+    *,
+    stress: bool = False,
+    subdivisions: int | None = None,
+) -> str:
+    """Write mode shapes, with their numbers and frequencies in the arrays' names: "mode 1, 26.4 Hz (m/sqrt(kg))".
+    Collective.
+
+    Parameters
+    ----------
+    path, stress, subdivisions
+        See `write_vtu`.
+    modal : Modal
+        Of a `Model`.
+    modes : sequence of int, optional
+        0 the lowest; default: all.
+
+    Returns
+    -------
+    str
+        The file to open.
+    """
+    model = modal.model
+    if not isinstance(model, Model):
+        raise TypeError("write_modes: modal must be the modes of a Model")
+    count = len(modal.frequencies)
+    with collective(model.comm):
+        chosen = [integer("write_modes", "modes", k, least=0, most=count - 1) for k in modes or range(count)]
+    fields = {f"mode {k + 1}, {modal.frequencies[k]:.6g} Hz": modal.nodal(k) for k in chosen}
+    return _write(path, model, fields, stress, subdivisions, _MODES_UNIT)
+
+
+def _write(
+    path: str,
+    model: Model,
+    fields: Mapping[str, np.ndarray],
+    stress: bool,
+    subdivisions: int | None,
+    per: str,
+) -> str:
     comm = model.comm
-    stem, suffix = os.path.splitext(os.fspath(path))
-    stem = stem if suffix.lower() in (".vtu", ".pvtu") else stem + suffix
-    piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
     with collective(comm):
-        patches = sample(model, fields, subdivisions, stress)
-        try:
-            if patches:
-                _write_piece(piece, _mesh(model, patches))
-            elif os.path.exists(piece):
+        destination(path, "VTU file")
+        stem, suffix = os.path.splitext(os.fspath(path))
+        stem = stem if suffix.lower() in (".vtu", ".pvtu") else stem + suffix
+        piece = f"{stem}_{comm.rank}.vtu" if comm.size > 1 else f"{stem}.vtu"
+        patches = sample(model, dict(fields), subdivisions, stress)
+        if patches:
+            _write_piece(piece, _mesh(model, patches, per))
+        else:
+            with contextlib.suppress(FileNotFoundError):
                 os.remove(piece)
-        except OSError as error:
-            raise ValueError(f"VTU file {piece!r} cannot be written: {error.strerror or error}") from None
     if comm.size == 1:
         return piece
     pieces = comm.gather(os.path.basename(piece) if patches else None)
     with collective(comm):
         if comm.rank == 0:
-            try:
-                _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress)
-            except OSError as error:
-                raise ValueError(
-                    f"PVTU file {stem + '.pvtu'!r} cannot be written: {error.strerror or error}"
-                ) from None
+            _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress, per)
     return f"{stem}.pvtu"
 
 
-def _mesh(model: Model, patches: list[Patches]) -> dict:
+def _displacement(name: str, per: str) -> str:
+    return f"{name} (m{per})"
+
+
+def _stress(name: str, component: str, per: str) -> str:
+    return f"{name} {component} (Pa{per})"
+
+
+def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
     """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at
     the scaling centres.
     """
@@ -103,10 +161,10 @@ def _mesh(model: Model, patches: list[Patches]) -> dict:
                 )
             )
         for name, values in patch.displacements.items():
-            data.setdefault(name, []).append(values.reshape(-1, 2))
+            data.setdefault(_displacement(name, per), []).append(values.reshape(-1, 2))
         for name, values in patch.stresses.items():
             for component, column in zip(STRESSES, np.moveaxis(values, -1, 0)):
-                data.setdefault(f"{name} {component}", []).append(column.ravel())
+                data.setdefault(_stress(name, component, per), []).append(column.ravel())
         offset += len(flat)
     point_data = {name: np.concatenate(parts) for name, parts in data.items()}
     cells = [(kind, np.concatenate(parts)) for kind, parts in blocks.items()]
@@ -132,16 +190,11 @@ def _write_piece(path: str, mesh: dict) -> None:
     """The one door to meshio for VTU: compressed binary, complete or not there at all."""
     import meshio  # 0.2 s that only those who write VTU should wait for
 
-    temporary = f"{path}.part"
-    try:
+    with replaced(path, "VTU file") as temporary:
         meshio.write(temporary, meshio.Mesh(**mesh), file_format="vtu")
-        os.replace(temporary, path)
-    finally:
-        if os.path.exists(temporary):
-            os.remove(temporary)
 
 
-def _write_index(path: str, pieces: list[str], fields, stress: bool) -> None:
+def _write_index(path: str, pieces: list[str], fields: Mapping, stress: bool, per: str) -> None:
     """The PVTU file: names and types of the arrays, and the pieces."""
     root = xml.Element(
         "VTKFile", type="PUnstructuredGrid", version="0.1", byte_order="LittleEndian", header_type="UInt32"
@@ -149,10 +202,12 @@ def _write_index(path: str, pieces: list[str], fields, stress: bool) -> None:
     grid = xml.SubElement(root, "PUnstructuredGrid", GhostLevel="0")
     point_data = xml.SubElement(grid, "PPointData")
     for name in fields:
-        xml.SubElement(point_data, "PDataArray", type="Float64", Name=name, NumberOfComponents="3")
+        xml.SubElement(
+            point_data, "PDataArray", type="Float64", Name=_displacement(name, per), NumberOfComponents="3"
+        )
     for name in fields if stress else ():
         for component in STRESSES:
-            xml.SubElement(point_data, "PDataArray", type="Float64", Name=f"{name} {component}")
+            xml.SubElement(point_data, "PDataArray", type="Float64", Name=_stress(name, component, per))
     cell_data = xml.SubElement(grid, "PCellData")
     for name in ("element", "material", "rank"):
         xml.SubElement(cell_data, "PDataArray", type="Int32", Name=name)
@@ -160,7 +215,11 @@ def _write_index(path: str, pieces: list[str], fields, stress: bool) -> None:
     xml.SubElement(points, "PDataArray", type="Float64", Name="Points", NumberOfComponents="3")
     for piece in pieces:
         xml.SubElement(grid, "Piece", Source=piece)
+    write_xml(root, path, "PVTU file")
+
+
+def write_xml(root: xml.Element, path: str, what: str) -> None:
+    """An XML file, whole or not at all."""
     xml.indent(root)
-    temporary = f"{path}.part"
-    xml.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)
-    os.replace(temporary, path)
+    with replaced(path, what) as temporary:
+        xml.ElementTree(root).write(temporary, encoding="utf-8", xml_declaration=True)

@@ -84,7 +84,12 @@ def strain_operators(
 
 
 def coefficient_matrices(
-    coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray
+    coordinates: np.ndarray,
+    order: int,
+    closed: bool,
+    elasticity: np.ndarray,
+    *,
+    density: np.ndarray | None = None,
 ) -> Coefficients:
     """E0, E1, E2 and M0 by Gauss quadrature.
 
@@ -98,7 +103,9 @@ def coefficient_matrices(
         Whether the last edge ends on the first node.
     elasticity : (3, 3) or (edges, 3, 3) array
         Plane elasticity matrix D in units of the modulus, or one for each sector that an edge spans with the
-        scaling centre: interfaces run along the radii through vertices. The density is 1.
+        scaling centre: interfaces run along the radii through vertices.
+    density : (edges,) array, optional
+        Densities of the sectors in units of the S-element's (default: 1).
 
     Raises
     ------
@@ -119,7 +126,8 @@ def coefficient_matrices(
     stress_second = (elasticity @ second.reshape(edges, points, 3, 2 * width)).reshape(stack)
     first, second = (b.reshape(stack).transpose(0, 2, 1) for b in (first, second))
     mass = np.zeros((edges, width, 2, width, 2))
-    mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * (weights * jacobian)[:, None, :]) @ values
+    weight = weights * jacobian if density is None else weights * jacobian * density[:, None]
+    mass[:, :, 0, :, 0] = mass[:, :, 1, :, 1] = (values.T * weight[:, None, :]) @ values
     blocks = (
         first @ stress_first,
         second @ stress_first,

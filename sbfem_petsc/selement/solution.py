@@ -47,6 +47,8 @@ class SElement:
         A = E0^-1 (K - E1^T): static displacements along the radius are u(xi) = xi^A u(1).
     riccati_residual, asymmetry, rigid_body_residual : float
         Relative; asymmetry before the symmetrisation.
+    density : (edges,) array or None
+        Densities of the sectors in units of the S-element's.
     dynamics : Inertia or None
     """
 
@@ -60,6 +62,7 @@ class SElement:
     riccati_residual: float
     asymmetry: float
     rigid_body_residual: float
+    density: np.ndarray | None = None
     dynamics: Inertia | None = None
 
     @property
@@ -98,8 +101,15 @@ class SElement:
         SElementError
             If a matrix that is positive definite in exact arithmetic is not.
         """
-        coefficients = coefficient_matrices(self.coordinates, self.order, self.closed, self.elasticity)
-        bases = _bases(self.coordinates, self.order, self.closed, self.elasticity, self.isotropic)
+        coefficients = coefficient_matrices(
+            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
+        )
+        bases = _bases(
+            self.coordinates,
+            self.order,
+            self.closed,
+            self.isotropic and _uniform(self.elasticity, self.density),
+        )
         return replace(
             self, dynamics=_dynamics(coefficients, _factors(coefficients, bases), self.radial, bases, terms)
         )
@@ -113,6 +123,7 @@ def solve_selement(
     terms: int | None = None,
     isotropic: bool = False,
     *,
+    density: np.ndarray | None = None,
     method: str | None = None,
 ) -> SElement:
     """Solve one non-dimensional S-element.
@@ -130,6 +141,8 @@ def solve_selement(
         alone.
     isotropic : bool
         Whether mirror symmetries of the outline are symmetries of the S-element; its equations then separate.
+    density : (edges,) array, optional
+        Densities of the sectors in units of the one that the inertia is scaled with; default: 1.
     method : {"doubling", "schur"}, optional
         How the stiffness is computed (`stiffness.static_stiffness`).
 
@@ -139,9 +152,9 @@ def solve_selement(
         If the boundary is not visible from the scaling centre or a check fails.
     """
     elasticity = np.asarray(elasticity, dtype=float)
-    coefficients = coefficient_matrices(coordinates, order, closed, elasticity)
+    coefficients = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
     motions = rigid_motions(coordinates)
-    bases = _bases(coordinates, order, closed, elasticity, isotropic)
+    bases = _bases(coordinates, order, closed, isotropic and _uniform(elasticity, density))
     factors = _factors(coefficients, bases)
     parts = [
         _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
@@ -176,6 +189,7 @@ def solve_selement(
         riccati,
         asymmetry,
         rigid,
+        density,
         None if terms is None else _dynamics(coefficients, factors, radial, bases, terms),
     )
 
@@ -184,11 +198,14 @@ def solve_selement(
 _Bases = list[np.ndarray] | list[None]
 
 
-def _bases(
-    coordinates: np.ndarray, order: int, closed: bool, elasticity: np.ndarray, isotropic: bool
-) -> _Bases:
+def _uniform(elasticity: np.ndarray, density: np.ndarray | None) -> bool:
+    """Whether all sectors are of one material, so that the outline's mirrors are the S-element's."""
+    return elasticity.ndim == 2 and density is None
+
+
+def _bases(coordinates: np.ndarray, order: int, closed: bool, mirrored: bool) -> _Bases:
     """Bases of the subspaces that the S-element's matrices leave invariant."""
-    if not isotropic or elasticity.ndim == 3:
+    if not mirrored:
         return [None]
     bases = invariant_subspaces(coordinates, order, closed, True)
     return [None] if len(bases) == 1 else bases

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..errors import SolveError, at_point, on_all_ranks
 from ..petsc import MPI, PETSc, SLEPc, solver_name
+from ..writing import write_table
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .structure import Structure
 
@@ -62,6 +63,25 @@ class Modal:
     def nodal(self, mode: int) -> np.ndarray:
         """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
         return self.model.nodal(self.shapes[:, mode])
+
+    def to_csv(self, path: str) -> None:
+        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated values.
+
+        The file takes its name when it is whole.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        columns = {
+            "mode": np.arange(1, len(self.frequencies) + 1),
+            "frequency_Hz": self.frequencies,
+            "residual": self.residuals,
+        }
+        for point, shape in self.point_shapes.items():
+            columns |= {f"{axis}_{point}_per_sqrt_kg": shape[:, k] for k, axis in enumerate(("ux", "uy"))}
+        write_table(path, columns)
 
     def selected(self, keep: np.ndarray) -> Modal:
         """Some of the modes."""

@@ -100,4 +100,6 @@ def compliance(model) -> Compliance:
     gaps = 0.5 * (gaps + gaps.T) + gap.flexibility
     tips += model.tips.contact
     count = len(gap)
-    return Compliance(gaps, points.reshape(len(points) // 2, 2, count), tips.reshape(len(tips) // 2, 2, count))
+    return Compliance(
+        gaps, points.reshape(len(points) // 2, 2, count), tips.reshape(len(tips) // 2, 2, count)
+    )

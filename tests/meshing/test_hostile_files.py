@@ -96,14 +96,13 @@ def marks(folder):
 
 
 @pytest.mark.parametrize("name", HOSTILE)
-def test_scripts(folder, name):
+def test_scripts(folder, name, monkeypatch):
     """Refused by name and line, before a process is started."""
     path = folder / "model.geo"
     path.write_text(SQUARE + HOSTILE[name].replace("MARK", f"{folder}/MARK") + "\n", newline="")
-    started = time.perf_counter()
+    monkeypatch.setattr(subprocess, "Popen", None)
     with pytest.raises(ValueError) as caught:
         read_gmsh(path, order=1)
-    assert time.perf_counter() - started < 0.2
     assert "line " in str(caught.value) or "evil.msh: its content is not" in str(caught.value)
     assert str(folder) in str(caught.value) and "\n" not in str(caught.value)
     assert marks(folder) == []
@@ -120,7 +119,8 @@ Function side
 Return
 count = 0; Call side;
 If (count == 1)
-  Printf("width %g 'single' quotes", a);
+  Printf("width %g 'single' quotes
+  over two lines", a);
 Else
   Error("no \\"); // a backslash is a character like others
 EndIf
@@ -252,12 +252,12 @@ def test_the_child_cannot_even_if_asked(tmp_path, statement):
         ("Exit;\n", "ended before it had read the file"),
         ("Exit 3;\n", "ended with code 3"),
         ("For i In {1:2}\ni = 1;\nEndFor\n", "did not finish within 2 s"),
-        (SQUARE + "Transfinite Curve{1} = 100000000;\n", "GiB of memory"),
+        (SQUARE + "Transfinite Curve{1} = 100000000;\n", "memory"),
     ],
 )
 def test_the_child_may_end_hang_or_run_out_of_memory(script, says):
     with pytest.raises(ValueError, match=says):
-        child(script, 2.0 if "finish" in says else 60.0, int(1.5e9))
+        child(script, 2.0 if "finish" in says else 60.0, int(6e8))
 
 
 def test_a_crash_is_a_sentence():

@@ -145,6 +145,24 @@ EDITS = {
     "nan axis": (attribute("tips/0", "axis", (nan, nan)), "axis of tip 'crack1'"),
     "long axis": (attribute("cracks/0", "axis", (0.0, 2.0)), "axis of crack 'crack1' has the length 2"),
     "no length": (attribute("cracks/0", "length_m", -1.0), "length of crack 'crack1' is -1"),
+    "larger than the file": (
+        lambda file: (file.__delitem__("closed"), file.create_dataset("closed", (10**12,), bool)),
+        "closed is larger than the file",
+    ),
+    "storage elsewhere": (
+        lambda file: (
+            file.__delitem__("closed"),
+            file.create_dataset("closed", (8,), "u1", external=[("/etc/passwd", 0, 8)]),
+        ),
+        "closed is no data set of this file",
+    ),
+    "a link elsewhere": (
+        lambda file: (
+            file.__delitem__("closed"),
+            file.__setitem__("closed", h5py.ExternalLink("other.h5", "closed")),
+        ),
+        "closed is no data set of this file",
+    ),
     "no data set": (lambda file: file.__delitem__("closed"), "no boundary mesh of this version"),
     "order": (lambda file: file.attrs.__setitem__("order", 3), "was expected for order 3"),
 }

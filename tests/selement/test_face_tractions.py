@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy import linalg
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement.coefficients import SElementError, coefficient_matrices
@@ -241,3 +242,44 @@ def test_violated_reciprocity_is_an_error():
         face_tractions(
             shape, 3, ISOTROPIC.elasticity, stiffness=solved.stiffness, radial=solved.radial, modes=0
         )
+
+
+@pytest.mark.parametrize("angles", [(0.0, 130.0, 235.0), (10.0, 190.0), (0.0, 90.0, 180.0, 270.0)])
+def test_bodies_that_meet_at_one_centre(angles):
+    """Cracks that branch, cross or cut through: several S-elements about one scaling centre press on one
+    another along their faces. Under equal pressure from all sides the pressure between them is uniform.
+    """
+    order, modes = 3, 3
+    bodies = len(angles)
+    unit = lambda degrees: np.array([np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    blocks, rows, flexibility, ends = [], [], [], []
+    for k, start in enumerate(angles):
+        stop = angles[(k + 1) % bodies] + (360.0 if k == bodies - 1 else 0.0)
+        corners = np.array([unit(start + t * (stop - start)) for t in np.linspace(0.0, 1.0, 4)])
+        # normals of both faces point out of the body
+        first, last = unit(start), unit(stop)
+        directions = np.zeros((2, 2, 2))
+        directions[0, 0], directions[1, 1] = [first[1], -first[0]], [-last[1], last[0]]
+        shape, solved, tractions, _ = element(corners, order, ISOTROPIC, modes, directions)
+        u = (shape * np.linalg.solve(ISOTROPIC.elasticity, [-1.0, -1.0, 0.0])[:2]).ravel()
+        c = coefficient_matrices(shape, order, False, ISOTROPIC.elasticity)
+        ends.append((c.e0 + c.e1.T) @ u)
+        blocks.append(solved.stiffness)
+        rows.append(tractions.rows)
+        flexibility.append(tractions.flexibility)
+    stiffness = linalg.block_diag(*blocks)
+    # crack k lies between the last face of body k and the first one of the next; pressure pushes both back
+    select = np.zeros((bodies * modes, 2 * bodies * modes))
+    for k in range(bodies):
+        crack = slice(k * modes, (k + 1) * modes)
+        after = (k + 1) % bodies
+        select[crack, (2 * k + 1) * modes : (2 * k + 2) * modes] = -np.eye(modes)
+        select[crack, 2 * after * modes : (2 * after + 1) * modes] = -np.eye(modes)
+    gap = select @ linalg.block_diag(*rows)
+    self_flexibility = select @ linalg.block_diag(*flexibility) @ select.T
+    system = np.block([[stiffness, -gap.T], [gap, self_flexibility]])
+    right = np.concatenate([*ends, np.zeros(bodies * modes)])
+    solution, *_ = np.linalg.lstsq(system, right, rcond=1e-11)
+    assert np.abs(system @ solution - right).max() < 1e-11
+    # L = 1: equal forces of the modes are a uniform pressure
+    np.testing.assert_allclose(solution[len(stiffness) :], 1.0 / modes, atol=1e-9)

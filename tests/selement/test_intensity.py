@@ -57,28 +57,20 @@ def displacement(shape, opening, sliding):
 
 
 @pytest.mark.parametrize(
-    "order, isotropic_error, other_error",
-    [
-        (2, 6e-2, 1e-1),
-        (3, 7e-3, 1e-2),
-        (4, 1.3e-3, 3e-3),
-        (5, 1.6e-4, 3e-4),
-        (6, 4e-5, 9e-5),
-        (8, 8e-7, 2e-6),
-    ],
+    "order, bound", [(2, 6e-2), (3, 7e-3), (4, 1.3e-3), (5, 1.6e-4), (6, 4e-5), (8, 8e-7)]
 )
-def test_unsymmetric_tip_element(order, isotropic_error, other_error):
+def test_unsymmetric_tip_element(order, bound):
     """K_I and K_II of the exact boundary displacements; errors about three times those measured, falling with
-    the order.
+    the order. By Williams' modes, and by those of an anisotropic material that happens to be isotropic.
     """
     shape = boundary(order)
-    for material, bound in (
-        (Material(1.0, NU, 1.0), isotropic_error),
-        (OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0), other_error),
+    for material in (
+        Material(1.0, NU, 1.0),
+        OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0),
     ):
         element = solve_selement(shape, order, False, material.elasticity, 0, material.isotropic)
         form = intensity_rows(element.radial, shape, order, material.elasticity, AXIS, material.isotropic)
-        np.testing.assert_allclose(form.exponents, 0.5, atol=1e-15 if material.isotropic else 5e-3)
+        np.testing.assert_allclose(form.exponents, 0.5, atol=1e-15)
         for factors in ((1.0, 0.0), (0.0, 1.0), (2.0, -0.7)):
             found = form.rows @ displacement(shape, *factors).ravel()
             assert np.abs(found - factors).max() < bound * np.linalg.norm(factors)

@@ -1,0 +1,313 @@
+"""Backbones: free periodic motions of one mode, its frequency and damping over the energy."""
+
+from __future__ import annotations
+
+import math
+import numbers
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ..checks import positive
+from ..dynamics.excitation import one_sided
+from ..dynamics.free import FreeBranch, FreeMotion, FreeSystem
+from ..dynamics.free_start import first_motion
+from ..dynamics.loading import communicator
+from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
+from ..dynamics.preparation import CONTACT_STEP
+from ..dynamics.shooting import FixedPoint
+from ..errors import SolveError, at_point, on_all_ranks
+from ..parallel import collective
+from ..reduction.build import reduced
+from ..reduction.reduced_model import ReducedModel
+from ..system.model import Model
+
+# Steps a period, and modes kept beside three for each up to the followed one.
+STEPS, MODES = 1024, 20
+# Points a decade where the motions of all energies are alike.
+DECADE = 8
+# Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
+UNCERTAIN = 1e-5
+HARMONICS = 20
+
+
+@dataclass(frozen=True, eq=False)
+class Backbone:
+    """Free periodic motions, point by point along their branch.
+
+    Attributes
+    ----------
+    mode : int
+        The followed one, counted from 1.
+    energy : (n,) array
+        J, at t = 0, where the velocity of the followed mode vanishes.
+    frequency : (n,) array
+        Hz.
+    frequency_error : (n,) array
+        Estimate from two step lengths, Hz; nan without refinement, or where half the step leads elsewhere, as
+        it may at an interaction with a high mode.
+    damping_ratio : (n,) array
+        That of a linear system that loses the same share of its energy in a period; without damping the
+        trace that the steps leave, about 1e-14.
+    states : (n, 2 m) array
+        (Omega q, q') at t = 0.
+    multipliers : (n, k) complex array
+        Floquet multipliers by falling modulus, without those that every free motion has: +1 along the motion
+        and, without damping, +1 along the branch; with damping less what the self-excitation gives to every
+        disturbance. Empty if they were not asked for.
+    point_harmonics : (n, points, 2, 21) complex array
+        Harmonics 0 to 20 of the displacement of all named points, m.
+    point_amplitudes : (n, points) array
+        Half the peak-to-peak of u_y, m.
+    damped : bool
+    reason : str
+        Why the branch ends.
+    complete : bool
+        Whether it reached the last energy.
+    """
+
+    mode: int
+    energy: np.ndarray
+    frequency: np.ndarray
+    frequency_error: np.ndarray
+    damping_ratio: np.ndarray
+    states: np.ndarray
+    multipliers: np.ndarray
+    point_harmonics: np.ndarray
+    point_amplitudes: np.ndarray
+    damped: bool
+    reason: str
+    complete: bool
+    _system: FreeSystem = field(repr=False)
+    _excitation: np.ndarray = field(repr=False)
+    _own_frequency: np.ndarray = field(repr=False)
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """The reduced model whose motions these are."""
+        return self._system.reduced
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def stable(self) -> np.ndarray:
+        """(n,) bool: no multiplier outside the unit circle by more than 1e-5; True throughout where stability
+        was not asked for.
+        """
+        if not self.multipliers.shape[1]:
+            return np.ones(len(self.energy), dtype=bool)
+        return np.abs(self.multipliers[:, 0]) <= 1.0 + UNCERTAIN
+
+    def amplitude(self, point: str) -> np.ndarray:
+        """(n,): half the peak-to-peak of the y displacement of a point, m."""
+        return self.point_amplitudes[:, self._index(point)]
+
+    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
+        return self.point_harmonics[:, self._index(point), axis_number(direction)]
+
+    def orbit(self, k: int) -> Orbit:
+        """The k-th motion over its period, integrated again from its state; with damping under the
+        self-excitation that keeps it going.
+        """
+        driven = self._system.at(float(self._own_frequency[k]), float(self._excitation[k]))
+        motion = driven.run(self.states[k])
+        shot = FixedPoint(
+            self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
+        )
+        return make_orbit(shot, self.multipliers[k], UNCERTAIN, "point of a backbone")
+
+    def _index(self, point: str) -> int:
+        return at_point({name: k for k, name in enumerate(self.points)}, point)
+
+    def __repr__(self) -> str:
+        return (
+            f"Backbone(mode {self.mode}, {len(self.energy)} points, {self.energy.min():.4g} to "
+            f"{self.energy.max():.4g} J, {self.frequency.min():.7g} to {self.frequency.max():.7g} Hz, "
+            f"{int((~self.stable).sum())} unstable, {self.reason})"
+        )
+
+
+def backbone(
+    model: Model | ReducedModel,
+    mode: int,
+    start: float,
+    stop: float,
+    *,
+    damping: bool = False,
+    modes: int | None = None,
+    steps: int | None = None,
+    points: int = 200,
+    largest_step: float = 0.4,
+    refine: bool = True,
+    stability: bool = True,
+) -> Backbone:
+    """Follow the free periodic motions that begin as one mode of the open structure, over their energy.
+
+    Parameters
+    ----------
+    model : Model or ReducedModel
+    mode : int
+        Counted from 1.
+    start, stop : float
+        Energies, J; `stop` below `start` goes down.
+    damping : bool
+        False: without damping, the nonlinear normal mode. True: with the model's, under a self-excitation
+        proportional to the velocity that makes up for it: the motion a force reaches that is everywhere in
+        phase with the velocity (phase resonance); gives the damping ratio over the energy.
+    modes : int, optional
+        Modes kept. Default: three for each up to the followed one, and 20.
+    steps : int, optional
+        Time steps a period. Default: 1024, or as many as keep the step below 0.8 of the shortest modal
+        period.
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the state from a point to the next, relative.
+    refine : bool
+        Solve every point once more with half the step and extrapolate the frequency.
+    stability : bool
+        Compute Floquet multipliers.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense.
+    SolveError
+        If no motion is found at `start`, or the branch ends between the energies; the points so far are its
+        attribute `backbone`.
+    """
+    with collective(communicator(model)):
+        _check(mode, start, stop, modes, steps, points, largest_step)
+    reduction = model if isinstance(model, ReducedModel) else reduced(model, (), modes or 3 * mode + MODES)
+    with collective(communicator(model)):
+        if mode > len(reduction.omega) or reduction.omega[mode - 1] == 0.0:
+            raise ValueError(
+                f"backbone: mode = {mode} must be an elastic one of the {len(reduction.omega)} modes kept"
+            )
+    if not damping:
+        reduction = replace(reduction, damping=np.zeros(len(reduction.omega)))
+    own = float(reduction.frequencies[mode - 1])
+    if steps is None:
+        steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
+    system = FreeSystem(reduction, mode - 1, steps)
+    try:
+        first = first_motion(system, start)
+    except SolveError as error:
+        raise on_all_ranks(error) from None
+    if not reduction.initial_gap.any():
+        motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
+    else:
+        branch = FreeBranch(
+            system,
+            first,
+            min(start, stop),
+            max(start, stop),
+            direction=1 if stop > start else -1,
+            most=points,
+            largest_step=largest_step,
+        )
+        for _ in branch:
+            pass
+        motions, reason = branch.points, branch.reason
+    result = _collect(system, motions, reason, refine, stability, damping, stop)
+    if not result.complete:
+        error = SolveError(
+            f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
+            f"points, before {stop:.6g} J: {reason}; raise points, take more steps a period or fewer modes"
+        )
+        error.backbone = result
+        raise on_all_ranks(error)
+    return result
+
+
+def _check(mode, start, stop, modes, steps, points, largest_step) -> None:
+    for name, value, least in (
+        ("mode", mode, 1),
+        ("modes", modes, 1),
+        ("steps", steps, 48),
+        ("points", points, 2),
+    ):
+        if value is None and name in ("modes", "steps"):
+            continue
+        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+            raise TypeError(f"backbone: {name} = {value!r} must be an integer")
+        if value < least:
+            raise ValueError(f"backbone: {name} = {value!r} must be at least {least}")
+    for name, value, unit in (
+        ("start", start, "J"),
+        ("stop", stop, "J"),
+        ("largest_step", largest_step, "relative"),
+    ):
+        positive("backbone", name, value, unit)
+    if start == stop:
+        raise ValueError(f"backbone: start and stop are both {start:g} J; give a range of energies")
+
+
+def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> list[FreeMotion]:
+    """Motions of a system in which nothing but touching faces can open: all are one times a factor."""
+    count = max(2, 1 + math.ceil(DECADE * abs(math.log10(stop / start))))
+    result = []
+    for energy in np.geomspace(start, stop, count):
+        state = first.state * math.sqrt(energy / start)
+        result.append(replace(first, state=state, energy=float(energy), motion=first.driven.run(state)))
+    return result
+
+
+def _collect(
+    system: FreeSystem, motions, reason: str, refine: bool, stability: bool, damped: bool, stop: float
+):
+    r = system.reduced
+    frequency, error = np.array([p.frequency for p in motions]), np.full(len(motions), np.nan)
+    own = frequency.copy()
+    if refine:
+        finer, alike = FreeSystem(r, system.mode, 2 * system.steps), not r.initial_gap.any()
+        for n, p in enumerate(motions):
+            if n and alike:
+                frequency[n], error[n] = frequency[0], error[0]
+                continue
+            try:
+                fine = finer.solve(p.state, p.frequency, p.excitation, finer.at_energy(p.energy)).frequency
+            except SolveError:  # the point stays as it is, with an error that is not known
+                continue
+            frequency[n] = (4.0 * fine - p.frequency) / 3.0
+            error[n] = abs(frequency[n] - fine)
+    rows = [_row(system, p, stability, damped) for p in motions]
+    harmonics, amplitudes, multipliers = (np.array(column) for column in zip(*rows))
+    return Backbone(
+        system.mode + 1,
+        np.array([p.energy for p in motions]),
+        frequency,
+        error,
+        np.array([p.damping_ratio for p in motions]),
+        np.array([p.state for p in motions]),
+        multipliers,
+        harmonics,
+        amplitudes,
+        damped,
+        reason,
+        math.isclose(motions[-1].energy, stop, rel_tol=1e-9),
+        system,
+        np.array([p.excitation for p in motions]),
+        own,
+    )
+
+
+def _row(system: FreeSystem, point: FreeMotion, stability: bool, damped: bool):
+    """Harmonics, amplitudes and multipliers of a motion."""
+    r = system.reduced
+    q, _ = modal_motion(point.driven, point.motion)
+    u = np.einsum("pim,nm->npi", r.points.modes, q[:-1], optimize=True)
+    u += np.einsum("pic,nc->npi", r.points.contact, point.motion.forces[:-1], optimize=True)
+    spectrum = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
+    values = np.zeros(0, dtype=complex)
+    if stability:
+        values = np.linalg.eigvals(point.driven.monodromy(point.motion)).astype(complex)
+        values = values[np.argsort(np.abs(values - 1.0))][1 if damped else 2 :]
+        # what the self-excitation gives to every disturbance alike is none of its growth
+        values = values * math.exp(-0.5 * point.excitation * point.driven.duration) if damped else values
+        values = values[np.argsort(-np.abs(values))]
+    return spectrum, 0.5 * np.ptp(u[..., 1], axis=0), values

@@ -1,0 +1,300 @@
+"""Free periodic motions of a reduced model, with their energy as the parameter, and branches of them.
+
+Unknowns are the state x(0) = (Omega q, q'), the frequency f and a self-excitation xi: every mode is driven by
+xi times its own velocity (Krack's extended periodic motion). A free motion of a system without damping has xi
+= 0 to the precision of the steps; with damping xi is what keeps the motion going, and xi / (4 pi f) its
+equivalent damping ratio. Equations are x(T) = x(0), a vanishing velocity of the followed mode at t = 0 (the
+phase), and the energy or a step along the branch: as many as unknowns, and regular although a conservative
+system conserves its energy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..contact.complementarity import solve_complementarity
+from ..errors import SolveError
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
+from .shooting import DrivenPeriod, Period, PeriodMotion
+
+# Newton's method: closing error relative to the state, and iterations.
+CLOSED, ITERATIONS = 1e-11, 12
+# Step of xi, relative to omega, by which the map is differentiated with respect to it; the map is piecewise
+# linear in the state and smooth in xi.
+DIFFERENCE = 1e-5
+# Arc length: change of the state relative to its size and SPAN times the relative change of the frequency.
+SPAN = 10.0
+FIRST, LARGEST, SMALLEST = 0.05, 0.4, 1e-6
+# The turn (radian) and the Newton iterations of a step that are aimed at, and beyond which it is repeated at
+# half its length.
+TURN, TOO_SHARP, COMFORT, TOO_MANY = 0.25, 0.8, 4, 8
+
+
+@dataclass(frozen=True, eq=False)
+class FreeMotion:
+    """A free periodic motion.
+
+    Attributes
+    ----------
+    state : (2 m,) array
+        x(0) = (Omega q, q').
+    frequency : float
+        Hz.
+    excitation : float
+        xi, 1/s.
+    energy : float
+        J, at t = 0.
+    driven : DrivenPeriod
+    motion : PeriodMotion
+    iterations : int
+        Newton iterations.
+    """
+
+    state: np.ndarray
+    frequency: float
+    excitation: float
+    energy: float
+    driven: DrivenPeriod
+    motion: PeriodMotion
+    iterations: int
+
+    @property
+    def damping_ratio(self) -> float:
+        return self.excitation / (4.0 * math.pi * self.frequency)
+
+
+class FreeSystem:
+    """A reduced model without loads, and the equations of its free periodic motions.
+
+    Parameters
+    ----------
+    reduction : ReducedModel
+        With the damping ratios that count; zeros for a conservative system.
+    mode : int
+        The followed one, counted from 0.
+    steps : int
+        A period.
+    """
+
+    def __init__(self, reduction: ReducedModel, mode: int, steps: int):
+        self.reduced, self.mode, self.steps = reduction, mode, steps
+        self.excitation = Excitation(np.zeros(1, dtype=int), np.zeros((1, reduction.load_modes.shape[1])), 1)
+        self.weights = Period(reduction, self.excitation, steps).weights
+        self.modes, self.pairs = len(reduction.omega), len(reduction.initial_gap)
+
+    def at(self, frequency: float, excitation: float) -> DrivenPeriod:
+        """The map over 1 / frequency."""
+        r = self.reduced
+        omega = np.where(r.omega > 0.0, r.omega, 1.0)
+        ratios = np.where(r.omega > 0.0, r.damping - 0.5 * excitation / omega, 0.0)
+        return Period(replace(r, damping=ratios), self.excitation, self.steps).at(frequency)
+
+    def energy(self, state: np.ndarray) -> tuple[float, np.ndarray]:
+        """J, and its derivative with the state: kinetic and modal strain energy and that of the contact,
+        whose derivative with the gaps is the contact forces.
+        """
+        r, m = self.reduced, self.modes
+        value, slope = 0.5 * float(state @ state), state.copy()
+        gap = r.gap.modes @ (state[:m] / self.weights) + r.initial_gap
+        if (gap < 0.0).any():
+            force = solve_complementarity(r.gap.contact, gap).force
+            value += 0.5 * float(force @ r.gap.contact @ force)
+            slope[:m] -= (force @ r.gap.modes) / self.weights
+        return value, slope
+
+    def linear(self, energy: float, sign: float = 1.0) -> np.ndarray:
+        """(2 m,): the followed mode at its largest displacement."""
+        state = np.zeros(2 * self.modes)
+        state[self.mode] = sign * math.sqrt(2.0 * energy)
+        return state
+
+    def open_side(self) -> tuple[float, float]:
+        """Sign of the followed mode that leaves the faces apart, and the energy at which the other one brings
+        the first pair together, inf if none.
+        """
+        r = self.reduced
+        moved = r.gap.modes[:, self.mode] / self.weights[self.mode]
+
+        def reach(direction: np.ndarray) -> float:
+            closing = direction < -1e-9 * np.abs(moved).max(initial=0.0)
+            return float((r.initial_gap[closing] / -direction[closing]).min(initial=math.inf))
+
+        up, down = reach(moved), reach(-moved)
+        if up == down:
+            # closed faces: the side on which more of them part
+            sign = 1.0 if moved.sum() >= 0.0 else -1.0
+        else:
+            sign = 1.0 if up > down else -1.0
+        return sign, 0.5 * min(up, down) ** 2
+
+    # ------------------------------------------------------------------ Newton's method
+    def solve(
+        self,
+        state: np.ndarray,
+        frequency: float,
+        excitation: float,
+        condition: Callable[[np.ndarray, float], tuple[float, np.ndarray, float]],
+    ) -> FreeMotion:
+        """The free motion near a guess.
+
+        `condition` gives for a state and a frequency a value that is to vanish, of order 1, and its
+        derivatives with both.
+
+        Raises
+        ------
+        SolveError
+            If Newton's method does not converge.
+        """
+        x, f, xi, m2 = state.copy(), frequency, excitation, 2 * self.modes
+        error = math.nan
+        for iteration in range(ITERATIONS + 1):
+            driven = self.at(f, xi)
+            motion = driven.run(x)
+            size = float(np.linalg.norm(x))
+            value, row, slope = condition(x, f)
+            error = float(np.linalg.norm(motion.residual)) / size
+            if error < CLOSED and abs(value) < 1e-10 and abs(x[self.modes + self.mode]) < 1e-9 * size:
+                return FreeMotion(x, f, xi, self.energy(x)[0], driven, motion, iteration)
+            if not np.isfinite(error):
+                break
+            matrix, right = np.zeros((m2 + 2, m2 + 2)), np.zeros(m2 + 2)
+            matrix[:m2] = self._derivative(driven, motion, x, f, xi, size)
+            right[:m2] = motion.residual / size
+            matrix[m2, self.modes + self.mode], right[m2] = 1.0, x[self.modes + self.mode] / size
+            matrix[m2 + 1, :m2], matrix[m2 + 1, m2], right[m2 + 1] = row * size, slope * f, value
+            try:
+                change = np.linalg.solve(matrix, right)
+            except np.linalg.LinAlgError:
+                break
+            length = np.linalg.norm(change[:m2])
+            if not np.isfinite(length) or abs(change[m2]) > 0.5:
+                break
+            x -= size * change[:m2]
+            f -= f * change[m2]
+            xi -= 2.0 * math.pi * f * change[m2 + 1]
+        raise SolveError(
+            f"backbone: Newton's method did not converge at {f:.6g} Hz: x(T) - x(0) is at {error:.1e} of x(0)"
+        )
+
+    def _derivative(self, driven, motion, x, f, xi, size) -> np.ndarray:
+        """(2 m, 2 m + 2): of (x(T) - x(0)) / size with x / size, ln f and xi / (2 pi f)."""
+        m2 = 2 * self.modes
+        result = np.empty((m2, m2 + 2))
+        result[:, : m2 + 1] = driven.carried(motion, np.eye(m2), ("frequency",))
+        result[:, :m2] -= np.eye(m2)
+        result[:, m2] *= f / size
+        step = DIFFERENCE * 2.0 * math.pi * f
+        ahead, behind = (self.at(f, xi + d).run(x).residual for d in (step, -step))
+        result[:, m2 + 1] = (ahead - behind) / (2.0 * DIFFERENCE * size)
+        return result
+
+    def at_energy(self, energy: float):
+        """Condition: the energy, in logarithms."""
+
+        def condition(state: np.ndarray, frequency: float):
+            value, slope = self.energy(state)
+            return 0.5 * math.log(value / energy), 0.5 * slope / value, 0.0
+
+        return condition
+
+    def tangent(self, point: FreeMotion, near: np.ndarray) -> np.ndarray:
+        """(2 m + 2,): the branch's direction in x / size and SPAN times ln f, of length 1, on the side of
+        `near`; its last entry is that of xi.
+        """
+        m2, size = 2 * self.modes, float(np.linalg.norm(point.state))
+        matrix = np.zeros((m2 + 2, m2 + 2))
+        matrix[:m2] = self._derivative(
+            point.driven, point.motion, point.state, point.frequency, point.excitation, size
+        )
+        matrix[:m2, m2] /= SPAN
+        matrix[m2, self.modes + self.mode] = 1.0
+        matrix[m2 + 1, : m2 + 1] = near[: m2 + 1]
+        direction = np.linalg.solve(matrix, np.eye(m2 + 2)[m2 + 1])
+        direction /= np.linalg.norm(direction[: m2 + 1])
+        return direction
+
+
+class FreeBranch:
+    """A branch of free motions between two energies, point by point.
+
+    Iterating gives the points after the first one, the end of the range included; `reason` says why it
+    stopped.
+    """
+
+    def __init__(
+        self,
+        system: FreeSystem,
+        first: FreeMotion,
+        lower: float,
+        upper: float,
+        *,
+        direction: int = 1,
+        most: int = 200,
+        largest_step: float = LARGEST,
+    ):
+        self.system, self.lower, self.upper, self.most = system, lower, upper, most
+        self.points, self.length, self.reason = [first], min(FIRST, largest_step), ""
+        self.largest_step = largest_step
+        start = np.zeros(2 * system.modes + 2)
+        start[:-2] = direction * first.state / np.linalg.norm(first.state)
+        self.heading = system.tangent(first, start)
+
+    def __iter__(self) -> Iterator[FreeMotion]:
+        while len(self.points) < self.most:
+            point = self._next()
+            if point is None:
+                self.reason = f"no further motion beyond {self.points[-1].energy:.6g} J"
+                return
+            self.points.append(point)
+            yield point
+            if not self.lower < point.energy < self.upper:
+                self.reason = f"end of the range at {point.energy:.6g} J"
+                return
+        self.reason = f"{self.most} points"
+
+    def _next(self) -> FreeMotion | None:
+        while self.length >= SMALLEST:
+            point = self._step(self.length)
+            if point is not None:
+                return point
+            self.length *= 0.5
+        return None
+
+    def _step(self, length: float) -> FreeMotion | None:
+        system, last, heading = self.system, self.points[-1], self.heading
+        size, m2 = float(np.linalg.norm(last.state)), 2 * self.system.modes
+        guess = last.state + length * size * heading[:m2]
+        frequency = last.frequency * math.exp(length * heading[m2] / SPAN)
+        excitation = last.excitation + 2.0 * math.pi * last.frequency * length * heading[m2 + 1]
+
+        def across(state: np.ndarray, f: float):
+            along = heading[:m2] @ (state - last.state) / size
+            along += heading[m2] * SPAN * math.log(f / last.frequency)
+            return along - length, heading[:m2] / size, heading[m2] * SPAN / f
+
+        try:
+            point = system.solve(guess, frequency, excitation, across)
+            if not self.lower < point.energy < self.upper:
+                end = self.upper if point.energy >= self.upper else self.lower
+                point = system.solve(point.state, point.frequency, point.excitation, system.at_energy(end))
+                point = replace(point, energy=end)
+            chord = np.zeros(m2 + 2)
+            chord[:m2] = (point.state - last.state) / size
+            chord[m2] = SPAN * math.log(point.frequency / last.frequency)
+            chord /= np.linalg.norm(chord)
+            onward = system.tangent(point, chord)
+        except (SolveError, np.linalg.LinAlgError):
+            return None
+        cosine = min(chord[: m2 + 1] @ heading[: m2 + 1], onward[: m2 + 1] @ chord[: m2 + 1])
+        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+        if length > 100.0 * SMALLEST and (turn > TOO_SHARP or point.iterations > TOO_MANY):
+            return None
+        self.heading = onward
+        grow = min(TURN / max(turn, 1e-3), COMFORT / max(point.iterations, 1) + 0.25)
+        self.length = min(self.largest_step, max(0.5, min(2.0, grow)) * length)
+        return point

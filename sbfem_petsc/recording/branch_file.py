@@ -1,0 +1,226 @@
+"""The file of a branch of periodic motions: written whole at each update, never half."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..errors import SolveError
+from ..parallel import collective, on_root
+from ..petsc import MPI
+from ..reduction.reduced_model import ReducedModel
+from ..writing import destination
+from .hdf5 import new_hdf5, opened, put
+from .lock import WriterLock
+from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
+
+WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 1
+# Seconds between two updates of a file.
+PAUSE = 2.0
+# Length of the next step of a branch that nobody follows.
+NO_STEP = 0.05
+ARRAYS = {
+    "value": ("", "forcing frequency (Hz) or factor on the oscillating loads"),
+    "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
+    "point_harmonics": ("m", "harmonics 0 to 20 of the points' displacements, (n, points, xy, k)"),
+    "point_amplitudes": ("m", "half the peak-to-peak of u_y"),
+    "point_subharmonics": ("m", "amplitudes at j f / periods"),
+    "contact_peak": ("N", "largest contact resultant"),
+    "multipliers": ("1", "Floquet multipliers"),
+    "multiplier_error": ("1", "uncertainty of their largest modulus, nan where it was not measured"),
+    "iterations": ("1", "Newton iterations"),
+}
+
+
+def write_branch(
+    branch, path: Any, start: float | None = None, stop: float | None = None, length: float = NO_STEP
+) -> None:
+    """Write a `dynamics.branch.Branch`; the file takes its name when it is whole.
+
+    Parameters
+    ----------
+    branch : Branch
+    path : str
+    start, stop : float, optional
+        The range; default: the branch's ends.
+    length : float
+        Of the continuation's next step.
+    """
+    period = branch.period
+    with new_hdf5(path, WHAT, FORM, VERSION) as file:
+        file.attrs.update(
+            {
+                "parameter": branch.parameter,
+                "complete": branch.complete,
+                "reason": branch.reason,
+                "start": branch.value[0] if start is None else start,
+                "stop": branch.value[-1] if stop is None else stop,
+                "steps": period.steps,
+                "periods": branch.periods,
+                "contact": period.pairs > 0,
+                "fixed_frequency": branch.fixed_frequency or 0.0,
+                "length": length,
+            }
+        )
+        for name, (unit, text) in ARRAYS.items():
+            put(file, name, getattr(branch, name), unit or _unit(branch.parameter), text)
+        put(file, "stable", branch.stable, "1", "whether small disturbances die out")
+        put(file, "excitation/orders", period.excitation.orders, "1", "multiples of f / periods")
+        put(file, "excitation/amplitudes", period.excitation.amplitudes, "unit of the load", "one-sided")
+        write_reduced_model(file.create_group("reduced_model"), branch.reduced)
+        for k, item in enumerate(branch.bifurcations):
+            group = file.create_group(f"bifurcations/{k:03d}")
+            group.attrs.update(
+                {"kind": item.kind, "value": item.value, "multiplier": item.multiplier, "after": item.after}
+            )
+            put(group, "state", item.state, "m sqrt(kg)/s", "(Omega q, q') at t = 0")
+            put(group, "direction", item.direction, "m sqrt(kg)/s", "Floquet direction")
+
+
+class BranchFile:
+    """The file of a branch under way; a `branch_following.BranchRecorder` and a context manager.
+
+    Rank 0 writes; an error of it is raised on all ranks.
+
+    Parameters
+    ----------
+    comm : Comm
+    path : str
+    resume : bool
+        Continue the file if it exists; False: replace it.
+
+    Attributes
+    ----------
+    former : (states (n, 2 m), values (n,), float, str) or None
+        Points of the run that is resumed, the length of its next step and why it ended.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the file is no branch, is damaged, is being written by another run or cannot be written.
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
+        self.comm, self._lock, self._written = comm, None, -np.inf
+        self.former: tuple[np.ndarray, np.ndarray, float, str] | None = None
+        self._finished, self._range = False, (0.0, 0.0)
+        self._continued = False
+        try:
+            with collective(comm):
+                self.path = destination(path, WHAT)
+                if comm.rank == 0:
+                    self._lock = WriterLock(self.path, WHAT)
+                    if resume and os.path.exists(self.path):
+                        with opened(self.path, WHAT, {FORM: VERSION}):
+                            self._continued = True
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> BranchFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the file up to others."""
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
+
+    def begin(self, period, parameter) -> ReducedModel:
+        """Note what is followed, and read the points of a former run under the same conditions. Collective.
+
+        Parameters
+        ----------
+        period : dynamics.shooting.Period
+        parameter : dynamics.continuation.ParameterRange
+
+        Returns
+        -------
+        ReducedModel
+            The one to go on with: the file's own, whose modes its states are in.
+
+        Raises
+        ------
+        ValueError
+            If the file was written for another model, load or range.
+        """
+        self._range = parameter.start, parameter.stop
+        found = on_root(self.comm, lambda: self._read(period, parameter) if self._continued else None)
+        found = self.comm.bcast(found)
+        if found is None:
+            return in_rows(period.reduced)
+        stored, self.former, self._finished = found
+        return in_rows(adopted(stored, period.reduced))
+
+    def _read(self, period, parameter):
+        with opened(self.path, WHAT, {FORM: VERSION}) as file:
+            stored = read_reduced_model(file["reduced_model"])
+            other = difference(stored, period.reduced)
+            if other:
+                raise ValueError(
+                    f"{WHAT} {self.path!r} was written for another model ({other}); resume with that model, or name "
+                    "another file"
+                )
+            mine = {
+                "parameter": parameter.name,
+                "start": parameter.start,
+                "stop": parameter.stop,
+                "steps": period.steps,
+                "periods": period.excitation.periods,
+                "fixed_frequency": parameter.frequency or 0.0,
+                "contact": period.pairs > 0,
+            }
+            for key, value in mine.items():
+                if not close(file.attrs[key], value):
+                    raise ValueError(
+                        f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; resume with "
+                        "the same value, or name another file"
+                    )
+            if not close(file["excitation/amplitudes"][()], period.excitation.amplitudes):
+                raise ValueError(
+                    f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name another "
+                    "file"
+                )
+            finished = bool(file.attrs["complete"]) and file["multipliers"].shape[1] > 0
+            former = (
+                file["states"][()],
+                file["value"][()],
+                float(file.attrs["length"]),
+                str(file.attrs["reason"]),
+            )
+            return stored, former, finished
+
+    def update(self, branch: Callable[[], Any], length: float, last: bool = False) -> None:
+        """Write the branch as it is and the length of its next step, at most every two seconds but for the last
+        time; a finished one stays as it is. Collective.
+        """
+        with collective(self.comm):
+            if (
+                self.comm.rank == 0
+                and not self._finished
+                and (last or time.monotonic() - self._written > PAUSE)
+            ):
+                try:
+                    write_branch(branch(), self.path, *self._range, length)
+                except ValueError as error:
+                    raise SolveError(
+                        f"{error}; what the file held before stays readable, and resume=True continues from there"
+                    ) from None
+                self._written = time.monotonic()
+
+
+def _unit(parameter: str) -> str:
+    return "Hz" if parameter == "frequency" else "1"
+
+
+def read_arrays(file: h5py.File) -> dict[str, np.ndarray]:
+    """The arrays of a branch, by their names in `Branch`."""
+    return {name: file[name][()] for name in ARRAYS}

@@ -1,0 +1,120 @@
+"""Memory and disk that a run will need, compared with what there is before it starts."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import resource
+import shutil
+from collections.abc import Callable
+
+from ..parallel import collective
+from ..petsc import MPI
+
+# Bytes of rows that a history keeps by default; longer ones are decimated.
+KEPT = 1_000_000_000
+# Share of the free memory or disk that a run may take: others want some too.
+SHARE = 0.9
+
+
+def default_decimation(count: int, row: int) -> int:
+    """Every so many of `count` steps are kept if their rows, of so many bytes, are to stay below `KEPT`."""
+    return max(1, math.ceil(count * row / KEPT))
+
+
+def available_memory() -> int:
+    """Bytes that this process may still take: of the machine, its control group and its limits."""
+    free = [os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    with contextlib.suppress(OSError, ValueError, StopIteration):
+        with open("/proc/meminfo", encoding="ascii") as file:
+            line = next(line for line in file if line.startswith("MemAvailable:"))
+        free = [1024 * int(line.split()[1])]  # caches that are given up count as well
+    with contextlib.suppress(OSError, ValueError):
+        limit, used = (
+            int(open(f"/sys/fs/cgroup/memory.{name}", encoding="ascii").read()) for name in ("max", "current")
+        )
+        free.append(limit - used)
+    soft, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if soft != resource.RLIM_INFINITY:
+        with contextlib.suppress(OSError, ValueError):
+            with open("/proc/self/statm", encoding="ascii") as file:
+                free.append(soft - int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE"))
+    return max(0, min(free))
+
+
+def require_memory(
+    owner: str, comm: MPI.Comm, needed: float, what: str, remedy: Callable[[float], str]
+) -> None:
+    """Refuse a run whose ranks on this machine would together take more memory than is free. Collective.
+
+    Parameters
+    ----------
+    needed : float
+        Bytes a rank.
+    what : str
+        What would take them, for the message.
+    remedy : callable
+        Text from the share of it that there is room for.
+
+    Raises
+    ------
+    ValueError
+        On all ranks.
+    """
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    together = needed * node.size
+    node.Free()
+    with collective(comm):
+        free = SHARE * available_memory()
+        if together > free:
+            raise ValueError(
+                f"{owner}: {what} would take {_bytes(together)} of memory, {_bytes(free)} are free; "
+                f"{remedy(free / together)}"
+            )
+
+
+def require_disk(
+    owner: str,
+    comm: MPI.Comm,
+    path: str,
+    *,
+    needed: float,
+    what: str,
+    continued: bool,
+    remedy: Callable[[float], str],
+) -> None:
+    """Refuse a run whose file, written by rank 0, would not fit beside others on its disk. Collective.
+
+    Parameters
+    ----------
+    path : str
+        Of the file.
+    needed : float
+        Bytes of the whole file.
+    continued : bool
+        Whether the file exists and is written on in its place.
+    what, remedy
+        See `require_memory`.
+    """
+    with collective(comm):
+        if comm.rank == 0:
+            folder = os.path.dirname(os.path.realpath(path))
+            if not os.path.isdir(folder):
+                return  # told by who opens the file
+            free = SHARE * shutil.disk_usage(folder).free
+            if continued:
+                needed -= os.stat(path).st_blocks * 512
+            if needed > free:
+                raise ValueError(
+                    f"{owner}: {what} would take {_bytes(needed)} of disk, {_bytes(free)} are free in "
+                    f"{folder!r}; {remedy(free / needed)}"
+                )
+
+
+def _bytes(value: float) -> str:
+    for unit in ("bytes", "kB", "MB", "GB"):
+        if value < 1000.0:
+            return f"{value:.3g} {unit}"
+        value /= 1000.0
+    return f"{value:.3g} TB"

@@ -1,0 +1,169 @@
+"""Steady states that exist are found: a closed crack in a beam held at both ends, oscillators at resonance
+with hardly any damping, motions of several periods; what a search in vain says.
+"""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc import reduce_matrices
+from sbfem_petsc.dynamics import steady
+from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
+
+FREQUENCY, STEPS = 280.0, 891
+
+
+def held_beam(x, depth):
+    """Steel, 300 x 10 mm, clamped at both ends, a closed crack from the top, the middle of the top edge named
+    "M".
+    """
+    beam = Beam(length=0.300, height=0.010, notches=[VNotch(x=x, depth=depth, opening=0.0)])
+    mesh = beam.mesh(order=5, points={"M": (0.150, 0.010)}, corners=("left", "right"))
+    return sb.Model(
+        mesh, sb.Material(young=210e9, poisson=0.3, density=7850), clamped=("left", "right"), damping=0.005
+    )
+
+
+@pytest.fixture(scope="module")
+def deep():
+    """The crack of 6 mm and the motion that 240 periods of a history from rest settle on."""
+    model = held_beam(0.13143, 0.006)
+    orbit = sb.periodic(model, sb.PointForce("M", fy=100.0), FREQUENCY)
+    return model, orbit, settled(model, orbit.reduced, 240)
+
+
+def settled(model, reduction, periods):
+    """u_y of M over one period behind a history from rest."""
+    load = sb.PointForce("M", fy=sb.Harmonic(100.0, FREQUENCY))
+    step = 1.0 / (FREQUENCY * STEPS)
+    options = {"reduction": reduction, "step": step}
+    long = sb.transient(model, load, periods / FREQUENCY, decimation=STEPS, **options)
+    state = long.states.q[-1], long.states.v[-1]
+    last = sb.transient(model, load, 1.0 / FREQUENCY, start=state, **options)
+    return last.displacement("M")[:-1, 1]
+
+
+def test_where_newton_fails_a_history_leads_on(deep):
+    """A motion that `transient` settles on by 0.86 s: with the same steps, which take the load as linear over
+    a step, within 1e-4 of the peak; the slowest multiplier leaves 0.94^240 = 3e-7. A2/A1 = 1.291.
+    """
+    _, orbit, history = deep
+    assert orbit.path == "history" and orbit.stable and len(orbit.time) == STEPS
+    u = orbit.displacement("M")[:, 1]
+    assert np.abs(u - history).max() < 1e-4 * np.abs(history).max()
+    harmonics = np.abs(orbit.harmonics("M"))
+    assert harmonics[2] / harmonics[1] == pytest.approx(1.291, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    "search, path",
+    [
+        (Search(settling=(), neighbours=()), "ramp of the damping"),
+        (Search(settling=(), dampings=()), "neighbouring frequency"),
+    ],
+)
+def test_other_ways_lead_to_the_same_motion(deep, search, path):
+    """Larger damping and neighbouring frequencies end at the motion of the history, to Newton's tolerance.
+    30 modes suffice.
+    """
+    model, _, _ = deep
+    load = sb.PointForce("M", fy=100.0)
+    orbit = sb.periodic(model, load, FREQUENCY, modes=30, stability=False)
+    other = sb.periodic(model, load, FREQUENCY, reduction=orbit.reduced, stability=False, search=search)
+    assert orbit.path == "history" and other.path == path
+    assert np.linalg.norm(other.state - orbit.state) < 1e-9 * np.linalg.norm(orbit.state)
+
+
+@pytest.mark.parametrize("x, depth", [(0.16857, 0.006), (0.020, 0.008), (0.24286, 0.003)])
+def test_other_cracks(x, depth):
+    """The mirrored beam moves as the first one does; cracks where Newton's method needs no help."""
+    orbit = sb.periodic(held_beam(x, depth), sb.PointForce("M", fy=100.0), FREQUENCY, modes=30)
+    assert orbit.stable
+    assert (orbit.path == "history") == (depth == 0.006)
+    if depth == 0.006:
+        harmonics = np.abs(orbit.harmonics("M"))
+        assert harmonics[2] / harmonics[1] == pytest.approx(1.291, abs=2e-3)
+
+
+@pytest.mark.slow
+def test_all_depths_and_positions():
+    """64 cracks at 260, 280 and 300 Hz: a steady state each."""
+    for depth in np.linspace(0.001, 0.008, 8):
+        for x in np.linspace(0.020, 0.280, 8):
+            model, reduction = held_beam(x, depth), None
+            for frequency in (260.0, 280.0, 300.0):
+                orbit = sb.periodic(
+                    model,
+                    sb.PointForce("M", fy=100.0),
+                    frequency,
+                    modes=40,
+                    reduction=reduction or "modes",
+                    stability=False,
+                )
+                reduction = orbit.reduced
+                assert orbit.converged and orbit.periods == 1
+
+
+def bilinear(damping):
+    """A mass with a spring that the closed side makes ten times as stiff, at its free frequency."""
+    reduction = reduce_matrices(
+        np.eye(1),
+        np.array([[0.01]]),
+        np.array([[1.0]]),
+        np.zeros(1),
+        np.ones((1, 1)),
+        {"x": 0},
+        damping=damping,
+        compliance=np.array([1.0 / 0.99]),
+    )
+    return reduction, 2.0 * 0.1 / 1.1 / (2.0 * np.pi)
+
+
+def test_resonance_with_hardly_any_damping():
+    """Newton's method alone fails; the motion found is stable, and its power balance holds: what the load
+    gives, the damper takes, within 1 %, for the steps' own power (of second order in the step) is not small
+    beside so little damping.
+    """
+    reduction, frequency = bilinear(1e-4)
+    with pytest.raises(sb.SolveError, match="did not converge"):
+        sb.periodic(reduction, 1.0, frequency, steps=2048, search=NEWTON_ALONE)
+    orbit = sb.periodic(reduction, 1.0, frequency, steps=2048)
+    assert orbit.path == "history" and orbit.stable
+    velocity = orbit.states.v[:, 0]
+    given = np.mean(np.sin(2.0 * np.pi * frequency * orbit.time) * velocity)
+    assert given == pytest.approx(np.mean(2.0 * 1e-4 * 0.1 * velocity**2), rel=1e-2)
+
+
+def test_what_a_search_in_vain_says():
+    """The residual, what was tried, and how far it came, in one message."""
+    reduction, frequency = bilinear(1e-4)
+    search = Search(settling=(1, 3), work=2560.0, dampings=(1.5,), neighbours=(1e-3,), attempt=2)
+    with pytest.raises(
+        sb.SolveError,
+        match=r"did not converge \(.*\): x\(T\) - x\(0\) is at .* Tried in vain as well: more damping, without a "
+        r"motion at up to 1.5 times the given one; continuation from .* Hz \(no motion there\); a history "
+        r"of 5 periods, after which x\(T\) - x\(0\) is at",
+    ):
+        sb.periodic(reduction, 1.0, frequency, search=search)
+
+
+def test_a_history_of_two_periods(monkeypatch):
+    """Where no motion of one period is found, the one of two that a history settles on is the answer, unless
+    one period was asked for: the message then says what to ask for. The bilinear oscillator, driven at twice
+    its own frequency.
+    """
+    reduction, frequency = bilinear(0.03)
+    found = steady.shoot
+
+    def of_two_periods(period, *rest, **more):
+        if period.excitation.periods == 1:
+            raise sb.SolveError("none of one period")
+        return found(period, *rest, **more)
+
+    monkeypatch.setattr(steady, "shoot", of_two_periods)
+    orbit = sb.periodic(reduction, 1.0, 2.0 * frequency, steps=1024)
+    assert orbit.periods == 2 and orbit.path == "history" and orbit.stable
+    assert np.abs(orbit.subharmonics("x")[1]) > np.abs(orbit.harmonics("x")[1])
+    with pytest.raises(sb.SolveError, match="which repeats itself after 2 periods: give periods=2"):
+        sb.periodic(reduction, 1.0, 2.0 * frequency, 1, steps=1024)
