@@ -261,10 +261,11 @@ def analysis_function(case: Case, name: str) -> Any:
     """
     kind = case.tables.analyses[name].kind
     function = {"modulation": "periodic"}.get(kind, kind)
-    return _installed(case, ("analyses", name, "kind"), sb, function)
+    return installed(case, ("analyses", name, "kind"), sb, function)
 
 
-def _installed(case: Case, path: Path, package: Any, name: str) -> Any:
+def installed(case: Case, path: Path, package: Any, name: str) -> Any:
+    """A name of a package, or the error, at a path of the case, that the package lacks it."""
     try:
         return getattr(package, name)
     except AttributeError:

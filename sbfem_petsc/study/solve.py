@@ -163,7 +163,8 @@ class Structure:
         )
 
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        return function(self.model, table.mode, table.start, table.stop)
+        options = table.model_dump(exclude={"kind", "mode", "start", "stop"})
+        return function(self.model, table.mode, table.start, table.stop, **options)
 
 
 def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str, Any]:

@@ -241,17 +241,18 @@ def _peak(peak: Any) -> Tree:
 
 
 def _backbone(result: Any, points: Sequence[str]) -> Tree:
-    tree: Tree = {
-        "energy": Quantity(np.asarray(result.energy), "J", "energy of the motion"),
-        "frequency": Quantity(np.asarray(result.frequency), "Hz", "frequency of the motion"),
+    return {
+        "mode": Quantity(int(result.mode), "1", "number of the mode"),
+        "energy": Quantity(result.energy, "J", "energy of the motion"),
+        "frequency": Quantity(result.frequency, "Hz", "frequency of the motion"),
+        "frequency_error": Quantity(result.frequency_error, "Hz", "estimated error of the frequency"),
+        "damping_ratio": Quantity(result.damping_ratio, "1", "damping ratio of the motion"),
+        "amplitude": _of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
+        "harmonics": _of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
+        "stable": Quantity(result.stable, "1", "stability of each point"),
+        "complete": Quantity(bool(result.complete)),
+        "reason": Quantity(result.reason, "1", "why the branch ends"),
     }
-    for name, unit in (("stable", "1"), ("converged", "1"), ("complete", "1"), ("reason", "1")):
-        if hasattr(result, name):
-            tree[name] = Quantity(getattr(result, name), unit)
-    for name in ("amplitude", "harmonics"):
-        if hasattr(result, name):
-            tree[name] = _of_points(points, getattr(result, name), "m", name)
-    return tree
 
 
 def plain(tree: Any, where: str = "") -> Any:
