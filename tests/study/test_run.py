@@ -295,7 +295,7 @@ def test_branches(tmp_path):
     linear = sb.frequency_response(model, FORCE, 700.0, 900.0, contact=False, modes=8)
     assert found["linear"]["peak"]["A"]["frequency"] == pytest.approx(linear.peak("A").frequency, rel=1e-6)
     assert found["linear"]["peak"]["A"]["bandwidth"] == pytest.approx(linear.peak("A").bandwidth, rel=1e-4)
-    curve = sb.load_response(model, FORCE, 400.0, 0.5, 1.0, modes=8, steps=128)
+    curve = sb.load_response(model, FORCE, 400.0, start=0.5, stop=1.0, modes=8, steps=128)
     assert found["over_load"]["value"] == pytest.approx(curve.value, rel=1e-6)
     np.testing.assert_allclose(found["over_load"]["amplitude"]["A"], curve.amplitude("A"), rtol=1e-6)
     assert found["over_load"]["stable"] == curve.stable.tolist()
