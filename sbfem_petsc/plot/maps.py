@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from .drawing import CYCLE, MARKERS, figure, save, style
+from .drawing import CYCLE, MARKERS, figure, save_picture, style
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
@@ -50,7 +50,8 @@ def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None)
             )
         for part, values in _columns(name, sweep.values[name]):
             path = os.path.join(folder, f"{re.sub(r'[^A-Za-z0-9_]+', '_', part)}.png")
-            pictures.append(save(indicator_figure(sweep, part, values, sweep.units.get(name, "1")), path))
+            drawing = indicator_figure(sweep, part, values, sweep.units.get(name, "1"))
+            pictures.append(str(save_picture(drawing, path)))
     return pictures
 
 
