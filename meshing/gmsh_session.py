@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
 _OPTIONS = (
     "General.Terminal",
@@ -15,7 +16,7 @@ _OPTIONS = (
 
 
 @contextmanager
-def gmsh_session(name: str) -> Iterator[object]:
+def gmsh_session(name: str) -> Iterator[Any]:
     """A gmsh model of our own, removed afterwards; gmsh itself is ended only if it was started here.
 
     Raises

@@ -54,4 +54,4 @@ def checked_faces(extent: float, face_size: object, face_edges: object) -> tuple
         raise TypeError(f"mesh: face_edges is {face_edges!r}, a whole number was expected.")
     if not 1 <= face_edges <= 1000:
         raise ValueError(f"mesh: face_edges is {face_edges}, 1 to 1000 was expected.")
-    return None if face_size is None else float(face_size), int(face_edges)
+    return None if face_size is None else positive("mesh", "face_size", face_size), int(face_edges)

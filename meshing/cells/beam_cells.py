@@ -213,17 +213,17 @@ def _fill_corners(skeleton: Skeleton, side: str, width: float) -> None:
 
 def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | None) -> Star:
     """Outline of a feature's box; its vertices on lines and edges are registered."""
-    beam, shape = skeleton.beam, feature.shape
+    beam = skeleton.beam
     if box is None:
         return Star(feature, None, np.zeros((0, 2)), [], circle=_free_circle(skeleton, block, feature))
     if not feature.is_notch:
-        wall = box.smallest / shape.radius - 1.0
+        wall = box.smallest / feature.hole.radius - 1.0
         # An arc must stay inside the tangents at its ends by less than the wall, so that the cell keeps a
         # kernel.
         thin = 2 * math.acos(1.0 / (1.0 + 0.3 * wall))
         points = outline(box, None, min(_WIDEST_SIDE, thin), skeleton.preferred, True)
         return Star(feature, box, points, [skeleton.vertex_or_new(*p) for p in points])
-    tip = np.array(feature.centre)
+    tip, shape = np.array(feature.centre), feature.notch
     mouths = [np.array([shape.x + offset, beam.height]) for offset in (shape.left_offset, shape.right_offset)]
     fraction = min(
         math.dist(tip, box.hit(math.atan2(mouth[1] - tip[1], mouth[0] - tip[0]))) / math.dist(tip, mouth)
@@ -237,7 +237,11 @@ def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | No
         ends = [tip + fraction * (mouth - tip) for mouth in mouths]
         box = replace(box, top=min(box.top, tip[1] + max(fraction * shape.depth, 0.4 * box.largest)))
     points = outline(
-        box, tuple(map(tuple, ends)), _WIDEST_SIDE, skeleton.preferred, keep_corners=not block.filled
+        box,
+        ((ends[0][0], ends[0][1]), (ends[1][0], ends[1][1])),
+        _WIDEST_SIDE,
+        skeleton.preferred,
+        keep_corners=not block.filled,
     )
     # Face vertices are never looked up by their coordinates: those of a closed crack coincide.
     inner = [skeleton.vertex_or_new(*p) for p in points[1:-1]]
@@ -247,7 +251,7 @@ def _make_star(skeleton: Skeleton, block: Block, feature: Feature, box: Box | No
 
 def _free_circle(skeleton: Skeleton, block: Block, feature: Feature) -> list[int]:
     """Vertices of the edge of a hole that has no ring of its own: short arcs where something is near."""
-    (x, y), radius = feature.centre, feature.shape.radius
+    (x, y), radius = feature.centre, feature.hole.radius
     distances = [x - block.low, block.high - x, y, skeleton.beam.height - y]
     distances += [
         np.hypot(*(other.outline - feature.centre).T).min()
@@ -267,7 +271,7 @@ def _free_circle(skeleton: Skeleton, block: Block, feature: Feature) -> list[int
 def _tip_size(inputs: MeshInputs, feature: Feature, box: Box) -> float:
     """Half-size of the element on a tip, m."""
     if inputs.tip_size is None:
-        return min(_DEFAULT_TIP * feature.shape.depth, box.largest / inputs.grading)
+        return min(_DEFAULT_TIP * feature.notch.depth, box.largest / inputs.grading)
     if inputs.tip_size >= box.largest:
         where = f"around the tip of notch {feature.index + 1}, where {box.largest:g} m are free"
         raise ValueError(f"mesh: tip_size {inputs.tip_size:g} m does not fit {where}; make it smaller.")
@@ -280,9 +284,9 @@ def _fill_star(skeleton: Skeleton, star: Star) -> None:
     cells, feature, box = skeleton.cells, star.feature, star.box
     if not feature.is_notch:
         scales = ring_scales(
-            min(1.0 - 1e-12, _HOLE_RING * feature.shape.radius / box.smallest), skeleton.inputs.grading
+            min(1.0 - 1e-12, _HOLE_RING * feature.hole.radius / box.smallest), skeleton.inputs.grading
         )
-        if box.smallest < _HOLE_RING * skeleton.inputs.grading**0.5 * feature.shape.radius:
+        if box.smallest < _HOLE_RING * skeleton.inputs.grading**0.5 * feature.hole.radius:
             scales = np.ones(1)
         levels = add_levels(cells.add_vertex, feature.centre, star.points, scales, star.vertices)
         circle = skeleton.add_circle(feature, star.points)
@@ -333,7 +337,7 @@ def _divide_faces(skeleton: Skeleton, stars: list[Star]) -> None:
     cells, inputs = skeleton.cells, skeleton.inputs
     wanted, counts = [], []
     for star in stars:
-        longest = inputs.face_size or star.feature.shape.length / inputs.face_edges
+        longest = inputs.face_size or star.feature.notch.length / inputs.face_edges
         for pair in zip(zip(star.right, star.right[1:]), zip(star.left, star.left[1:])):
             wanted.append(pair)
             counts.append(math.ceil(max(cells.edge_length(*edge) for edge in pair) / longest - 1e-6))
@@ -343,7 +347,7 @@ def _divide_faces(skeleton: Skeleton, stars: list[Star]) -> None:
 
 
 def _record_crack(skeleton: Skeleton, star: Star) -> None:
-    cells, notch, index = skeleton.cells, star.feature.shape, star.feature.index
+    cells, notch, index = skeleton.cells, star.feature.notch, star.feature.index
     right, left = (list(zip(face, face[1:])) for face in (star.right, star.left))
     name, suffix = f"crack{index + 1}", str(index + 1) if index else ""
     tip = TipCell(star.feature.centre, notch.axis, math.radians(notch.opening), star.tip_cell)

@@ -57,7 +57,7 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
     """
     if star.face_fraction == 1.0:
         return
-    beam, notch, cells = skeleton.beam, star.feature.shape, skeleton.cells
+    beam, notch, cells = skeleton.beam, star.feature.notch, skeleton.cells
     tip = np.array(star.feature.centre)
     mouths = {
         offset: np.array([tip[0] + offset, beam.height]) for offset in (notch.left_offset, notch.right_offset)
@@ -66,7 +66,8 @@ def _extend_faces(skeleton: Skeleton, star: Star, others: list[np.ndarray]) -> N
     clear = _clearance(star.feature.outline, np.vstack(others)) if others else math.inf
     longest = min(skeleton.edge_limit, 1.5 * clear) / length
     growth = min(_FACE_GROWTH, skeleton.inputs.grading)
-    step, steps = star.face_fraction * (1.0 - 1.0 / star.ring_ratio), []
+    step = star.face_fraction * (1.0 - 1.0 / star.ring_ratio)
+    steps: list[float] = []
     while sum(steps) < (1.0 - star.face_fraction) * (1 - 1e-9):
         step = min(step * growth, longest)
         steps.append(step)
@@ -107,7 +108,7 @@ def _opened_coordinates(
         if star.feature.is_notch:
             others = np.vstack([other.feature.outline for other in stars if other is not star] + [fixed])
             most = 0.2 * _clearance(star.feature.outline, others)
-            tip_y, tilt = star.feature.centre[1], math.radians(star.feature.shape.tilt)
+            tip_y, tilt = star.feature.centre[1], math.radians(star.feature.notch.tilt)
             for right, left in zip(star.right, star.left):
                 (xr, yr), (xl, yl) = seen[right], seen[left]
                 wanted = math.tan(_MESHER_OPENING / 2) * (yr - tip_y) / math.cos(tilt) ** 2

@@ -110,7 +110,7 @@ class MeshInputs:
         given = corner_size is not None
         # The paper's layout is there for comparison: nothing in it is graded unless asked for.
         corners = corners if given or layout == "tip" else ()
-        corner_size = float(corner_size) if given else _CORNER_SIZE * beam.height
+        corner_size = float(corner_size) if corner_size is not None else _CORNER_SIZE * beam.height
         return cls(
             order,
             size,
@@ -152,6 +152,18 @@ class Feature:
     wanted_low: float
     wanted_high: float
     outline: np.ndarray
+
+    @property
+    def notch(self) -> VNotch:
+        """The shape of a feature that is a notch."""
+        assert isinstance(self.shape, VNotch)
+        return self.shape
+
+    @property
+    def hole(self) -> Hole:
+        """The shape of a feature that is a hole."""
+        assert isinstance(self.shape, Hole)
+        return self.shape
 
     @classmethod
     def of_notch(cls, beam: BeamShape, index: int) -> Feature:
@@ -316,7 +328,7 @@ def _set_boxes(beam: BeamShape, inputs: MeshInputs, block: Block) -> None:
     if len(block.features) == 1 and not points:
         feature = block.features[0]
         box = Box(feature.centre, block.low, block.high, 0.0, beam.height)
-        room = feature.is_notch or box.smallest >= _WALL * feature.shape.radius
+        room = feature.is_notch or box.smallest >= _WALL * feature.hole.radius
         if room and box.largest <= _LONGEST_SIDE * box.smallest:
             block.boxes = [box]
             return
@@ -328,7 +340,7 @@ def _set_boxes(beam: BeamShape, inputs: MeshInputs, block: Block) -> None:
             (np.abs(outline - feature.centre).max(axis=1).min() for outline in others), default=math.inf
         )
         box = _largest_box(beam, block, feature.centre, half_way)
-        fits = feature.is_notch or box.smallest >= _WALL * feature.shape.radius
+        fits = feature.is_notch or box.smallest >= _WALL * feature.hole.radius
         block.boxes.append(box if fits else None)
 
 

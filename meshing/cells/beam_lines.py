@@ -7,13 +7,14 @@ from itertools import pairwise
 import numpy as np
 
 from meshing.cells.arrangement import CrackPath, arrange
-from meshing.cells.beam_layout import Block
+from meshing.cells.beam_layout import Block, Feature
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_opening import open_cracks
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.plate_cells import add_circle
 from meshing.cells.region import divide_line, fill_region, plan_region
 from meshing.cells.skeleton import Skeleton
+from meshing.shapes.features import CrackLine, VNotch
 
 
 class BlockRegion:
@@ -29,23 +30,25 @@ class BlockRegion:
         given = {f"side {v}": skeleton.cells.vertices[v] for v in sides}
         given |= {name: skeleton.inputs.points[name] for name in block.inner_points}
         self.holes = [f for f in block.features if not f.is_notch and not f.is_line]
-        self.cracks, self.openings, self.mouths = [], {}, {}
+        self.cracks: list[CrackPath] = []
+        self.openings: dict[str, float] = {}
+        self.mouths: dict[str, Feature] = {}
         names = beam.crack_names()
         for feature in block.features:
             shape = feature.shape
-            if feature.is_notch:
+            if isinstance(shape, VNotch):
                 name = names[feature.index]
                 mouth = np.add(feature.centre, np.multiply(shape.axis, shape.length))
                 mouth[1] = beam.height if shape.edge == "top" else 0.0
                 self.cracks.append(CrackPath(name, np.array([feature.centre, mouth])))
                 self.mouths[name] = feature
-            elif feature.is_line:
+            elif isinstance(shape, CrackLine):
                 name = names[len(beam.notches) + feature.index]
                 self.cracks.append(CrackPath(name, np.array(shape.points[::-1])))
             else:
                 continue
             self.openings[name] = shape.opening
-        circles = [((f.shape.x, f.shape.y), f.shape.radius) for f in self.holes]
+        circles = [((f.hole.x, f.hole.y), f.hole.radius) for f in self.holes]
         self.body = arrange(np.array(corners), circles, self.cracks, given)
         self.plan = plan_region(self.body, skeleton.edge_limit)
         self.lines: list[list[int]] = []
@@ -93,12 +96,13 @@ def add_lines(skeleton: Skeleton, regions: list[BlockRegion]) -> None:
     for region in regions:
         for name, feature in region.mouths.items():
             faces = next(faces for faces in cells.cracks if faces.name == name)
-            faces.length = feature.shape.length
-            faces.paths[0].start.axis = feature.shape.axis
-            ends = [cells.points.pop(f"{name}_{side}", None) for side in ("right", "left")]
-            if None in ends:
+            faces.length = feature.notch.length
+            start = faces.paths[0].start
+            ends = [cells.points.pop(f"{name}_{side}", -1) for side in ("right", "left")]
+            if start is None or -1 in ends:
                 raise ValueError(f"beam: another crack meets {name!r}; draw notches that meet as cracks.")
-            if feature.shape.edge == "bottom":
+            start.axis = feature.notch.axis
+            if feature.notch.edge == "bottom":
                 ends.reverse()
             suffix = str(feature.index + 1) if feature.index else ""
             cells.points[f"B{suffix}"], cells.points[f"C{suffix}"] = ends

@@ -70,6 +70,7 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
                 f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees, but it meets a crack at "
                 f"({x:.6g}, {y:.6g}) m; cracks that meet start closed, give 0."
             )
+    assert path.start is not None  # checked: a path that opens begins at a tip
     rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)
@@ -91,12 +92,12 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
         # The last straight piece of each face runs to where it meets the edge.
         turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12)
         corner = int(turned[-1]) + 1 if len(turned) else -1
-        for face, sign in ((rights, 1.0), (lefts, -1.0)):
-            mouth = _along_edge(cells, face[-1], sign * arc[-1], unit[-1], angle)
-            start, base = (arc[corner], moved[face[corner]]) if corner >= 0 else (0.0, np.zeros(2))
-            for place in range(corner + 1, len(face)):
+        for side, sign in ((rights, 1.0), (lefts, -1.0)):
+            mouth = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
+            start, base = (arc[corner], moved[side[corner]]) if corner >= 0 else (0.0, np.zeros(2))
+            for place in range(corner + 1, len(side)):
                 share = (arc[place] - start) / (arc[-1] - start)
-                moved[face[place]] = (1.0 - share) * base + share * mouth
+                moved[side[place]] = (1.0 - share) * base + share * mouth
     for tip in (path.start, path.end):
         if tip is not None:
             tip.opening = angle
@@ -152,4 +153,4 @@ def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
     if len(free):
         right = -laplace[free] @ shift
         shift[free] = spsolve(laplace[free][:, free].tocsc(), right)
-    cells.vertices[:] = [tuple(map(float, place)) for place in places + shift]
+    cells.vertices[:] = [(float(x), float(y)) for x, y in places + shift]

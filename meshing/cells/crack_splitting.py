@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
+from meshing.cells.complex import Cell, CellComplex, CrackFaces, FacePath, TipCell, edge_key
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.face_division import divide_faces, with_inserted
@@ -115,8 +115,8 @@ def _edges(path: Sequence[int]) -> list[Edge]:
 def _named_parts(groups: dict[str, list[Edge]], origin: str) -> dict[str, dict[str, list[Edge]]]:
     cracks: dict[str, dict[str, list[Edge]]] = {}
     for group, edges in groups.items():
-        _, name, *side = group.split(":")
-        side = side[0] if side else ""
+        _, name, *sides = group.split(":")
+        side = sides[0] if sides else ""
         if not name or side not in ("", "right", "left") or not edges:
             raise ValueError(
                 f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, crack:NAME:right and "
@@ -191,8 +191,8 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
         paths.reverse()
     elif not (all(outwards[1]) and all(inwards[0])):
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
-    _check_match(cells, *paths, where)
-    return _Line(*paths, False)
+    _check_match(cells, paths[0], paths[1], where)
+    return _Line(paths[0], paths[1], False)
 
 
 def _check_match(cells: CellComplex, right: list[int], left: list[int], where: str) -> None:
@@ -225,7 +225,7 @@ def _orient(line: _Line, degree: dict[int, int], outline: set[int]) -> None:
         line.right = line.left = line.right[::-1]
         free.reverse()
     line.start, line.end = (TipCell((0.0, 0.0), (0.0, 0.0)) if tip else None for tip in free)
-    line.mouths = tuple(end in outline for end in (line.right[0], line.right[-1]))
+    line.mouths = (line.right[0] in outline, line.right[-1] in outline)
 
 
 def _refine(
@@ -286,7 +286,8 @@ def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, in
     # A closed crack's faces coincide; round-off must not open it.
     tip.opening = opening if abs(opening) > 1e-12 else 0.0
     axis = (left + right) / np.hypot(*(left + right))
-    tip.position, tip.axis = tuple(map(float, position)), tuple(map(float, axis))
+    tip.position = (float(position[0]), float(position[1]))
+    tip.axis = (float(axis[0]), float(axis[1]))
 
 
 def _tangent(cells: CellComplex, first: int, second: int) -> np.ndarray:
@@ -378,7 +379,7 @@ def _record(cells: CellComplex, crack: _CrackLines, sides: dict[Edge, tuple[Edge
 def _drop_missing(cells: CellComplex, origin: str) -> None:
     """Remove cells that were merged away; named items that went with them are an error."""
     number_of = {}
-    kept = []
+    kept: list[Cell] = []
     for number, cell in enumerate(cells.cells):
         if cell.vertices:
             number_of[number] = len(kept)

@@ -36,7 +36,8 @@ def plate_cells(
     ]
     body = arrange(np.array(plate.outline), holes, cracks, points)
     plan = plan_region(body, size)
-    cells, vertex_of = CellComplex(), {}
+    cells = CellComplex()
+    vertex_of: dict[int, int] = {}
     loop: list[int] = []
     for name, side in zip(plate.side_names, body.sides):
         chain = divide_side(cells, body, plan, side, vertex_of)

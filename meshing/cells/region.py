@@ -240,14 +240,14 @@ def fill_region(
         ({v for pair in segments for v in pair} | {vertex_of[p] for p in body.points.values()}) - on_loops
     )
     local = {v: i for i, v in enumerate([*numbers, *inside])}
-    inner, pieces = fill_polygon(
+    added, pieces = fill_polygon(
         [np.array([cells.vertices[v] for v in loop]) for loop in loops],
         np.array([cells.vertices[v] for v in inside]).reshape(-1, 2),
         plan.sizes.largest,
         [(local[a], local[b]) for a, b in segments],
     )
     numbers += inside
-    numbers += [cells.add_vertex(*point) for point in inner]
+    numbers += [cells.add_vertex(*point) for point in added]
     for piece in pieces:
         cells.add_cell([numbers[i] for i in piece])
     return paths

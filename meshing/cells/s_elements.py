@@ -45,7 +45,7 @@ def build_mesh(
     node_of_vertex: dict[int, int] = {}
     edge_number: dict[tuple[int, int], int] = {}
     edges: list[list[int]] = []
-    start, flat, backwards = [0], [], []
+    starts, used, turned = [0], [], []
 
     def vertex_node(vertex: int) -> int:
         if vertex not in node_of_vertex:
@@ -62,12 +62,12 @@ def build_mesh(
                 coordinates.extend(map(tuple, _edge_points(cells, key, parameter)[1:-1]))
                 edge_number[key] = len(edges)
                 edges.append([first, *inner, last])
-            flat.append(edge_number[key])
-            backwards.append(key != edge)
-        start.append(len(flat))
+            used.append(edge_number[key])
+            turned.append(key != edge)
+        starts.append(len(used))
 
     nodes, edge_nodes = np.array(coordinates), np.array(edges)
-    flat, backwards, start = np.array(flat), np.array(backwards), np.array(start)
+    flat, backwards, start = np.array(used), np.array(turned), np.array(starts)
     centres = _scaling_centres(
         [cells.cells[i] for i in sequence], nodes, edge_nodes, flat, backwards, start, origin
     )
@@ -116,8 +116,8 @@ def _tips(faces: CrackFaces, index: int, element_of_cell: np.ndarray) -> list[Ti
         Tip(
             faces.name if len(found) == 1 else f"{faces.name}:{number}",
             index,
-            tuple(tip.position),
-            tuple(tip.axis),
+            (tip.position[0], tip.position[1]),
+            (tip.axis[0], tip.axis[1]),
             tip.opening,
             int(element_of_cell[tip.cell]) if tip.cell >= 0 else -1,
             face_sets,

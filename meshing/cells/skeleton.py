@@ -146,7 +146,7 @@ class Skeleton:
         """Vertices of a hole's edge at the angles of the points `towards` (n, 2), joined by arcs and
         named.
         """
-        (x, y), radius = feature.centre, feature.shape.radius
+        (x, y), radius = feature.centre, feature.hole.radius
         vertices = []
         for angle in np.arctan2(towards[:, 1] - y, towards[:, 0] - x):
             vertices.append(self.cells.add_vertex(x + radius * math.cos(angle), y + radius * math.sin(angle)))
@@ -159,23 +159,24 @@ class Skeleton:
     def divide_perimeter(self, block: Block, stars: list[Star]) -> None:
         """Register vertices on a filled block's sides, closer together near its boxes."""
         beam = self.beam
-        places, sizes = [], []
+        near: list[np.ndarray] = []
+        widths: list[np.ndarray] = []
         for star in stars:
             if star.box is None:
-                places.append(np.array([self.cells.vertices[v] for v in star.circle]))
-                sizes.append(np.full(len(places[-1]), math.dist(*places[-1][:2])))
+                near.append(np.array([self.cells.vertices[v] for v in star.circle]))
+                widths.append(np.full(len(near[-1]), math.dist(*near[-1][:2])))
             else:
-                places.append(star.points)
+                near.append(star.points)
                 lengths = np.hypot(*np.diff(star.points, axis=0).T)
-                sizes.append(np.append(lengths, lengths[-1]))
+                widths.append(np.append(lengths, lengths[-1]))
             if star.feature.is_notch:  # its faces beyond the box
-                places.append(star.feature.outline)
-                sizes.append(np.full(len(places[-1]), np.median(sizes[-1])))
+                near.append(star.feature.outline)
+                widths.append(np.full(len(near[-1]), np.median(widths[-1])))
         for name in block.inner_points:
-            places.append(np.array([self.inputs.points[name]]))
-            sizes.append(np.array([self.edge_limit]))
-        places, sizes = np.vstack(places), np.concatenate(sizes)
-        notches = [star.feature.shape for star in stars if star.feature.is_notch]
+            near.append(np.array([self.inputs.points[name]]))
+            widths.append(np.array([self.edge_limit]))
+        places, sizes = np.vstack(near), np.concatenate(widths)
+        notches = [star.feature.notch for star in stars if star.feature.is_notch]
         boxes = [star.box for star in stars if star.box is not None]
 
         def divide(first: tuple[float, float], last: tuple[float, float]) -> None:

@@ -153,7 +153,7 @@ def add_levels(
     make_vertex: Callable[[float, float], int],
     centre: tuple[float, float],
     points: np.ndarray,
-    scales: Sequence[float],
+    scales: Sequence[float] | np.ndarray,
     outer: Sequence[int],
 ) -> list[list[int]]:
     """Vertices of scaled copies of an outline.

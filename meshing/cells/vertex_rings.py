@@ -94,7 +94,7 @@ class Rings:
         levels: list[list[int]] = []
         at: dict[int, list[float]] = {place: [] for place, curve in curves.items() if curve}
         for scale in scales[:-1]:
-            level = []
+            level: list[int] = []
             for place, point in enumerate(points):
                 if loop and place == len(chain) - 1:
                     level.append(level[0])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -166,11 +167,9 @@ class BeamShape:
         """A user's point as two floats, or the error that says why it cannot be a node."""
         if not isinstance(name, str) or not name:
             raise TypeError(f"points: the name {name!r} is not a non-empty string.")
-        try:
-            x, y = point  # type: ignore[misc]
-        except (TypeError, ValueError):
-            raise TypeError(f"point {name!r} is {point!r}, a pair (x, y) was expected.") from None
-        x, y = number(f"point {name!r}", "x", x), number(f"point {name!r}", "y", y)
+        if isinstance(point, str) or not isinstance(point, Iterable) or len(pair := list(point)) != 2:
+            raise TypeError(f"point {name!r} is {point!r}, a pair (x, y) was expected.")
+        x, y = number(f"point {name!r}", "x", pair[0]), number(f"point {name!r}", "y", pair[1])
         if not (0 <= x <= self.length and 0 <= y <= self.height):
             raise ValueError(
                 f"point {name!r} at ({x:g}, {y:g}) m is outside the beam, [0, {self.length:g}] x [0, "

@@ -218,7 +218,7 @@ class _Attempts:
         if (
             ramp <= 0.0
             or not (period.excitation.orders == 0).any()
-            and not period.reduction.initial_gap[: period.pairs].any()
+            and not period.reduced.initial_gap[: period.pairs].any()
         ):
             return None
         first = self._newton(period, period.at(frequency, ramp).linear_state, frequency, ramp)
@@ -244,7 +244,7 @@ class _Attempts:
             if start is not None:
                 break
         if start is None:
-            if self.search.dampings and self.period.reduction.damping.any():
+            if self.search.dampings and self.period.reduced.damping.any():
                 self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
             return None
         # near a resonance the motion grows as the inverse of the damping
@@ -320,5 +320,5 @@ def _repeated(period: Period, times: int) -> Period:
 
 def _with_damping(period: Period, factor: float) -> Period:
     """The same map with the damping ratios times a factor, critical at most."""
-    reduced = replace(period.reduced, damping=np.minimum(factor * period.reduction.damping, 1.0))
+    reduced = replace(period.reduced, damping=np.minimum(factor * period.reduced.damping, 1.0))
     return Period(reduced, period.excitation, period.steps, period.pairs > 0)
