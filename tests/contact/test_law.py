@@ -70,7 +70,9 @@ def test_a_law_for_each_crack():
     stiffness, gaps, opening = dense(model)
     factor = linalg.cho_factor(stiffness)
     flexibility = gaps @ linalg.cho_solve(factor, gaps.T)
-    free = gaps @ linalg.cho_solve(factor, model.load_columns([load]).forces[:, 0]) + np.where(tied, 0.0, opening)
+    free = gaps @ linalg.cho_solve(factor, model.load_columns([load]).forces[:, 0]) + np.where(
+        tied, 0.0, opening
+    )
     lower = np.linalg.cholesky(0.5 * (flexibility + flexibility.T))
     expected = optimize.lsq_linear(
         lower.T,
