@@ -109,8 +109,7 @@ def wrong_option(words: list[str]) -> str | None:
 
 
 def start_petsc(words: list[str]) -> None:
-    """Start PETSc with its options; it names, at the end, those that no solve has asked for: "
-    "misspelt ones."""
+    """Start PETSc with its options; it names, at the end, the misspelt ones, which no solve has asked for."""
     import petsc4py
 
     told = [] if any(w.startswith("-options_left") for w in words) or not words else ["-options_left"]

@@ -26,7 +26,8 @@ def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
     Raises
     ------
     ValueError
-        A crack without a tip, or with branches, is to be open.
+        A crack without a tip, or one that branches or meets another one, is to be open; the faces run into
+        other cells.
     """
     moved: dict[int, np.ndarray] = {}
     for faces in cells.cracks:
@@ -53,6 +54,22 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
             "from; give 0."
         )
     path = faces.paths[0]
+    others = {
+        vertex
+        for crack in cells.cracks
+        if crack is not faces
+        for piece in crack.paths
+        for edge in [*piece.right, *piece.left]
+        for vertex in edge
+    }
+    for face in (path.right, path.left):
+        broken = [a[1] for a, b in zip(face, face[1:]) if a[1] != b[0]]
+        for vertex in [*broken, *(v for edge in face for v in edge if v in others)]:
+            x, y = cells.vertices[vertex]
+            raise ValueError(
+                f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees, but it meets a crack at "
+                f"({x:.6g}, {y:.6g}) m; cracks that meet start closed, give 0."
+            )
     rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)

@@ -127,7 +127,7 @@ class CrackLine:
     opening : float
         Full angle between the faces, degrees: at a distance s from the tip the faces stand
         2 s tan(opening / 2) apart; with two tips s counts from the nearer one. 0 is a closed crack.
-        It must be 0 without a tip.
+        It must be 0 without a tip and where cracks meet.
     name : str, optional
         Default: "crack1", "crack2", ... by position among the body's cracks.
     """

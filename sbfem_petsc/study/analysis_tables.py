@@ -148,6 +148,17 @@ class Backbone(Table):
     mode: int = item(text="number of the mode, from 1", ge=1)
     start: float = item(text="first energy", unit="J", gt=0)
     stop: float = item(text="last energy", unit="J", gt=0)
+    damping: bool = item(
+        False, text="true: with the model's damping, under a self-excitation that makes up for it"
+    )
+    modes: int | None = item(None, text="modes; default: three for each up to the followed one, and 20", ge=1)
+    steps: int | None = item(None, text="time steps a period; default: 1024 or more", ge=48)
+    points: int = item(200, text="points at most", ge=2)
+    largest_step: float = item(
+        0.4, text="largest change of the state from a point to the next, relative", gt=0
+    )
+    refine: bool = item(True, text="solve every point with half the step too and extrapolate the frequency")
+    stability: bool = item(True, text="compute Floquet multipliers")
 
 
 ANALYSES = (

@@ -211,11 +211,11 @@ def energy_balance(case: Case, table: Any, result: Any) -> float | None:
     names = [*(getattr(table, "load", None) or []), *(getattr(table, "pump", None) or [])]
     names += getattr(table, "probe", None) or []
     loads = [case.tables.loads[name] for name in names]
-    reduction = getattr(result, "reduction", None)
-    if reduction is None or any(load.kind != "point_force" for load in loads):
+    reduced, states = result.reduced, result.states
+    if reduced is None or any(load.kind != "point_force" for load in loads):
         return None
-    velocity, duration = result.modal_velocity, result.periods / result.frequency
-    lost = 2.0 * duration * float((reduction.damping * reduction.omega * (velocity**2).mean(axis=0)).sum())
+    duration = result.periods / result.frequency
+    lost = 2.0 * duration * float((reduced.damping * reduced.omega * (states.v**2).mean(axis=0)).sum())
     supplied, column = 0.0, 0
     for load in loads:
         for key in COMPONENTS:
@@ -223,7 +223,7 @@ def energy_balance(case: Case, table: Any, result: Any) -> float | None:
             if isinstance(value, float) and value == 0.0:
                 continue
             u = result.displacement(load.point)[:, "xy".index(key[1])]
-            supplied += duration * float(np.mean(result.amplitudes[:, column] * _derivative(u, duration)))
+            supplied += duration * float(np.mean(states.amplitudes[:, column] * _derivative(u, duration)))
             column += 1
     return (supplied - lost) / supplied if supplied > 0.0 and lost > 0.0 else None
 

@@ -10,16 +10,17 @@ from .tables import AnyNames, Name, Pair, Table, by_kind, item
 
 
 class Notch(Table):
-    """A V-notch or crack from the beam's top edge; `opening = 0` is a closed crack."""
+    """A V-notch or crack from the beam's top or bottom edge; `opening = 0` is a closed crack."""
 
     x: float = item(text="position of the tip along the beam", unit="m")
-    depth: float = item(text="vertical distance of the tip from the top edge", unit="m", gt=0)
+    depth: float = item(text="vertical distance of the tip from the edge", unit="m", gt=0)
     opening: float = item(text="total angle between the faces; 0 is a closed crack", unit="degree", ge=0)
     tilt: float = item(
         0.0,
         text="angle of the axis from the vertical, positive with the mouth towards the free end",
         unit="degree",
     )
+    edge: Literal["top", "bottom"] = item("top", text="edge that it starts from")
 
 
 class Hole(Table):
@@ -28,16 +29,6 @@ class Hole(Table):
     x: float = item(text="centre", unit="m")
     y: float = item(text="centre", unit="m")
     diameter: float = item(text="diameter", unit="m", gt=0)
-
-
-class BeamGeometry(Table):
-    """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
-
-    kind: Literal["beam"] = item(text="a beam with notches and holes")
-    length: float = item(text="length", unit="m", gt=0)
-    height: float = item(text="height", unit="m", gt=0)
-    notches: list[Notch] = item([], text="notches and cracks, [[geometry.notches]]")
-    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
 
 
 class CrackLine(Table):
@@ -50,6 +41,17 @@ class CrackLine(Table):
     name: Name | None = item(None, text='name of the crack; else "crack1", "crack2", ...')
 
 
+class BeamGeometry(Table):
+    """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
+
+    kind: Literal["beam"] = item(text="a beam with notches and holes")
+    length: float = item(text="length", unit="m", gt=0)
+    height: float = item(text="height", unit="m", gt=0)
+    notches: list[Notch] = item([], text="notches and cracks, [[geometry.notches]]")
+    holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
+    cracks: list[CrackLine] = item([], text="cracks of any path, [[geometry.cracks]]")
+
+
 class PlateGeometry(Table):
     """A polygon with holes and cracks."""
 
@@ -59,6 +61,9 @@ class PlateGeometry(Table):
     )
     holes: list[Hole] = item([], text="holes, [[geometry.holes]]")
     cracks: list[CrackLine] = item([], text="cracks, [[geometry.cracks]]")
+    edge_names: list[Name] | None = item(
+        None, text='edge set of each side in the outline\'s order; sides may share one; default "edge1", ...'
+    )
 
 
 class GmshGeometry(Table):
@@ -93,14 +98,26 @@ class Mesh(Table):
         gt=0,
     )
     corners: list[Literal["left", "right"]] = item(["left"], text="end edges whose corners are graded")
+    face_size: float | None = item(None, text="largest edge on crack faces", unit="m", gt=0)
+    face_edges: int = item(12, text="edges on each crack face, at least", ge=1)
     tip_element: bool = item(True, text="merge the cells around each crack tip into one S-element")
 
 
 # Keys of [mesh] that each kind of geometry understands.
 MESH_KEYS = {
-    "beam": ("order", "size", "tip_size", "grading", "layout", "corner_size", "corners"),
-    "plate": ("order", "size", "tip_size"),
-    "gmsh": ("order", "size", "tip_element"),
+    "beam": (
+        "order",
+        "size",
+        "tip_size",
+        "grading",
+        "layout",
+        "corner_size",
+        "corners",
+        "face_size",
+        "face_edges",
+    ),
+    "plate": ("order", "size", "tip_size", "grading", "face_size", "face_edges", "tip_element"),
+    "gmsh": ("order", "size", "tip_size", "grading", "face_size", "face_edges", "tip_element"),
 }
 
 

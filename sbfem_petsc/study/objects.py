@@ -53,32 +53,27 @@ def shape(case: Case) -> Any:
         _make(case, ("geometry", "holes", k), meshing.Hole, **hole.model_dump())
         for k, hole in enumerate(table.holes)
     ]
-    if table.kind == "beam":
-        notches = [
-            _make(case, ("geometry", "notches", k), meshing.VNotch, **notch.model_dump())
-            for k, notch in enumerate(table.notches)
-        ]
-        return _make(
-            case,
-            ("geometry",),
-            meshing.Beam,
-            length=table.length,
-            height=table.height,
-            notches=notches,
-            holes=holes,
-        )
-    plate, crack_line = (_installed(case, ("geometry", "kind"), meshing, n) for n in ("Plate", "CrackLine"))
     cracks = [
         _make(
             case,
             ("geometry", "cracks", k),
-            crack_line,
+            meshing.CrackLine,
             **{**crack.model_dump(), "points": [tuple(p) for p in crack.points]},
         )
         for k, crack in enumerate(table.cracks)
     ]
-    outline = [tuple(corner) for corner in table.outline]
-    return _make(case, ("geometry",), plate, outline=outline, holes=holes, cracks=cracks)
+    features: dict[str, Any] = {"holes": holes, "cracks": cracks}
+    if table.kind == "plate":
+        if table.edge_names is not None:
+            features["edge_names"] = table.edge_names
+        outline = [tuple(corner) for corner in table.outline]
+        return _make(case, ("geometry",), meshing.Plate, outline=outline, **features)
+    notches = [
+        _make(case, ("geometry", "notches", k), meshing.VNotch, **notch.model_dump())
+        for k, notch in enumerate(table.notches)
+    ]
+    size = {"length": table.length, "height": table.height}
+    return _make(case, ("geometry",), meshing.Beam, **size, notches=notches, **features)
 
 
 def mesh(case: Case) -> meshing.BoundaryMesh:
@@ -266,10 +261,11 @@ def analysis_function(case: Case, name: str) -> Any:
     """
     kind = case.tables.analyses[name].kind
     function = {"modulation": "periodic"}.get(kind, kind)
-    return _installed(case, ("analyses", name, "kind"), sb, function)
+    return installed(case, ("analyses", name, "kind"), sb, function)
 
 
-def _installed(case: Case, path: Path, package: Any, name: str) -> Any:
+def installed(case: Case, path: Path, package: Any, name: str) -> Any:
+    """A name of a package, or the error, at a path of the case, that the package lacks it."""
     try:
         return getattr(package, name)
     except AttributeError:

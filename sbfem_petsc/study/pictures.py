@@ -5,12 +5,11 @@ from __future__ import annotations
 import os
 from typing import Any
 
-import numpy as np
-
+from .. import plot
 from ..parallel import on_root
+from ..results.vtu import write_modes, write_vtu
 from .case import Case
 
-MILLI = 1e3
 # Cracks of a model that are drawn.
 MOST_CRACKS = 4
 
@@ -41,8 +40,8 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "transient": _transient,
             "periodic": _periodic,
             "modulation": _periodic,
-            "frequency_response": _curve,
-            "load_response": _curve,
+            "frequency_response": _branch,
+            "load_response": _branch,
         }
         if table.kind in drawers:
             drawers[table.kind](case, name, result, model, stem)
@@ -52,9 +51,12 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
     """Draw a discretisation. Collective; the mesh on rank 0 at least."""
-    from ..plot.meshes import plot_discretisation
+    _save(plot.plot_discretisation(mesh, comm=comm), path, comm)
 
-    plot_discretisation(mesh, path, comm)
+
+def _save(axes: Any, path: str, comm: Any) -> None:
+    """Write a picture on rank 0, where its axes are."""
+    on_root(comm, lambda: plot.save_picture(axes, path))
 
 
 def _communicator(model: Any) -> Any:
@@ -71,68 +73,47 @@ def _point(case: Case, known: Any) -> str | None:
 
 
 def _modal(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..plot.fields import plot_modes
-
-    plot_modes(result, f"{stem}_modes.png")
+    _save(plot.plot_modes(result), f"{stem}_modes.png", _communicator(model))
 
 
 def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..plot.fields import plot_contact, plot_crack
-
     for crack in range(min(len(model.cracks), MOST_CRACKS)):
-        plot_crack(model, {name: result.field}, f"{stem}_crack{crack + 1}.png", crack)
+        axes = plot.plot_crack(model, {name: result.field}, crack)
+        _save(axes, f"{stem}_crack{crack + 1}.png", model.comm)
         if result.contact_resultant > 0.0:
-            plot_contact({name: result}, f"{stem}_contact{crack + 1}.png", crack)
+            axes = plot.plot_contact({name: result}, crack)
+            _save(axes, f"{stem}_contact{crack + 1}.png", model.comm)
 
 
 def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..plot.histories import Panel, plot_histories
-
-    points = case.tables.output.points or (list(model.points) if model is not None else ["A"])
-    panels = [
-        Panel(
-            f"$u_y$({point}), mm",
-            {point: (result.time, result.displacement(point)[:, 1])},
-            scale=MILLI,
-            title="",
-        )
-        for point in list(points)[:4]
-    ]
-    if result.contact_force.shape[1]:
-        panels.append(Panel("contact resultant, N", {"": (result.time, result.contact_resultant)}))
-    plot_histories(panels, f"{stem}_history.png", _communicator(model))
+    point = _point(case, result.points)
+    if point is not None:
+        comm = _communicator(model)
+        _save(plot.plot_history(result, point, title=name, comm=comm), f"{stem}_history.png", comm)
 
 
 def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..plot.curves import plot_harmonics, plot_multipliers, plot_orbit
-
-    reduction = getattr(result, "reduction", None)
-    point = _point(case, reduction.points if reduction is not None else result.point_displacements)
+    point = _point(case, result.points)
     if point is None:
         return
     comm = _communicator(model)
-    plot_harmonics({name: result}, f"{stem}_harmonics.png", point, comm=comm)
-    if reduction is not None:
-        plot_orbit(result, f"{stem}_orbit.png", point, comm=comm)
-        if len(result.multipliers):
-            plot_multipliers(result, f"{stem}_multipliers.png", comm=comm)
+    _save(plot.plot_harmonics({name: result}, point, comm=comm), f"{stem}_harmonics.png", comm)
+    if result.reduced is not None:
+        _save(plot.plot_orbit(result, point, comm=comm), f"{stem}_orbit.png", comm)
+    if len(result.multipliers):
+        _save(plot.plot_multipliers(result, comm=comm), f"{stem}_multipliers.png", comm)
 
 
-def _curve(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    from ..plot.curves import plot_curves
-
+def _branch(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result.points)
     if point is not None:
-        plot_curves({name: result}, f"{stem}_curve.png", point, comm=_communicator(model))
+        comm = _communicator(model)
+        _save(plot.plot_branches({name: result}, point, comm=comm), f"{stem}_curve.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:
     """Write modes or static displacements for ParaView. Collective."""
-    from ..results.vtu import write_vtu
-
     if kind == "static":
         write_vtu(f"{stem}.vtu", model, {"displacement": result.field})
     elif kind == "modal":
-        shown = range(min(12, len(result.frequencies)))
-        fields = {f"mode_{k + 1}_{result.frequencies[k]:.6g}_Hz": np.asarray(result.nodal(k)) for k in shown}
-        write_vtu(f"{stem}.vtu", model, fields, stress=False)
+        write_modes(f"{stem}.vtu", result)

@@ -152,7 +152,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
 
 def _recorded(folder: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
-    readers = {"history.h5": sb.read_history, "curve.h5": sb.read_curve, "orbit.h5": sb.read_orbit}
+    readers = {"history.h5": sb.read_history, "curve.h5": sb.read_branch, "orbit.h5": sb.read_orbit}
     for ending, read in readers.items():
         file = os.path.join(folder, f"{name}.{ending}")
         if os.path.isfile(file):

@@ -175,11 +175,11 @@ class _Run:
             with replaced(self.folder.part(name)) as temporary, h5py.File(temporary, "w") as file:
                 file.attrs["format"], file.attrs["kind"] = f"{FORMAT} part", kind
                 write_tree(file, tree)
-            if kind in ("periodic", "modulation") and hasattr(result, "reduction"):
+            if kind in ("periodic", "modulation") and result.reduced is not None:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
             curve = self.folder.part(name, "curve.h5")
             if kind == "frequency_response" and not os.path.isfile(curve):
-                sb.save_curve(result, curve)
+                sb.save_branch(result, curve)
 
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""

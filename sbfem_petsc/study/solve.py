@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Callable
 from fractions import Fraction
@@ -15,7 +14,6 @@ import sbfem_petsc as sb
 from .. import indicators
 from . import objects
 from .case import Case
-from .load_tables import COMPONENTS
 from .summaries import Tree, tree_of
 
 Progress = Callable[[float], None] | None
@@ -24,7 +22,7 @@ ROUNDING = 1e-9
 
 
 class Structure:
-    """A model and the reductions made of it, for cases that differ in loads and analyses only.
+    """A model, which keeps its modes and reductions, for cases that differ in loads and analyses only.
 
     Parameters
     ----------
@@ -37,7 +35,6 @@ class Structure:
     def __init__(self, case: Case, comm: Any, mesh: Any = None):
         self.comm = comm
         self.model = objects.model(case, comm, mesh)
-        self.reductions: dict[str, Any] = {}
 
     def points(self, case: Case) -> tuple[str, ...]:
         """Points whose motion is kept."""
@@ -97,7 +94,6 @@ class Structure:
         return function(self.model, load, contact=table.contact, method=table.method)
 
     def _transient(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        further = {} if table.reduced else {"reduction": None}
         return function(
             self.model,
             objects.load(case, table.load, table.factor),
@@ -109,64 +105,38 @@ class Structure:
             start=table.start,
             decimation=table.decimation,
             progress=progress,
+            reduction="modes" if table.reduced else None,
             file=file,
             restart=file is not None,
-            **further,
         )
 
     def _periodic(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        options = {
-            "periods": table.periods,
-            "steps": table.steps,
-            "contact": table.contact,
-            "stability": table.stability,
-            "tolerance": table.tolerance,
-        }
-        load = objects.load(case, table.load, table.factor)
-        if not table.reduced:
-            return function(self.model, load, table.frequency, modes=table.modes, reduction=None, **options)
-        return self._shared(case, table.load, table, function, load, table.frequency, options)
+        return function(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.frequency,
+            periods=table.periods,
+            steps=table.steps,
+            modes=table.modes,
+            contact=table.contact,
+            reduction="modes" if table.reduced else None,
+            stability=table.stability,
+            tolerance=table.tolerance,
+        )
 
     def _modulation(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         pump = objects.load(case, table.pump, 1.0, table.pump_frequency)
         probe = objects.load(case, table.probe, 1.0, table.probe_frequency)
-        load = [
-            *(pump if isinstance(pump, list) else [pump]),
-            *(probe if isinstance(probe, list) else [probe]),
-        ]
-        options = {
-            "steps": table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency),
-            "contact": table.contact,
-            "stability": table.stability,
-            "longest": table.longest,
-        }
-        return self._shared(
-            case, [*table.pump, *table.probe], table, function, load, table.pump_frequency, options
+        return function(
+            self.model,
+            [*(pump if isinstance(pump, list) else [pump]), *(probe if isinstance(probe, list) else [probe])],
+            table.pump_frequency,
+            steps=table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency),
+            modes=table.modes,
+            contact=table.contact,
+            stability=table.stability,
+            longest=table.longest,
         )
-
-    def _shared(
-        self,
-        case: Case,
-        names: list[str],
-        table: Any,
-        function: Any,
-        load: Any,
-        frequency: float,
-        options: dict,
-    ) -> Any:
-        """A periodic motion on the reduction of an earlier one with the same unit loads and frequencies."""
-        key = json.dumps(
-            [
-                [_places(case.tables.loads[name]) for name in names],
-                table.modes,
-                [getattr(table, n, None) for n in ("frequency", "pump_frequency", "probe_frequency")],
-            ]
-        )
-        if key in self.reductions:
-            return function(self.model, load, frequency, reduction=self.reductions[key], **options)
-        result = function(self.model, load, frequency, modes=table.modes, **options)
-        self.reductions[key] = result.reduction
-        return result
 
     def _frequency_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
@@ -193,7 +163,8 @@ class Structure:
         )
 
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        return function(self.model, table.mode, table.start, table.stop)
+        options = table.model_dump(exclude={"kind", "mode", "start", "stop"})
+        return function(self.model, table.mode, table.start, table.stop, **options)
 
 
 def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str, Any]:
@@ -208,18 +179,6 @@ def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str
         "resume": file is not None,
         "progress": progress,
     }
-
-
-def _places(load: Any) -> list[Any]:
-    """What a load's unit loads and band depend on: all but amplitudes and phases."""
-    parts = [load.kind, getattr(load, "point", None), getattr(load, "edge_set", None)]
-    for key in COMPONENTS:
-        value = getattr(load, key, 0.0)
-        if not hasattr(value, "kind"):
-            parts.append([key, value != 0.0])
-        else:
-            parts.append([key, value.kind, getattr(value, "frequency", None)])
-    return parts
 
 
 def steps_of_two_tones(low: float, high: float) -> int:

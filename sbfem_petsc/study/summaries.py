@@ -113,6 +113,7 @@ def _transient(result: Any, points: Sequence[str]) -> Tree:
         "time": Quantity(result.time, "s", "instants"),
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
         "velocity": _of_points(points, result.velocity, "m/s", "velocity (x, y)", detail=True),
+        "acceleration": _of_points(points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True),
         "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
         "energy": {
@@ -125,24 +126,18 @@ def _transient(result: Any, points: Sequence[str]) -> Tree:
                 ("contact", "work of the contact forces"),
             )
         },
+        "step": Quantity(float(result.step), "s", "time step"),
         "energy_error": Quantity(
             float(np.abs(energy.balance).max()) / supplied if supplied > 0.0 else 0.0,
             "1",
             "largest imbalance of the energies, relative to the loads' work",
         ),
     }
-    if hasattr(result, "acceleration"):
-        tree["acceleration"] = _of_points(
-            points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True
-        )
-    tips = getattr(getattr(result, "reduction", None), "tips", ())
-    if tips:
+    if result.states.tips:
         tree["stress_intensity"] = {
             name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II", detail=True)
-            for name in tips
+            for name in result.states.tips
         }
-    if hasattr(result, "step"):
-        tree["step"] = Quantity(float(result.step), "s", "time step")
     return tree
 
 
@@ -169,13 +164,13 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
             "half the peak-to-peak of u_y",
         ),
         "converged": Quantity(bool(result.converged)),
-        "stable": Quantity(getattr(result, "stable", None), "1", "stability, None if it was not asked for"),
+        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for"),
         "time": Quantity(result.time, "s", "instants of one period"),
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
         "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
     }
-    if result.periods > 1 and hasattr(result, "subharmonics"):
+    if result.periods > 1:
         tree["subharmonics"] = _of_points(
             points, result.subharmonics, "m", "complex amplitudes of u_y at j f / periods"
         )
@@ -186,9 +181,8 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
         ("residuals", "1", "norm of x(T) - x(0) at each iterate"),
         ("path", "1", "how the motion was reached"),
     ):
-        if hasattr(result, name):
-            value = getattr(result, name)
-            tree[name] = Quantity(np.asarray(value) if isinstance(value, tuple) else value, unit, text)
+        value = getattr(result, name)
+        tree[name] = Quantity(np.asarray(value) if isinstance(value, tuple) else value, unit, text)
     return tree
 
 
@@ -247,17 +241,18 @@ def _peak(peak: Any) -> Tree:
 
 
 def _backbone(result: Any, points: Sequence[str]) -> Tree:
-    tree: Tree = {
-        "energy": Quantity(np.asarray(result.energy), "J", "energy of the motion"),
-        "frequency": Quantity(np.asarray(result.frequency), "Hz", "frequency of the motion"),
+    return {
+        "mode": Quantity(int(result.mode), "1", "number of the mode"),
+        "energy": Quantity(result.energy, "J", "energy of the motion"),
+        "frequency": Quantity(result.frequency, "Hz", "frequency of the motion"),
+        "frequency_error": Quantity(result.frequency_error, "Hz", "estimated error of the frequency"),
+        "damping_ratio": Quantity(result.damping_ratio, "1", "damping ratio of the motion"),
+        "amplitude": _of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
+        "harmonics": _of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
+        "stable": Quantity(result.stable, "1", "stability of each point"),
+        "complete": Quantity(bool(result.complete)),
+        "reason": Quantity(result.reason, "1", "why the branch ends"),
     }
-    for name, unit in (("stable", "1"), ("converged", "1"), ("complete", "1"), ("reason", "1")):
-        if hasattr(result, name):
-            tree[name] = Quantity(getattr(result, name), unit)
-    for name in ("amplitude", "harmonics"):
-        if hasattr(result, name):
-            tree[name] = _of_points(points, getattr(result, name), "m", name)
-    return tree
 
 
 def plain(tree: Any, where: str = "") -> Any:

@@ -254,10 +254,10 @@ class _Sweeping:
         """Frequencies of the healthy structure beside a row; None where there is none."""
         changes = self.table.healthy
         if changes is None:
-            removed = {"beam": "geometry.notches", "plate": "geometry.cracks"}
-            if case.tables.geometry.kind not in removed:
+            faults = {"beam": ("notches", "cracks"), "plate": ("cracks",)}
+            if case.tables.geometry.kind not in faults:
                 return None
-            changes = {removed[case.tables.geometry.kind]: []}
+            changes = {f"geometry.{name}": [] for name in faults[case.tables.geometry.kind]}
         reference = case.with_values(changes)
         key = f"{reference.structure_key} {case.tables.analyses[name].model_dump_json()}"
         if key not in self.healthy:

@@ -285,7 +285,10 @@ def test_refused_options(options, says):
     assert says in str(caught.value) and "\n" not in str(caught.value)
 
 
-def test_opening_without_a_tip_is_refused():
+def test_opening_is_refused():
+    meeting = [CrackLine([(0.05, 0.1), (0.05, 0.06)], opening=1), CrackLine([(0.05, 0.08), (0.07, 0.08)])]
+    with pytest.raises(ValueError, match="cracks that meet start closed"):
+        Plate(SQUARE, cracks=meeting).mesh(order=2)
     with pytest.raises(ValueError, match="it has no tip to open from"):
         Plate(SQUARE, cracks=[CrackLine([(0, 0.05), (0.1, 0.05)], opening=1)]).mesh(order=2)
 

@@ -245,3 +245,66 @@ def test_from_python(folder):
     """`run_case` gives the summary too."""
     outcome = run_case(folder / "case.toml", folder / "out", comm=MPI.COMM_SELF)
     assert not outcome.failed and outcome.summary["push"]["kind"] == "static"
+
+
+BRANCHES = """
+[analyses.over_frequency]
+kind = "frequency_response"
+load = "push"
+start = 700.0
+stop = 760.0
+modes = 8
+steps = 128
+points = 60
+
+[analyses.linear]
+kind = "frequency_response"
+load = "push"
+start = 700.0
+stop = 900.0
+contact = false
+modes = 8
+
+[analyses.over_load]
+kind = "load_response"
+load = "push"
+frequency = 400.0
+start = 0.5
+modes = 8
+steps = 128
+
+[analyses.free]
+kind = "backbone"
+mode = 1
+start = 1e-4
+stop = 3e-4
+points = 20
+refine = false
+"""
+
+
+def test_branches(tmp_path):
+    """Curves over frequency and load, the linear response and a backbone, against the Python interface."""
+    text = CASE[: CASE.index("[analyses.frequencies]")] + BRANCHES + '[output]\npoints = ["A"]\n'
+    done = sbfem("run", written(tmp_path, text), "--output", tmp_path / "out", "--quiet", "--json")
+    assert done.code == 0, done.err
+    found = done.answer
+    beam = Beam(length=0.1, height=0.01, notches=[VNotch(x=0.05, depth=0.004, opening=0.005)])
+    material = sb.Material(young=70e9, poisson=0.33, density=2700)
+    model = sb.Model(beam.mesh(order=3), material, clamped="left", damping=0.01, comm=MPI.COMM_SELF)
+    linear = sb.frequency_response(model, FORCE, 700.0, 900.0, contact=False, modes=8)
+    assert found["linear"]["peak"]["A"]["frequency"] == pytest.approx(linear.peak("A").frequency, rel=1e-6)
+    assert found["linear"]["peak"]["A"]["bandwidth"] == pytest.approx(linear.peak("A").bandwidth, rel=1e-4)
+    curve = sb.load_response(model, FORCE, 400.0, start=0.5, stop=1.0, modes=8, steps=128)
+    assert found["over_load"]["value"] == pytest.approx(curve.value, rel=1e-6)
+    np.testing.assert_allclose(found["over_load"]["amplitude"]["A"], curve.amplitude("A"), rtol=1e-6)
+    assert found["over_load"]["stable"] == curve.stable.tolist()
+    assert len(found["over_frequency"]["frequency"]) == len(
+        found["over_frequency"]["harmonics"]["A"]["phase"]
+    )
+    assert found["over_frequency"]["complete"] and found["free"]["complete"]
+    energies = np.array(found["free"]["energy"])
+    assert energies[0] == pytest.approx(1e-4, rel=1e-6) and energies[-1] == pytest.approx(3e-4, rel=1e-6)
+    names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
+    assert {"over_frequency_curve.png", "over_load_curve.png", "linear_curve.png"} <= names
+    model.destroy()
