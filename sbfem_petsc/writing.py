@@ -35,7 +35,7 @@ def destination(path: Any, what: str) -> str:
 def reason(error: Exception) -> str:
     """What the system says of a failure, also through HDF5's messages."""
     told = re.search(r"error message = '([^']*)'", str(error))
-    return getattr(error, "strerror", None) or (told[1] if told else str(error))
+    return told[1] if told else getattr(error, "strerror", None) or str(error)
 
 
 @contextlib.contextmanager

@@ -1,16 +1,20 @@
-"""Compiled time steps of a reduced model with unilateral contact.
+"""Compiled time steps of a reduced model with contact.
 
 One step is linear in the modal forces: with per-mode coefficients the state advances as
 q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p
 are the modal forces of the loads at both ends and r = C^T force those of contact. The gap at the step's end
 is W force + free gap with the constant W = C diag(cq) C^T + R.
+
+The kernels are plain loops over scalars of contiguous arrays: array expressions, slices and linear algebra in
+them would take seconds to compile.
 """
 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from scipy import linalg
+
+from .compiled import compiled
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
@@ -19,47 +23,39 @@ PATIENCE = 5
 ROUND_OFF = 1e-15
 
 
-@njit(cache=True)
-def _factorise(flexibility, active, factor, members):
-    """Cholesky factor of W over the active pairs, into `factor` and `members`; the number of them, or -1 if W
-    is not definite.
-    """
-    count = 0
-    for i in range(active.size):
-        if active[i]:
-            members[count] = i
-            count += 1
-    for i in range(count):
-        for j in range(i + 1):
-            total = flexibility[members[i], members[j]]
-            for k in range(j):
-                total -= factor[i, k] * factor[j, k]
-            if i == j:
-                if total <= 0.0:
-                    return -1
-                factor[i, i] = np.sqrt(total)
-            else:
-                factor[i, j] = total / factor[j, j]
-    return count
-
-
-@njit(cache=True)
-def contact_forces(flexibility, gap, tied, active, factor, members, count, force):
+@compiled
+def contact_forces(flexibility, gap, tied, active, factor, members, force):
     """Solve 0 <= force _|_ W force + gap >= 0, and W force + gap = 0 in tied rows, by block principal
     pivoting from the active set of the step before, which holds the tied rows.
 
-    `active`, `factor`, `members` and `count` (of members, -1: nothing factorised) are kept between steps.
-    Returns (count, exchanges); exchanges is -1 if the iteration did not end.
+    `active` and the Cholesky factor of W over its `members` are kept between steps; members (n + 1,) ends
+    with their number, -1 where nothing is factorised. Returns the exchanges of the active set, -1 if the
+    iteration did not end or W is not definite.
     """
     n = gap.size
-    if count < 0:
-        count = _factorise(flexibility, active, factor, members)
+    count = members[n]
+    best, patience, exchange = n + 1, PATIENCE, 0
+    while exchange < 100 + 20 * n:
         if count < 0:
-            return -1, -1
-    best, patience = n + 1, PATIENCE
-    wrong = np.empty(n, dtype=np.bool_)
-    for exchange in range(100 + 20 * n):
-        force[:] = 0.0
+            count = 0
+            for i in range(n):
+                if active[i]:
+                    members[count] = i
+                    count += 1
+            for i in range(count):
+                for j in range(i + 1):
+                    total = flexibility[members[i], members[j]]
+                    for k in range(j):
+                        total -= factor[i, k] * factor[j, k]
+                    if i > j:
+                        factor[i, j] = total / factor[j, j]
+                    elif total > 0.0:
+                        factor[i, i] = np.sqrt(total)
+                    else:
+                        members[n] = -1
+                        return -1
+        for i in range(n):
+            force[i] = 0.0
         for i in range(count):
             total = -gap[members[i]]
             for k in range(i):
@@ -70,34 +66,39 @@ def contact_forces(flexibility, gap, tied, active, factor, members, count, force
             for k in range(i + 1, count):
                 total -= factor[k, i] * force[members[k]]
             force[members[i]] = total / factor[i, i]
+        # an exchange of all rows with a wrong sign; `last` is what a single one would exchange
         infeasible, last = 0, -1
         for i in range(n):
             if active[i]:
-                wrong[i] = force[i] < 0.0 and not tied[i]
+                wrong = force[i] < 0.0 and not tied[i]
             else:
                 total = gap[i]
                 for k in range(count):
                     total += flexibility[i, members[k]] * force[members[k]]
-                wrong[i] = total < 0.0
-            if wrong[i]:
+                wrong = total < 0.0
+            if wrong:
+                active[i] = not active[i]
                 infeasible += 1
                 last = i
         if infeasible == 0:
-            return count, exchange
+            members[n] = count
+            return exchange
         if infeasible < best:
             best, patience = infeasible, PATIENCE
         else:
             patience -= 1
-        if patience > 0:
+        if patience <= 0:
+            # back to where the exchange began, but for the last row: the members tell
             for i in range(n):
-                if wrong[i]:
-                    active[i] = not active[i]
-        else:
-            active[last] = not active[last]
-        count = _factorise(flexibility, active, factor, members)
-        if count < 0:
-            return -1, -1
-    return -1, -1
+                if i != last:
+                    active[i] = False
+            for k in range(count):
+                if members[k] != last:
+                    active[members[k]] = True
+        count = -1
+        exchange += 1
+    members[n] = -1
+    return -1
 
 
 def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -109,11 +110,55 @@ def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
 
 
-@njit(cache=True)
 def march(
+    coefficients: np.ndarray,
+    factors: tuple[np.ndarray, np.ndarray],
+    flexibility: np.ndarray,
+    tied: np.ndarray,
+    *,
+    external: np.ndarray,
+    free_gap: np.ndarray,
+    state: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
+    history: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> tuple[int, int]:
+    """Advance a reduced model over several steps.
+
+    Parameters
+    ----------
+    coefficients : (10, m) array
+        aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode.
+    factors : ((pairs, r), (m, r)) arrays
+        C = U V^T, gaps of the modes, see `thin_factors`.
+    flexibility : (pairs, pairs) array
+        W.
+    tied : (pairs,) bool array
+        See `law.RowLaws`.
+    external : (n + 1, m) array
+        Modal forces of the loads at the steps' ends.
+    free_gap : (n + 1, pairs) array
+        Initial gaps and the residual flexibility's share of the loads.
+    state : ((m,), (m,), (pairs,), (pairs,) bool) arrays
+        q, v, contact forces and rows in contact, tied ones included; advanced in place.
+    history : ((n, m), (n, m), (n, pairs)) contiguous arrays
+        Filled with q, v and the contact forces after each step.
+
+    Returns
+    -------
+    steps, exchanges : int
+        Steps done (fewer than n: a contact problem was not solved) and exchanges of active sets in all.
+    """
+    left, right = factors
+    arrays = (coefficients, left.T, right, right.T, flexibility, tied, external, free_gap)
+    steps, exchanges = _march(*map(np.ascontiguousarray, arrays), *state, *history)
+    return steps, exchanges
+
+
+@compiled
+def _march(
     coefficients,
-    left,
+    left_rows,
     right,
+    right_rows,
     flexibility,
     tied,
     external,
@@ -126,88 +171,67 @@ def march(
     velocities,
     forces,
 ):
-    """Advance a reduced model over several steps.
-
-    Parameters
-    ----------
-    coefficients : (10, m) array
-        aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode.
-    left, right : (pairs, r), (m, r) arrays
-        C = left right^T, gaps of the modes, see `thin_factors`.
-    flexibility : (pairs, pairs) array
-        W.
-    tied : (pairs,) bool array
-        See `law.RowLaws`.
-    external : (n + 1, m) array
-        Modal forces of the loads at the steps' ends.
-    free_gap : (n + 1, pairs) array
-        Initial gaps and the residual flexibility's share of the loads.
-    q, v : (m,) arrays
-        State, advanced in place.
-    force : (pairs,) array
-        Contact forces, advanced in place.
-    active : (pairs,) bool array
-        Tied rows included.
-    states, velocities : (n, m) arrays
-    forces : (n, pairs) array
-        Filled with the state after each step.
-
-    Returns
-    -------
-    steps, exchanges : int
-        Steps done (fewer than n: a contact problem was not solved) and exchanges of active sets in all.
-    """
+    # both layouts of V: the long index last where it is the inner one
     steps, m = states.shape
-    pairs, rank = left.shape
-    aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv = coefficients
-    factor = np.empty((pairs, pairs))
-    members = np.empty(pairs, dtype=np.int64)
-    gap = np.empty(pairs)
-    # with the long index last, inner loops run on vector registers
-    left_rows, right_rows = np.ascontiguousarray(left.T), np.ascontiguousarray(right.T)
-    thin = np.zeros(rank)
-    for i in range(pairs):
-        for k in range(rank):
-            thin[k] += left[i, k] * force[i]
-    pull = np.zeros(m)
-    for k in range(rank):
-        for j in range(m):
-            pull[j] += right_rows[k, j] * thin[k]
-    count, exchanges = -1, 0
-    for step in range(steps):
-        thin[:] = 0.0
-        for j in range(m):
-            before, following = external[step, j], external[step + 1, j]
-            position = aqq[j] * q[j] + aqv[j] * v[j] + bq[j] * before + dq[j] * following + cq[j] * pull[j]
-            v[j] = avq[j] * q[j] + avv[j] * v[j] + bv[j] * before + dv[j] * following + cv[j] * pull[j]
-            q[j] = position
+    rank, pairs = left_rows.shape
+    factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
+    members[pairs] = -1
+    gap, thin, pull = np.empty(pairs), np.empty(rank), np.empty(m)
+    exchanges, pulled = 0, True
+    for step in range(-1, steps):
+        if step >= 0:
             for k in range(rank):
-                thin[k] += right[j, k] * position
-        touching = count != 0
-        gap[:] = free_gap[step + 1]
-        for k in range(rank):
-            for i in range(pairs):
-                gap[i] += left_rows[k, i] * thin[k]
-        for i in range(pairs):
-            touching |= gap[i] < 0.0
-        if touching:
-            count, exchange = contact_forces(flexibility, gap, tied, active, factor, members, count, force)
-            if exchange < 0:
-                return step, exchanges
-            exchanges += exchange
-            thin[:] = 0.0
-            for i in range(count):
-                value = force[members[i]]
-                for k in range(rank):
-                    thin[k] += left[members[i], k] * value
-            pull[:] = 0.0
-            for k in range(rank):
-                for j in range(m):
-                    pull[j] += right_rows[k, j] * thin[k]
+                thin[k] = 0.0
             for j in range(m):
-                q[j] += cq[j] * pull[j]
-                v[j] += cv[j] * pull[j]
-        states[step] = q
-        velocities[step] = v
-        forces[step] = force
+                before, following = external[step, j], external[step + 1, j]
+                position = (
+                    coefficients[0, j] * q[j]
+                    + coefficients[1, j] * v[j]
+                    + coefficients[2, j] * before
+                    + coefficients[3, j] * following
+                    + coefficients[4, j] * pull[j]
+                )
+                v[j] = (
+                    coefficients[5, j] * q[j]
+                    + coefficients[6, j] * v[j]
+                    + coefficients[7, j] * before
+                    + coefficients[8, j] * following
+                    + coefficients[9, j] * pull[j]
+                )
+                q[j] = position
+                for k in range(rank):
+                    thin[k] += right[j, k] * position
+            pulled = members[pairs] != 0
+            for i in range(pairs):
+                gap[i] = free_gap[step + 1, i]
+            for k in range(rank):
+                for i in range(pairs):
+                    gap[i] += left_rows[k, i] * thin[k]
+            for i in range(pairs):
+                pulled |= gap[i] < 0.0
+            if pulled:
+                exchange = contact_forces(flexibility, gap, tied, active, factor, members, force)
+                if exchange < 0:
+                    return step, exchanges
+                exchanges += exchange
+        if pulled:
+            # modal forces of contact; before the first step those of the state that is given
+            for j in range(m):
+                pull[j] = 0.0
+            for k in range(rank):
+                total = 0.0
+                for i in range(pairs):
+                    total += left_rows[k, i] * force[i]
+                for j in range(m):
+                    pull[j] += right_rows[k, j] * total
+            if step >= 0:
+                for j in range(m):
+                    q[j] += coefficients[4, j] * pull[j]
+                    v[j] += coefficients[9, j] * pull[j]
+        if step >= 0:
+            for j in range(m):
+                states[step, j] = q[j]
+                velocities[step, j] = v[j]
+            for i in range(pairs):
+                forces[step, i] = force[i]
     return steps, exchanges

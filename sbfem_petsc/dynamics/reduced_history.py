@@ -83,18 +83,13 @@ class ReducedIntegrator:
         forces = np.empty((steps, n))
         reached, exchanged = march(
             self.coefficients,
-            *self.factors,
+            self.factors,
             self.flexibility,
             r.contact_laws.tied[:n],
-            amplitude @ r.load_modes.T,
-            amplitude @ r.gap.loads[:n].T + r.initial_gap[:n],
-            self.q,
-            self.v,
-            self.force,
-            self.active,
-            states,
-            velocities,
-            forces,
+            external=amplitude @ r.load_modes.T,
+            free_gap=amplitude @ r.gap.loads[:n].T + r.initial_gap[:n],
+            state=(self.q, self.v, self.force, self.active),
+            history=(states, velocities, forces),
         )
         if reached < steps:
             raise on_all_ranks(

@@ -130,27 +130,20 @@ class DrivenPeriod:
                 p.laws.tied,
                 active,
                 np.empty((p.pairs, p.pairs)),
-                np.empty(p.pairs, dtype=np.int64),
-                -1,
+                np.full(p.pairs + 1, -1),
                 force,
-            )[1]
+            )
         states[0], velocities[0], forces[0] = q, v, force
         if settled >= 0:
             reached, _ = march(
                 self.coefficients,
-                p.left,
-                p.right,
+                (p.left, p.right),
                 self.flexibility,
                 p.laws.tied,
-                np.zeros((steps + 1, m)),
-                self.free_gap,
-                q,
-                v,
-                force,
-                active,
-                states[1:],
-                velocities[1:],
-                forces[1:],
+                external=np.zeros((steps + 1, m)),
+                free_gap=self.free_gap,
+                state=(q, v, force, active),
+                history=(states[1:], velocities[1:], forces[1:]),
             )
         if reached < steps:
             raise on_all_ranks(

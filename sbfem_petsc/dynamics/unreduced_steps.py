@@ -18,9 +18,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
+from ..contact.compiled import compiled
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.marching import contact_forces
 from ..errors import SolveError, on_all_ranks
@@ -35,14 +35,14 @@ from .initial import full_shapes
 RUNAWAY = 1.1
 
 
-@njit(cache=True)
+@compiled
 def _form(right, mass_v, stiffness_u, rate):
     """Right side of a step but for the loads."""
     for i in range(right.size):
         right[i] = 2.0 * (rate * mass_v[i] - stiffness_u[i])
 
 
-@njit(cache=True)
+@compiled
 def _add_columns(target, columns, values):
     """target += columns @ values over the values that are not zero, four columns at a time: what counts is
     the traffic from memory.
@@ -63,7 +63,7 @@ def _add_columns(target, columns, values):
             )
 
 
-@njit(cache=True)
+@compiled
 def _advance(u, v, mass_v, stiffness_u, d, stiffness_d, right, inertia, stretch, rate):
     """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products
     of d with M d and K d.
@@ -164,11 +164,8 @@ class UnreducedSteps:
             np.zeros((len(model.points), 2)),
         )
         self.initial, self.supplied, self.stored = 0.0, 0.0, 0.0
-        self._factor, self._members, self._count = (
-            np.empty((self.pairs, self.pairs)),
-            np.empty(self.pairs, dtype=np.int64),
-            -1,
-        )
+        # of the rows in contact; the last entry is how many there are, see `contact_forces`
+        self._factor, self._members = np.empty((self.pairs, self.pairs)), np.full(self.pairs + 1, -1)
         self.settle(fold=False)
 
     # ------------------------------------------------------------------ set-up
@@ -247,7 +244,7 @@ class UnreducedSteps:
             self.summed(self.phi.T @ self.mass_v),
         )
         self.q0, self.p0 = self.q.copy(), self.p.copy()
-        self._count = -1
+        self._members[-1] = -1
 
     def displacements(self) -> np.ndarray:
         """Probes of the displacement."""
@@ -387,7 +384,7 @@ class UnreducedSteps:
                 probes += self.probe_responses @ (self.share * force)
                 damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
             else:
-                self.active[:], self._count = False, 0
+                self.active[:], self._members[-1] = False, 0
         applied = self.share * force + self.carried
         if applied.any():
             self.right.array[self.gap_places] += self.gap_columns @ applied
@@ -413,19 +410,12 @@ class UnreducedSteps:
             return found.force, found.gap
         force = np.zeros(self.pairs)
         self.active |= self.laws.tied
-        self._count, exchanges = contact_forces(
-            self.flexibility,
-            free,
-            self.laws.tied,
-            self.active,
-            self._factor,
-            self._members,
-            self._count,
-            force,
+        exchanges = contact_forces(
+            self.flexibility, free, self.laws.tied, self.active, self._factor, self._members, force
         )
         if exchanges < 0:
             found = solve_complementarity(self.flexibility, free, self.laws)
-            self.active, self._count = found.active.copy(), -1
+            self.active, self._members[-1] = found.active.copy(), -1
             return found.force, found.gap
         gap = self.flexibility @ force + free
         gap[self.active] = 0.0
@@ -434,8 +424,7 @@ class UnreducedSteps:
     def first_slope(self, drive: np.ndarray) -> np.ndarray:
         """(points, 2): mean acceleration over the first step, m/s^2."""
         solved = self.solve_step(drive)
-        active, self._count = self.active, -1
-        active[:] = False
+        self.active[:], self._members[-1] = False, -1
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
         return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
             -1, 2

@@ -13,10 +13,8 @@ from .drawing import CYCLE, MARKERS, figure, save_picture, style
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
-    r"/(frequency_shift|A[23]_A1(_noisy)?|modulation_index(_noisy)?|peak_frequency|contact_resultant)(/|$)"
+    r"(frequency_shift|A[2-6]_A1(_noisy)?|modulation_index(_noisy)?|peak_frequency|contact_resultant)(/|$)"
 )
-# Ratio of the largest to the smallest value that a logarithmic colour scale tells apart: less is round-off.
-DECADES = 1e8
 # Values of a key up to which it is drawn as a family of curves, not as an axis.
 _CURVES = 8
 
@@ -30,8 +28,7 @@ def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None)
     folder : str
         Made if it is missing.
     quantities : sequence of str, optional
-        Names in `sweep.values`. Default: frequency shifts, ratios A_2 / A_1 and A_3 / A_1, modulation
-        indices.
+        Names in `sweep.values`. Default: frequency shifts, ratios of harmonics, modulation indices.
 
     Returns
     -------
@@ -53,8 +50,8 @@ def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None)
             )
         for part, values in _columns(name, sweep.values[name]):
             path = os.path.join(folder, f"{re.sub(r'[^A-Za-z0-9_]+', '_', part)}.png")
-            save_picture(indicator_figure(sweep, part, values, sweep.units.get(name, "1")), path)
-            pictures.append(path)
+            drawing = indicator_figure(sweep, part, values, sweep.units.get(name, "1"))
+            pictures.append(str(save_picture(drawing, path)))
     return pictures
 
 
@@ -145,7 +142,6 @@ def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any
     from matplotlib.colors import LogNorm, Normalize
 
     logarithmic = low > 0.0 and high > 30.0 * low
-    low = max(low, high / DECADES) if logarithmic else low
     norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
     drawn: Any = None
     panels = []

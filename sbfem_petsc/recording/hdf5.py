@@ -13,7 +13,7 @@ import numpy as np
 
 from ..writing import reason, replaced
 
-# Groups of a file that is written on while its run goes on: they have checksums of their own.
+# Groups whose data sets are written while a run goes on, and have checksums of their own.
 RUNNING = ("rows", "running")
 # Bytes that are read at a time for a checksum.
 BLOCK = 1 << 24
@@ -109,10 +109,10 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
 
 
 def _checksum(file: h5py.File) -> int:
-    """CRC-32 of all attributes and data sets by their names, but for the groups `RUNNING`."""
+    """CRC-32 of all attributes and data sets by their names, but for the values in the groups `RUNNING`."""
     size = os.path.getsize(file.filename)
 
-    def of(group: h5py.Group | h5py.Dataset, total: int) -> int:
+    def of(group: h5py.Group | h5py.Dataset, total: int, values: bool) -> int:
         for name in sorted(group.attrs):
             if name != _SEAL:
                 value = group.attrs[name]
@@ -122,15 +122,15 @@ def _checksum(file: h5py.File) -> int:
             if group.nbytes > size:
                 raise ValueError(f"data set {group.name} is larger than the file")
             total = zlib.crc32(repr((group.dtype.str, group.shape)).encode(), total)
-            for part in _parts(group):
+            for part in _parts(group) if values else ():
                 total = zlib.crc32(np.ascontiguousarray(part).tobytes(), total)
             return total
         for name in sorted(group):
-            if group.name != "/" or name not in RUNNING:
-                total = of(group[name], zlib.crc32(name.encode(), total))
+            fixed = values and (group.name != "/" or name not in RUNNING)
+            total = of(group[name], zlib.crc32(name.encode(), total), fixed)
         return total
 
-    return of(file, 0)
+    return of(file, 0, True)
 
 
 def _parts(dataset: h5py.Dataset) -> Iterator[np.ndarray]:

@@ -92,6 +92,7 @@ class HistoryFile:
         self._lock: WriterLock | None = None
         self._open: OpenRows | None = None
         self._counter = self._rows = self._blocks = 0
+        self._begun = False
         self._reduced: ReducedModel | None = None
         former = None
         try:
@@ -261,7 +262,7 @@ class HistoryFile:
     def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
         """Record the rows of a chunk, then the state after it, which vouches for them. Collective."""
         comm, each = self.comm, self.kind == "unreduced"
-        if self._open is None:
+        if not self._begun:
             sizes = tuple(comm.allgather(len(checkpoint))) if each else (len(checkpoint),)
             with collective(comm):
                 if comm.rank == 0:
@@ -329,6 +330,7 @@ class HistoryFile:
     def _take_up(self, sizes: tuple[int, ...], head: Head) -> None:
         """Open the file for writing behind what a head vouches for."""
         self._counter, self._rows, self._blocks = head.counter, head.rows, head.blocks
+        self._begun = True
         rank = self.comm.rank if self.kind == "unreduced" else 0
         self._first = len(Head(0, 0, 0, 0, (0,) * len(sizes)).array()) + sum(sizes[:rank])
         with collective(self.comm):

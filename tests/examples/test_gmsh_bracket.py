@@ -113,7 +113,9 @@ def test_contact_is_partial_and_complementary(ran):
     found = numbers(ran[1])
     closing, opening = found["closing"], found["opening"]
     touching = closing["force"] > 0.0
-    assert 0.7 * len(touching) < touching.sum() < len(touching) and not touching[:1].any() and touching[-1]
+    # Open from the tip up to one place, closed from there on; many pairs crowd in the rings at the tip.
+    front = int(np.argmax(touching))
+    assert 0 < front < 0.5 * len(touching) and touching[front:].all()
     assert (closing["force"] >= 0.0).all() and (closing["gap"][~touching] > 0.0).all()
     assert np.abs(closing["gap"][touching]).max() < 1e-15
     assert (opening["gap"] > 0.0).all() and not opening["force"].any()

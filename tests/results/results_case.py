@@ -35,7 +35,7 @@ def build():
 
 def write_all(folder: str) -> None:
     """HDF5, VTU and PNG files."""
-    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
+    from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
     from sbfem_petsc.results.hdf5 import check_output_folder, write_results
     from sbfem_petsc.results.vtu import write_vtu
 
@@ -43,10 +43,10 @@ def write_all(folder: str) -> None:
     mesh, model, modes, cases = build()
     write_results(f"{folder}/results.h5", model, modes, cases, LOADS)
     write_vtu(f"{folder}/fields.vtu", model, {"closing": cases["closing"].field, "mode 2": modes.nodal(1)})
-    plot_discretisation(mesh if model.comm.rank == 0 else None, f"{folder}/mesh.png")
-    plot_modes(modes, f"{folder}/modes.png")
-    plot_crack(model, {name: case.field for name, case in cases.items()}, f"{folder}/crack.png")
-    plot_contact(cases, f"{folder}/contact.png")
+    save_picture(plot_discretisation(mesh if model.comm.rank == 0 else None), f"{folder}/mesh.png")
+    save_picture(plot_modes(modes), f"{folder}/modes.png")
+    save_picture(plot_crack(model, {name: case.field for name, case in cases.items()}), f"{folder}/crack.png")
+    save_picture(plot_contact(cases), f"{folder}/contact.png")
 
 
 def fail(folder: str) -> None:

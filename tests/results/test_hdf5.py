@@ -112,13 +112,13 @@ def test_files_that_are_missing_truncated_incomplete_or_foreign(serial_files, tm
         read_results(str(tmp_path / "none.h5"))
     for length in (0, 100, len(whole) // 2, len(whole) - 1):
         (tmp_path / "cut.h5").write_bytes(whole[:length])
-        with pytest.raises(ValueError, match="truncated or no HDF5 file"):
+        with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
             read_results(str(tmp_path / "cut.h5"))
-    (tmp_path / "open.h5").write_bytes(whole)
-    with h5py.File(tmp_path / "open.h5", "a") as file:
-        file.attrs["complete"] = False
-    with pytest.raises(ValueError, match="incomplete: the run that wrote it did not end"):
-        read_results(str(tmp_path / "open.h5"))
+    (tmp_path / "changed.h5").write_bytes(whole)
+    with h5py.File(tmp_path / "changed.h5", "a") as file:
+        file["modal/frequencies"][1] *= 1.0 + 1e-12
+    with pytest.raises(ValueError, match="damaged: it does not fit its checksum"):
+        read_results(str(tmp_path / "changed.h5"))
     with h5py.File(tmp_path / "other.h5", "w") as file:
         file.attrs["complete"] = True
     with pytest.raises(ValueError, match="another kind"):

@@ -1,25 +1,26 @@
-"""Histories on disk: restart after a kill, Ctrl-C, full disks and lost folders, other models' files,
-animations.
+"""Histories on disk: restart after a kill, Ctrl-C, full disks and lost folders, other models' files, changed
+bytes, two writers.
 """
 
+import contextlib
 import errno
 import os
-import pathlib
 import shutil
 import signal
+import stat
 import subprocess
 import sys
 import time
-import xml.etree.ElementTree as xml
+import warnings
+from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.results import history
-from sbfem_petsc.results.animation import write_animation
+from sbfem_petsc.dynamics import reduced_history as module
+from sbfem_petsc.recording import capacity
 from sbfem_petsc.results.history import IncompleteHistory, read_history
 from tests.parallel import ROOT, answer, on_ranks
 
@@ -29,7 +30,7 @@ import json, sys, time
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.analysis import transient as module
+from sbfem_petsc.dynamics import reduced_history as module
 from tests.results.test_history import make, LOAD, RUN
 module.CHUNK = 256
 path, pause, restart = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart"
@@ -37,9 +38,6 @@ def tell(done):
     print(f"done {done}", flush=True)
     time.sleep(pause)
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
-if len(sys.argv) > 4:
-    from sbfem_petsc.results.animation import write_animation
-    write_animation(sys.argv[4], sb.modal(make(), 16), found, every=1000)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"u": found.displacement("A")[-1].tolist()}))
 """
@@ -76,8 +74,9 @@ def whole(model, tmp_path_factory):
 
 def same(one, other):
     """Equal to the last bit."""
-    for name in ("time", "modal_displacement", "modal_velocity", "amplitudes", "contact_force"):
-        assert np.array_equal(getattr(one, name), getattr(other, name)), name
+    assert np.array_equal(one.time, other.time)
+    for name in ("q", "v", "amplitudes", "contact"):
+        assert np.array_equal(getattr(one.states, name), getattr(other.states, name)), name
     for name in ("kinetic", "strain", "external", "damping", "contact"):
         assert np.array_equal(getattr(one.energy, name), getattr(other.energy, name)), name
     assert one.exchanges == other.exchanges and one.step == other.step
@@ -111,10 +110,12 @@ def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
     assert found.complete and whole.contact_resultant.max() > 100
     same(found, whole)
     np.testing.assert_array_equal(found.displacement("A"), whole.displacement("A"))
-    unrecorded = sb.transient(model, LOAD, **RUN).modal_displacement
-    np.testing.assert_allclose(unrecorded, whole.modal_displacement, atol=1e-10 * np.abs(unrecorded).max())
+    unrecorded = sb.transient(model, LOAD, **RUN).states.q
+    np.testing.assert_allclose(unrecorded, whole.states.q, atol=1e-10 * np.abs(unrecorded).max())
     with h5py.File(path) as file:
-        assert file.attrs["complete"] and file["time"].attrs["unit"] == "s"
+        assert file["rows/time"].attrs["unit"] == "s" and file["running/recorded"][0] == len(whole.time)
+        assert "PointForce" in file["reduced_model"].attrs["loads"][0]
+    assert os.listdir(tmp_path) == ["h.h5"]
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
 
 
@@ -149,20 +150,15 @@ def test_killed_at_any_moment(small_chunks, tmp_path):
     """
     program = """
 import sys, numpy as np, sbfem_petsc as sb
-from sbfem_petsc.analysis import transient as module
-from sbfem_petsc.reduction.reduced_model import reduce_matrices
+from sbfem_petsc.dynamics import reduced_history as module
 module.CHUNK = 4
 stiffness, load = np.diag([1.0, 4.0, 9.0]), np.eye(3)[:, :1]
-r = reduce_matrices(np.eye(3), stiffness, np.zeros((0, 3)), np.zeros(0), load, {"x": 0}, 2)
-from sbfem_petsc.results.history import HistoryFile
-from mpi4py import MPI
-signals, steps = [sb.Harmonic(1.0, 0.1)], 10**5
+gap = np.zeros((0, 3)), np.zeros(0)
+r = sb.reduce_matrices(np.eye(3), stiffness, *gap, loads=load, sensors={"x": 0}, modes=2)
 def tell(done):
     if done < 1e-4:
         print(flush=True)
-comm, path = MPI.COMM_SELF, sys.argv[1]
-with HistoryFile(comm, path, False, r, signals, steps, 0.01, True, "exact", "rest", 1) as record:
-    module.integrate(r, signals, steps, 0.01, record=record, progress=tell)
+sb.transient(r, [sb.Harmonic(1.0, 0.1)], 1000.0, 0.01, file=sys.argv[1], progress=tell)
 """
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     runs = [
@@ -226,9 +222,7 @@ def test_rows_left_in_the_file(model, whole, small_chunks, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
     half = sb.transient(model, LOAD, file=path, restart=True, **short)
-    assert all(
-        isinstance(values, np.memmap) for values in (half.modal_displacement, half.contact_force, half.time)
-    )
+    assert all(isinstance(values, np.memmap) for values in (half.states.q, half.states.contact, half.time))
     np.testing.assert_array_equal(half.displacement("A"), whole.displacement("A")[:1025])
     found = sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN)
     same(found, whole)
@@ -253,11 +247,12 @@ def test_another_models_file_is_refused(model, whole, small_chunks, tmp_path):
         ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 5))}, "other load signals"),
         ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 5))}, "another model"),
         ({"start": "equilibrium"}, "start"),
+        ({"reduction": None}, "that of a reduced model, not of an unreduced one"),
     ):
         given = {"model": model, "load": LOAD, **RUN, **options}
         with pytest.raises(ValueError, match=words):
             sb.transient(file=path, restart=True, **given)
-    assert path.read_bytes() == content
+    assert path.read_bytes() == content and os.listdir(tmp_path) == ["h.h5"]
     with pytest.raises(ValueError, match="restart = True needs the file"):
         sb.transient(model, LOAD, restart=True, **RUN)
 
@@ -271,7 +266,7 @@ def test_lost_files(tmp_path):
     (tmp_path / "short.h5").write_bytes(other.read_bytes()[:900])
     for name, words in (
         ("missing.h5", "does not exist"),
-        ("text.h5", "truncated or no HDF5"),
+        ("text.h5", "truncated, damaged or no HDF5"),
         ("short.h5", "truncated"),
         ("other.h5", "another kind"),
     ):
@@ -307,21 +302,21 @@ def test_full_disk(model, whole, small_chunks, tmp_path, monkeypatch):
         left[0] -= written
         return written
 
-    monkeypatch.setattr(history.os, "pwrite", full)
+    monkeypatch.setattr(os, "pwrite", full)
     with pytest.raises(sb.SolveError, match="No space left.*stays readable"):
         sb.transient(model, LOAD, file=path, **RUN)
-    monkeypatch.setattr(history.os, "pwrite", real)
+    monkeypatch.setattr(os, "pwrite", real)
     with pytest.warns(IncompleteHistory):
         part = read_history(path)
     assert len(part.time) > 256 // 5
-    np.testing.assert_array_equal(part.modal_displacement, whole.modal_displacement[: len(part.time)])
+    np.testing.assert_array_equal(part.states.q, whole.states.q[: len(part.time)])
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
 
 
 @pytest.mark.skipif(
     not hasattr(os, "geteuid") or os.geteuid() != 0 or shutil.which("mount") is None, reason="needs root"
 )
-def test_full_tmpfs(model, small_chunks, tmp_path):
+def test_full_tmpfs(model, small_chunks, tmp_path, monkeypatch):
     folder = tmp_path / "small"
     folder.mkdir()
     if subprocess.run(
@@ -329,8 +324,20 @@ def test_full_tmpfs(model, small_chunks, tmp_path):
     ).returncode:
         pytest.skip("mount is not allowed")
     try:
-        with pytest.raises(sb.SolveError, match="No space left"):
+        with pytest.raises(ValueError, match="would take .* of disk"):
             sb.transient(model, LOAD, file=folder / "h.h5", **RUN)
+        others = open(folder / "others", "wb", buffering=0)
+
+        def fill(done):
+            """Another program takes the rest of the disk."""
+            with contextlib.suppress(OSError):
+                while done > 0.1:
+                    others.write(bytes(4096))
+
+        with monkeypatch.context() as patch, others:
+            patch.setattr(capacity.shutil, "disk_usage", lambda folder: shutil._ntuple_diskusage(0, 0, 10**9))
+            with pytest.raises(sb.SolveError, match="No space left"):
+                sb.transient(model, LOAD, file=folder / "h.h5", progress=fill, **RUN)
         with pytest.warns(IncompleteHistory):
             assert len(read_history(folder / "h.h5").time) > 50
     finally:
@@ -342,16 +349,9 @@ def test_two_ranks_continue_a_serial_run(model, whole, small_chunks, tmp_path):
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
-    done = on_ranks(2, PROGRAM, str(path), "0", "restart", str(tmp_path / "film"))
+    done = on_ranks(2, PROGRAM, str(path), "0", "restart")
     np.testing.assert_allclose(answer(done)["u"], whole.displacement("A")[-1], rtol=1e-10)
     same(read_history(path), whole)
-    files = [
-        e.get("file")
-        for e in xml.parse(tmp_path / "film" / "history.pvd").getroot().findall("Collection/DataSet")
-    ]
-    assert files == [f"history_{k:04d}.pvtu" for k in range(3)] and all(
-        (tmp_path / "film" / f).exists() for f in files
-    )
 
 
 def test_state_half_written(model, whole, small_chunks, tmp_path):
@@ -360,8 +360,8 @@ def test_state_half_written(model, whole, small_chunks, tmp_path):
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
     with h5py.File(path, "r+") as file:
-        newer = max("AB", key=lambda slot: file["state"][slot][0])
-        file["state"][newer][20:] = 0.0
+        newer = max("AB", key=lambda slot: file["running"][slot][0])
+        file["running"][newer][20:] = 0.0
     with pytest.warns(IncompleteHistory):
         assert len(read_history(path).time) == 1 + 11 * 256 // 5
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
@@ -375,49 +375,154 @@ def test_error_of_rank_0_on_both_ranks(tmp_path):
     assert "all ranks are stopped" not in done.stderr
 
 
-def test_animation(model, whole, tmp_path):
-    """Displacements at the free end's corner are those of the modes; a mode turned round by another solve
-    does no harm.
+# ---------------------------------------------------------------------- conditions of a run
+def test_the_continued_history_keeps_its_fields(model, whole, small_chunks, tmp_path):
+    """A restart goes on with the file's modes, whose signs another solve may have turned round; the fields are those
+    of the history all the same.
     """
-    from dataclasses import replace
-
-    import meshio
-
-    modes = sb.modal(model, 16)
+    path = tmp_path / "h.h5"
+    with pytest.raises(KeyboardInterrupt):
+        sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
+    other = make()
+    turned = sb.reduce(other, LOAD, modes=16)
+    signs = np.where(np.arange(16) % 3, 1.0, -1.0)
     turned = replace(
-        modes,
-        shapes=modes.shapes * np.where(np.arange(16) % 3, 1.0, -1.0),
-        point_shapes={
-            p: s * np.where(np.arange(16) % 3, 1.0, -1.0)[:, None] for p, s in modes.point_shapes.items()
-        },
+        turned,
+        gap=replace(turned.gap, modes=turned.gap.modes * signs),
+        points=replace(turned.points, modes=turned.points.modes * signs),
+        tips=replace(turned.tips, modes=turned.tips.modes * signs),
+        load_modes=turned.load_modes * signs[:, None],
+        translation=turned.translation * signs[:, None],
+        modal=replace(
+            turned.modal,
+            shapes=turned.modal.shapes * signs,
+            point_shapes={p: s * signs[:, None] for p, s in turned.modal.point_shapes.items()},
+        ),
     )
-    pvd = write_animation(tmp_path / "film", turned, whole, times=[0.0, 0.0005, 0.001])
-    entries = xml.parse(pvd).getroot().findall("Collection/DataSet")
-    assert [float(e.get("timestep")) for e in entries] == pytest.approx([0.0, 0.0005, 0.001], abs=3e-6)
-    for entry in entries:
-        grid = meshio.read(pathlib.Path(pvd).parent / entry.get("file"))
-        corner = np.argmin(np.linalg.norm(grid.points[:, :2] - model.points["A"][0], axis=1))
-        k = int(np.argmin(np.abs(whole.time - float(entry.get("timestep")))))
-        expected = (
-            whole.reduction.sensor_modes[whole.reduction.points.index("A")] @ whole.modal_displacement[k]
-        )
-        np.testing.assert_allclose(
-            grid.point_data["displacement"][corner, :2], expected, rtol=1e-6, atol=1e-12
-        )
-    assert (
-        len(
-            xml.parse(write_animation(tmp_path / "film", modes, whole, every=1000, name="few"))
-            .getroot()
-            .findall("Collection/DataSet")
-        )
-        == 3
+    run = {name: value for name, value in RUN.items() if name != "modes"}
+    found = sb.transient(turned, LOAD, file=path, restart=True, **run)
+    same(found, whole)
+    peak = float(whole.time[whole.contact_resultant.argmax()])
+    np.testing.assert_allclose(
+        found.field(peak), whole.field(peak), atol=1e-9 * np.abs(whole.field(peak)).max()
     )
-    for options, words in (
-        ({"times": [1.0]}, "between"),
-        ({"every": 0}, "positive"),
-        ({"times": [0.0], "every": 2}, "not both"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            write_animation(tmp_path / "film", modes, whole, **options)
-    with pytest.raises(ValueError, match="not those"):
-        write_animation(tmp_path / "film", sb.modal(make(0.002), 16), whole, every=1000)
+
+
+def test_the_last_step_is_kept(model):
+    """Whatever the decimation, the history ends at the end and its instants are equally far apart."""
+    for decimation in (1, 7, 20):
+        history = sb.transient(
+            model, LOAD, 0.001, 1e-6, modes=16, decimation=decimation, contact=False, progress=None
+        )
+        assert history.time[-1] == pytest.approx(0.001, rel=1e-12) and history.step <= 1e-6
+        np.testing.assert_allclose(np.diff(history.time), decimation * history.step, rtol=1e-9)
+
+
+def test_long_histories_are_decimated_with_a_warning(model, monkeypatch):
+    """A limit of 200 kB in place of 1 GB; an explicit decimation keeps what it says."""
+    monkeypatch.setattr(capacity, "KEPT", 200_000)
+    row = 8 * (1 + 16 + 16 + 1 + len(model.gap_operator) + 5)
+    with pytest.warns(sb.StepWarning, match="every [0-9]+ are kept"):
+        history = sb.transient(model, LOAD, 0.002, 1e-6, modes=16, contact=False)
+    assert 100_000 < len(history.time) * row <= 200_000 + row
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(sb.transient(model, LOAD, 0.002, 1e-6, modes=16, contact=False, decimation=1).time) == 2001
+
+
+def test_too_little_memory(model, monkeypatch):
+    monkeypatch.setattr(capacity, "available_memory", lambda: 1_000_000)
+    with pytest.raises(ValueError, match="10,001 instants of .* of memory, 900 kB are free; keep every .*th"):
+        sb.transient(model, LOAD, 0.01, 1e-6, modes=16, decimation=1)
+    sb.transient(model, LOAD, 0.001, 1e-6, modes=16, decimation=1)
+
+
+def test_too_small_a_disk(model, monkeypatch, tmp_path):
+    usage = shutil.disk_usage(tmp_path)
+    monkeypatch.setattr(capacity.shutil, "disk_usage", lambda folder: usage._replace(free=1_000_000))
+    with pytest.raises(ValueError, match="would take .* of disk, 900 kB are free in .*decimation"):
+        sb.transient(model, LOAD, 0.01, 1e-6, modes=16, file=tmp_path / "h.h5", in_memory=False)
+    assert os.listdir(tmp_path) == []
+
+
+def test_free_memory_is_the_systems():
+    """Between nothing and all of it; a limit on the address space counts."""
+    free = capacity.available_memory()
+    assert 0 < free <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    program = (
+        "import resource; from sbfem_petsc.recording import capacity; "
+        "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
+        "resource.setrlimit(resource.RLIMIT_AS, (used + 10**8, -1)); print(capacity.available_memory())"
+    )
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    told = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert 0 < int(told.stdout) <= 10**8, told.stderr
+
+
+# ---------------------------------------------------------------------- the file itself
+def test_two_writers(model, small_chunks, tmp_path):
+    """The second run is refused while the first one writes, and may when it has ended."""
+    path, seen = tmp_path / "h.h5", []
+
+    def second(done):
+        if not seen:
+            with pytest.raises(ValueError, match=f"is being written by process {os.getpid()} on"):
+                sb.transient(model, LOAD, file=path, **RUN)
+            with pytest.warns(IncompleteHistory):  # but it can be read
+                seen.append(len(read_history(path).time))
+
+    sb.transient(model, LOAD, file=path, progress=second, **RUN)
+    assert seen and read_history(path).complete and os.listdir(tmp_path) == ["h.h5"]
+    sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.001})
+
+
+def test_changed_bytes_are_told(model, tmp_path):
+    """Any byte of the file that is turned round is told of, or changes nothing that is read."""
+    path, other = tmp_path / "h.h5", tmp_path / "other.h5"
+    history = sb.transient(model, LOAD, 0.001, 1e-6, modes=16, file=path)
+    data = path.read_bytes()
+    told = 0
+    for place in np.random.default_rng(1).integers(0, len(data), 250):
+        changed = bytearray(data)
+        changed[place] ^= 0x10
+        other.write_bytes(changed)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error")
+                found = read_history(other)
+        except ValueError:
+            told += 1
+        except IncompleteHistory:  # the last checkpoint was hit; the rows before it hold
+            told += 1
+        else:
+            same(found, history)
+            assert found.complete and found.points == history.points
+    assert told > 100
+
+
+@pytest.mark.parametrize("kind", ["device", "folder", "pipe", "link to a device", "no path"])
+def test_nothing_but_files_is_replaced(model, tmp_path, kind):
+    place = {
+        "device": "/dev/null",
+        "folder": tmp_path / "folder",
+        "pipe": tmp_path / "pipe",
+        "link to a device": tmp_path / "link",
+        "no path": 3,
+    }[kind]
+    if kind == "folder":
+        place.mkdir()
+    elif kind == "pipe":
+        os.mkfifo(place)
+    elif kind == "link to a device":
+        place.symlink_to("/dev/null")
+    error, words = (TypeError, "must be a string") if kind == "no path" else (ValueError, "name another one")
+    with pytest.raises(error, match=words):
+        sb.transient(model, LOAD, file=place, **RUN)
+    assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_a_link_stays_a_link(model, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "h.h5").symlink_to(tmp_path / "elsewhere" / "goal.h5")
+    sb.transient(model, LOAD, 0.001, 1e-6, modes=16, file=tmp_path / "h.h5")
+    assert (tmp_path / "h.h5").is_symlink() and read_history(tmp_path / "elsewhere" / "goal.h5").complete

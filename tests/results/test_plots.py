@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
+from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
+from sbfem_petsc.plot import units
 from sbfem_petsc.plot.outlines import contact_lengths, gather_outline, gather_region, loops
 
 PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png")
@@ -61,23 +62,62 @@ def test_pictures_of_one_and_two_ranks_agree(serial_files, parallel_files, name)
 
 def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
     _, model, _, cases = solved
-    path = plot_crack(
-        model,
-        {"opening": cases["opening"].field},
-        str(tmp_path / "crack.png"),
-        colour="displacement",
-        magnification=50.0,
-    )
-    assert image.imread(path).shape[1] == 1440
+    axes = plot_crack(model, {"opening": cases["opening"].field}, colour="displacement", magnification=50.0)
+    assert [a.get_xlabel() for a in axes[:2]] == ["x from the tip (mm)", "x from the tip (µm)"]
+    assert image.imread(save_picture(axes, tmp_path / "crack.png")).shape[1] == 1440
 
 
 def test_bad_requests(solved, tmp_path):
     mesh, model, modes, cases = solved
     with pytest.raises(ValueError, match="modes = .* must be numbers from 0 to 3"):
-        plot_modes(modes, str(tmp_path / "a.png"), [0, 9])
+        plot_modes(modes, [0, 9])
     with pytest.raises(ValueError, match="colour = 'heat' is unknown"):
-        plot_crack(model, {"u": cases["opening"].field}, str(tmp_path / "a.png"), colour="heat")
+        plot_crack(model, {"u": cases["opening"].field}, colour="heat")
     with pytest.raises(ValueError, match="crack = 3 does not exist"):
-        plot_contact(cases, str(tmp_path / "a.png"), crack=3)
-    with pytest.raises(ValueError, match="picture .* cannot be written"):
-        plot_discretisation(mesh, str(tmp_path / "none" / "a.png"))
+        plot_contact(cases, crack=3)
+    with pytest.raises(TypeError, match="is not a BoundaryMesh"):
+        plot_discretisation(None)
+    with pytest.raises(ValueError, match="picture .* cannot be written: No such file"):
+        save_picture(plot_discretisation(mesh), str(tmp_path / "none" / "a.png"))
+
+
+@pytest.mark.parametrize("ending, start", [("png", b"\x89PNG"), ("svg", b"<?xml"), ("pdf", b"%PDF")])
+def test_kinds_of_files(solved, tmp_path, ending, start):
+    _, _, modes, _ = solved
+    path = save_picture(plot_modes(modes, [0])[0], tmp_path / f"mode.{ending}")
+    assert open(path, "rb").read().startswith(start)
+    assert save_picture(None, tmp_path / "none.png") is None and len(list(tmp_path.iterdir())) == 1
+
+
+def test_what_is_no_picture(solved, tmp_path):
+    axes = plot_modes(solved[2], [0])
+    with pytest.raises(ValueError, match=r"must end in one of .png, .svg, .pdf"):
+        save_picture(axes, tmp_path / "mode.bmp")
+    for wrong in (3, "axes", []):
+        with pytest.raises(TypeError, match="neither axes nor a figure"):
+            save_picture(wrong, tmp_path / "a.png")
+    (tmp_path / "folder.png").mkdir()
+    with pytest.raises(ValueError, match="is a folder"):
+        save_picture(axes, tmp_path / "folder.png")
+
+
+def test_units_by_magnitude(solved):
+    """Frequencies of one picture share a unit; a beam of 50 mm is drawn in millimetres."""
+    modes = solved[2]
+    axes = plot_modes(modes)
+    assert modes.frequencies[-1] > 1e4 > modes.frequencies[0]
+    assert [a.get_title() for a in axes] == [
+        f"mode {k + 1}:  {float(f'{f:.5g}') / 1e3:#.5g} kHz" for k, f in enumerate(modes.frequencies)
+    ]
+    assert axes[-1].get_xlabel() == "x (mm)"
+    for top, of, unit in (
+        (0.3, units.length_unit, "mm"),
+        (4e-7, units.length_unit, "nm"),
+        (999.0, units.frequency_unit, "Hz"),
+        (2500.0, units.force_unit, "kN"),
+        (3e-4, units.time_unit, "µs"),
+        (3.0, units.place_unit, "m"),
+        (2e6, units.stress_unit, "MPa"),
+        (0.0, units.length_unit, "nm"),
+    ):
+        assert of(top)[1] == unit

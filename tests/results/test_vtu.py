@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.results.vtu import write_vtu
+from sbfem_petsc.results.vtu import write_modes, write_vtu
 from sbfem_petsc.system.sampling import normal_stress_row, von_mises
 
 GRADIENT = np.array([[1.0e-4, 4.0e-5], [-2.0e-5, -3.0e-5]])
@@ -30,9 +30,9 @@ def test_patch_test(solved, tmp_path):
     inside = np.unique(np.concatenate([b.data.ravel() for b in _split(found, kept)]))
     exact = found.points[:, :2] @ GRADIENT.T + np.array([1e-5, 2e-5])
     np.testing.assert_allclose(
-        found.point_data["u"][inside, :2], exact[inside], atol=1e-12 * np.abs(exact).max(), rtol=0.0
+        found.point_data["u (m)"][inside, :2], exact[inside], atol=1e-12 * np.abs(exact).max(), rtol=0.0
     )
-    assert not found.point_data["u"][:, 2].any() and found.points.shape[1] == 3
+    assert not found.point_data["u (m)"][:, 2].any() and found.points.shape[1] == 3
     material = model.materials[0]
     stress = (
         material.modulus
@@ -43,7 +43,7 @@ def test_patch_test(solved, tmp_path):
     for name, value in zip(("stress_xx", "stress_yy", "stress_xy", "von_mises"), (*stress, mises)):
         # round-off of the displacement divided by the small elements' size
         np.testing.assert_allclose(
-            found.point_data[f"u {name}"][inside], value, atol=1e-7 * np.abs(stress).max(), rtol=0.0
+            found.point_data[f"u {name} (Pa)"][inside], value, atol=1e-7 * np.abs(stress).max(), rtol=0.0
         )
 
 
@@ -58,7 +58,7 @@ def test_cells_cover_the_structure(solved, tmp_path):
             subdivisions=4,
         )
     )
-    assert list(found.point_data) == ["u"]
+    assert list(found.point_data) == ["u (m)"]
     area = 0.0
     for block in found.cells:
         corners = found.points[block.data]
@@ -91,7 +91,9 @@ def test_pieces_of_two_ranks_hold_what_one_file_holds(serial_files, parallel_fil
             corners = np.concatenate(
                 [m.points[m.cells[block].data].reshape(len(m.cells[block].data), -1) for m in meshes]
             )
-            values = np.concatenate([m.point_data["closing von_mises"][m.cells[block].data] for m in meshes])
+            values = np.concatenate(
+                [m.point_data["closing von_mises (Pa)"][m.cells[block].data] for m in meshes]
+            )
             assert all(m.cells[block].type == kind for m in meshes)
             order = np.argsort(elements, kind="stable")
             ordered.append((elements[order], corners[order], values[order]))
@@ -99,6 +101,19 @@ def test_pieces_of_two_ranks_hold_what_one_file_holds(serial_files, parallel_fil
         np.testing.assert_array_equal(elements, other_elements)
         np.testing.assert_allclose(corners, other_corners, atol=1e-15)
         np.testing.assert_allclose(values, other_values, atol=1e-5 * values.max())
+
+
+def test_modes_bear_their_frequencies(solved, tmp_path):
+    _, model, modes, _ = solved
+    found = meshio.read(write_modes(str(tmp_path / "modes"), modes, [1, 3]))
+    names = [f"mode {k + 1}, {modes.frequencies[k]:.6g} Hz (m/sqrt(kg))" for k in (1, 3)]
+    assert list(found.point_data) == names
+    corner = np.abs(found.points[:, :2] - model.points["A"][0]).max(axis=1) < 1e-9
+    for name, k in zip(names, (1, 3)):
+        expected = np.tile(modes.displacement("A")[k], (corner.sum(), 1))
+        np.testing.assert_allclose(found.point_data[name][corner, :2], expected, rtol=1e-9)
+    with pytest.raises(ValueError, match="modes = 4 must be between 0 and 3"):
+        write_modes(str(tmp_path / "modes"), modes, [4])
 
 
 def test_von_mises_in_plane_strain():

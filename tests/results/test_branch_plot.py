@@ -5,30 +5,38 @@ unstable parts.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from matplotlib import image
-from sbfem_petsc.plot.curves import (
-    amplitude_at,
-    in_order,
-    plot_curves,
-    plot_harmonics,
-    plot_multipliers,
-    plot_orbit,
-    smooth,
-    split,
-)
 
 import sbfem_petsc as sb
-from sbfem_petsc.plot import curves as curve_plot
-from tests.systems import two_masses
+from sbfem_petsc.plot import (
+    plot_branches,
+    plot_harmonics,
+    plot_history,
+    plot_multipliers,
+    plot_orbit,
+    save_picture,
+)
+from sbfem_petsc.plot.branches import GREY, abscissa, amplitude_at, in_order, smooth, split
 
 
 @pytest.fixture(scope="module")
 def oscillator():
     """Two masses and an elastic stop: folds and period doublings within one resonance."""
-    return two_masses()
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    return sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[-1.0, 0.0]]),
+        np.ones(1),
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"one": 0, "two": 1},
+        damping=0.03 * stiffness,
+        compliance=np.array([0.01]),
+    )
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +56,9 @@ def orbits(oscillator):
     }
 
 
-def drawn(path):
+def drawn(axes, path):
     """A picture of journal width that is not empty."""
+    save_picture(axes, path)
     picture = image.imread(path)[..., :3]
     assert picture.shape[1] == 1440 and picture.shape[0] > 400
     assert picture.std() > 0.03
@@ -118,10 +127,9 @@ def test_lines_follow_the_verdict(curves):
     curve = curves["stop"]
     kinds = [item.kind for item in curve.bifurcations]
     assert kinds.count("fold") == 2 and "period doubling" in kinds and not curve.stable.all()
-    drawing = curve_plot._draw_curves(curves, "2", None, None, "", False)
-    (axes,) = drawing.axes
+    axes = plot_branches(curves, "two")
     lines = [line for line in axes.get_lines() if len(line.get_xdata()) > 2]
-    grey = [line for line in lines if line.get_color() == curve_plot.GREY]
+    grey = [line for line in lines if line.get_color() == GREY]
     assert len(grey) == 1 and len(grey[0].get_xdata()) == len(curves["no stop"].value)
     parts = [line for line in lines if line not in grey]
     changes = np.flatnonzero(np.diff(curve.stable.astype(int)))
@@ -134,8 +142,8 @@ def test_lines_follow_the_verdict(curves):
         np.concatenate([line.get_xdata() for line in parts]),
         np.concatenate([line.get_ydata() for line in parts]),
     )
-    for value, height in zip(curve.value, curve.amplitude("2")):
-        assert np.hypot((x - value) / 0.1, y / y.max() - height / curve.amplitude("2").max()).min() < 1e-9
+    for value, height in zip(curve.value, curve.amplitude("two")):
+        assert np.hypot((x - value) / 0.1, y / y.max() - height / curve.amplitude("two").max()).min() < 1e-9
     labels = [text.get_text() for text in axes.get_legend().get_texts()]
     assert labels[:2] == ["stop", "no stop"] and {"unstable", "fold", "period doubling"} <= set(labels)
 
@@ -145,39 +153,42 @@ def test_amplitude_at_a_fold(curves):
     curve = curves["stop"]
     for item in curve.bifurcations:
         if item.kind == "fold":
-            beside = curve.amplitude("2")[item.after - 1 : item.after + 1]
+            beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
             assert (
-                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "2") <= beside.max() * (1.0 + 1e-2)
+                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "two") <= beside.max() * (1.0 + 1e-2)
             )
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
 def test_pictures(curves, orbits, tmp_path):
-    paths = [
-        plot_curves(
-            curves,
-            str(tmp_path / "curves.png"),
-            "2",
-            forces={"stop": 0.1, "no stop": 0.1},
-            title="oscillator",
-            every=True,
-        ),
-        plot_harmonics(orbits, str(tmp_path / "harmonics.png"), "2", forces={"open": 0.01, "touching": 0.1}),
-        plot_orbit(orbits["touching"], str(tmp_path / "orbit.png"), "2", {"stop": 0}),
-        plot_orbit(orbits["touching"], str(tmp_path / "orbit_default.png"), "1"),
-        plot_multipliers(orbits["touching"], str(tmp_path / "multipliers.png")),
-        plot_multipliers(curves["stop"], str(tmp_path / "multipliers_curve.png"), "through folds"),
+    pictures = [
+        plot_branches(curves, "two", forces={"stop": 0.1, "no stop": 0.1}, title="oscillator", every=True),
+        plot_harmonics(orbits, "two", forces={"open": 0.01, "touching": 0.1}),
+        plot_orbit(orbits["touching"], "two", pairs={"stop": 0}),
+        plot_orbit(orbits["touching"], "one"),
+        plot_multipliers(orbits["touching"]),
+        plot_multipliers(curves["stop"], title="through folds"),
+        plot_history(orbits["touching"], "two"),
     ]
-    pictures = [drawn(path) for path in paths]
+    shown = [drawn(axes, tmp_path / f"{k}.png") for k, axes in enumerate(pictures)]
     assert all(
-        np.abs(a - b).max() > 0.5 for k, a in enumerate(pictures) for b in pictures[:k] if a.shape == b.shape
+        np.abs(a - b).max() > 0.5 for k, a in enumerate(shown) for b in shown[:k] if a.shape == b.shape
     )
+
+
+def test_stems_stand_on_the_least_harmonic_shown(orbits):
+    """Not on 1e-14 where the harmonics end at 1e-6: the axis begins at the power of ten below the least one."""
+    levels = np.abs(orbits["touching"].harmonics("two")[:11])
+    axes = plot_harmonics(orbits["touching"], "two", decades=3.0)
+    least = levels[levels > 1e-3 * levels.max()].min()
+    low, high = axes.get_ylim()
+    assert low <= least < 20.0 * low and high > levels.max()
 
 
 def test_harmonics_drawn_are_those_above_rounding(orbits):
     """The motion that does not touch has the first alone."""
     assert orbits["open"].contact_resultant.max() == 0.0 < orbits["touching"].contact_resultant.max()
-    (axes,) = curve_plot._draw_harmonics(orbits, "2", "y", 10, 8.0, None, "").axes
+    axes = plot_harmonics(orbits, "two", decades=8.0)
     heads = {line.get_label(): line.get_xdata() for line in axes.get_lines()}
     assert len(heads["open"]) == 1 and round(float(heads["open"][0])) == 1 and len(heads["touching"]) > 5
 
@@ -186,41 +197,33 @@ def test_a_motion_of_two_periods(curves, tmp_path):
     """One mark each forcing period; time counts forcing periods."""
     curve = curves["stop"]
     item = next(item for item in curve.bifurcations if item.kind == "period doubling")
-    orbit = sb.doubled(curve, item)
-    drawing = curve_plot._draw_orbit(orbit, "2", None, "")
-    marks = [line for line in drawing.axes[0].get_lines() if line.get_marker() == "o"]
-    assert len(marks[0].get_xdata()) == 2 and drawing.axes[-1].get_xlim() == (0.0, 2.0)
-    drawn(plot_orbit(orbit, str(tmp_path / "doubled.png"), "2"))
+    orbit = sb.switch_branch(curve, item)
+    axes = plot_orbit(orbit, "two")
+    marks = [line for line in axes[0].get_lines() if line.get_marker() == "o"]
+    assert len(marks[0].get_xdata()) == 2 and axes[-1].get_xlim() == (0.0, 2.0)
+    drawn(axes, tmp_path / "doubled.png")
 
 
 def test_a_curve_over_the_load(oscillator, tmp_path):
-    curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, 1.0, steps=512, progress=None)
-    drawn(plot_curves({"0.1 N": curve}, str(tmp_path / "load.png"), "2"))
-    assert curve_plot._abscissa({"0.1 N": curve})[1] == "factor on the load"
+    curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, steps=512, progress=None)
+    drawn(plot_branches(curve, "two"), tmp_path / "load.png")
+    assert abscissa({"0.1 N": curve})[1] == "factor on the load"
     with pytest.raises(ValueError, match="over the frequency and some over the load"):
-        plot_curves(
-            {"load": curve, "frequency": curve_plot.replace(curve, parameter="frequency")},
-            str(tmp_path / "a.png"),
-            "2",
-        )
+        plot_branches({"load": curve, "frequency": replace(curve, parameter="frequency")}, "two")
 
 
-def test_bad_requests(curves, orbits, tmp_path):
-    path = str(tmp_path / "a.png")
-    with pytest.raises(ValueError, match="no curve is given"):
-        plot_curves({}, path)
+def test_bad_requests(curves, orbits):
+    with pytest.raises(ValueError, match="no branch is given"):
+        plot_branches({})
     with pytest.raises(ValueError, match="no positive force for 'no stop'"):
-        plot_curves(curves, path, "2", forces={"stop": 0.1})
+        plot_branches(curves, "two", forces={"stop": 0.1})
     with pytest.raises(KeyError, match="point 'A' does not exist"):
-        plot_curves(curves, path)
+        plot_branches(curves)
     with pytest.raises(ValueError, match="no orbit is given"):
-        plot_harmonics({}, path)
+        plot_harmonics({})
     with pytest.raises(ValueError, match="does not move in x"):
-        plot_harmonics(orbits, path, "2", "x")
+        plot_harmonics(orbits, "two", "x")
     with pytest.raises(ValueError, match="pair 'mouth' is number 3, the model has 1"):
-        plot_orbit(orbits["open"], path, "2", {"mouth": 3})
+        plot_orbit(orbits["open"], "two", pairs={"mouth": 3})
     with pytest.raises(ValueError, match="there are no multipliers"):
-        plot_multipliers(curves["no stop"], path)
-    with pytest.raises(ValueError, match="cannot be written"):
-        plot_harmonics(orbits, str(tmp_path / "none" / "a.png"), "2")
-    assert not list(tmp_path.iterdir())
+        plot_multipliers(curves["no stop"])

@@ -1,4 +1,4 @@
-"""Curves in files: what is read is what was found, interrupted runs are continued, and foreign files are
+"""Branches in files: what is read is what was found, interrupted runs are continued, and foreign files are
 refused.
 """
 
@@ -8,15 +8,28 @@ import warnings
 import h5py
 import numpy as np
 import pytest
-from sbfem_petsc.results.curves import IncompleteCurve, read_curve, save_curve
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import continuation
-from sbfem_petsc.results import curves as module
-from tests.systems import two_masses
+from sbfem_petsc.recording import branch_file as module
+from sbfem_petsc.results.branches import IncompleteBranch, read_branch, save_branch
 
 TURN = 2 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN
+
+
+def two_masses(damping=0.03, compliance=0.01, force=1.0):
+    stiffness = np.array([[1.0, -1.0], [-1.0, 2.0]])
+    return sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        np.array([[1.0, 0.0]]),
+        np.array([1.0]),
+        loads=np.array([[0.0], [force]]),
+        sensors={"1": 0, "2": 1},
+        damping=damping * stiffness,
+        compliance=np.array([compliance]),
+    )
 
 
 def follow(**options):
@@ -31,7 +44,7 @@ def whole(tmp_path_factory):
 
 def same(found, expected):
     """Every array and name of two curves."""
-    for name in module._ARRAYS:
+    for name in module.ARRAYS:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name), err_msg=name)
     for name in ("parameter", "reason", "complete", "periods", "fixed_frequency", "points"):
         assert getattr(found, name) == getattr(expected, name), name
@@ -51,7 +64,7 @@ def test_what_is_read_is_what_was_found(whole):
     curve, path = whole
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = read_curve(path)
+        found = read_branch(path)
     same(found, curve)
     assert found.complete and len(found.bifurcations) >= 5 and repr(found) == repr(curve)
     np.testing.assert_array_equal(found.stable, curve.stable)
@@ -66,21 +79,21 @@ def test_the_file_explains_itself(whole):
     _, path = whole
     with h5py.File(path) as file:
         assert (
-            file.attrs["format"] == "sbfem-petsc response curve"
+            file.attrs["format"] == "sbfem-petsc branch"
             and file.attrs["parameter"] == "frequency"
             and bool(file.attrs["complete"])
         )
-        for name in module._ARRAYS:
+        for name in module.ARRAYS:
             assert file[name].attrs["description"], name
         assert file["point_amplitudes"].attrs["unit"] == "m"
-    assert [name for name in os.listdir(os.path.dirname(path)) if "part" in name] == []
+    assert os.listdir(os.path.dirname(path)) == ["whole.h5"]
 
 
 def test_save_and_read_a_load_curve(tmp_path):
     curve = sb.load_response(two_masses(), [0.1], 0.1, stop=0.2, steps=512, stability=False)
     path = str(tmp_path / "load.h5")
-    save_curve(curve, path)
-    found = read_curve(path)
+    save_branch(curve, path)
+    found = read_branch(path)
     same(found, curve)
     assert (
         found.parameter == "load"
@@ -107,9 +120,9 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
     with pytest.raises(KeyboardInterrupt):
         follow(file=path, progress=interrupt)
     with pytest.warns(
-        IncompleteCurve, match="is incomplete: it ends at .* of 0.143.*; resume=True continues it"
+        IncompleteBranch, match="is incomplete: it ends at .* of 0.143.*; resume=True continues it"
     ):
-        part = read_curve(path)
+        part = read_branch(path)
     assert not part.complete and len(part.value) == after + 1
     # the whole curve has further points where it bends, added at the end
     beside = np.searchsorted(np.cumsum(np.isin(curve.value, part.value)), np.arange(1, after + 2))
@@ -123,7 +136,7 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
     assert [b.kind for b in resumed.bifurcations] == [b.kind for b in curve.bifurcations]
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        same(read_curve(path), resumed)
+        same(read_branch(path), resumed)
 
 
 def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
@@ -133,20 +146,24 @@ def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
         raise AssertionError("a point was sought")
 
     monkeypatch.setattr(continuation, "shoot_along", no)
-    np.testing.assert_array_equal(follow(file=path, resume=True, stability=False).value, curve.value)
+    before = open(path, "rb").read()
+    resumed = follow(file=path, resume=True, stability=False)
+    np.testing.assert_array_equal(resumed.value, curve.value)
+    # it keeps its reason, and the file its multipliers
+    assert resumed.reason == curve.reason == read_branch(path).reason and open(path, "rb").read() == before
 
 
 def test_resume_without_a_file_begins(tmp_path):
     path = str(tmp_path / "new.h5")
     assert len(follow(file=path, resume=True, points=5, stability=False, steps=512).value) == 5
-    with pytest.warns(IncompleteCurve):
-        assert len(read_curve(path).value) == 5
+    with pytest.warns(IncompleteBranch):
+        assert len(read_branch(path).value) == 5
     # more points are allowed: it goes on
     assert len(follow(file=path, resume=True, points=9, stability=False, steps=512).value) == 9
     # without resume the file is replaced
     follow(file=path, points=3, stability=False, steps=512)
-    with pytest.warns(IncompleteCurve):
-        assert len(read_curve(path).value) == 3
+    with pytest.warns(IncompleteBranch):
+        assert len(read_branch(path).value) == 3
 
 
 def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
@@ -163,9 +180,9 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
         patch.setattr(continuation, "shoot_along", fails)
         with pytest.raises(sb.SolveError, match="the curve stops at") as caught:
             follow(file=path, stability=False)
-    with pytest.warns(IncompleteCurve):
-        part = read_curve(path)
-    np.testing.assert_array_equal(part.value, caught.value.curve.value)
+    with pytest.warns(IncompleteBranch):
+        part = read_branch(path)
+    np.testing.assert_array_equal(part.value, caught.value.branch.value)
     assert "no further point" in part.reason
     assert follow(file=path, resume=True, stability=False).complete
 
@@ -208,34 +225,34 @@ def test_a_load_curve_does_not_continue_a_frequency_curve(whole):
 def test_files_that_are_no_curves(tmp_path, whole):
     _, path = whole
     with pytest.raises(ValueError, match="does not exist"):
-        read_curve(str(tmp_path / "none.h5"))
+        read_branch(str(tmp_path / "none.h5"))
     text = tmp_path / "text.h5"
     text.write_text("not a curve")
-    with pytest.raises(ValueError, match="truncated or no HDF5 file"):
-        read_curve(str(text))
+    with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
+        read_branch(str(text))
     other = tmp_path / "other.h5"
     with h5py.File(other, "w") as file:
         file.attrs["format"] = "something"
     with pytest.raises(ValueError, match="HDF5 file of another kind"):
-        read_curve(str(other))
+        read_branch(str(other))
     data = open(path, "rb").read()
     cut = tmp_path / "cut.h5"
     for length in (len(data) // 3, len(data) - 100):
         cut.write_bytes(data[:length])
-        with pytest.raises(ValueError, match="truncated or no HDF5 file"):
-            read_curve(str(cut))
+        with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
+            read_branch(str(cut))
     newer = tmp_path / "newer.h5"
     newer.write_bytes(data)
     with h5py.File(newer, "a") as file:
         file.attrs["format_version"] = 99
     with pytest.raises(ValueError, match="newer than this program"):
-        read_curve(str(newer))
-    missing = tmp_path / "missing.h5"
-    missing.write_bytes(data)
-    with h5py.File(missing, "a") as file:
-        del file["states"]
-    with pytest.raises(ValueError, match="truncated or no HDF5 file"):
-        read_curve(str(missing))
+        read_branch(str(newer))
+    changed = tmp_path / "changed.h5"
+    changed.write_bytes(data)
+    with h5py.File(changed, "a") as file:
+        file["states"][3, 0] += 1e-9
+    with pytest.raises(ValueError, match="does not fit its checksum"):
+        read_branch(str(changed))
 
 
 def test_a_folder_that_does_not_exist(tmp_path):
@@ -254,8 +271,56 @@ def test_a_full_disk(tmp_path, monkeypatch):
 
     with monkeypatch.context() as patch:
         patch.setattr(h5py.Group, "create_dataset", refuse)
-        with pytest.raises(sb.SolveError, match="cannot be written any more .No space left on device"):
+        with pytest.raises(
+            sb.SolveError, match="cannot be written: No space left on device; what .* readable"
+        ):
             follow(file=path, points=9, resume=True, stability=False, steps=512)
-    with pytest.warns(IncompleteCurve):
-        assert len(read_curve(path).value) == 4
+    with pytest.warns(IncompleteBranch):
+        assert len(read_branch(path).value) == 4
     assert os.listdir(tmp_path) == ["full.h5"]
+
+
+def test_two_writers(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "PAUSE", 0.0)
+    path, tried = str(tmp_path / "branch.h5"), []
+
+    def second(fraction):
+        if not tried:
+            tried.append(True)
+            with pytest.raises(ValueError, match="is being written by process"):
+                follow(file=path, points=5, stability=False, steps=512)
+
+    with pytest.warns(sb.BranchWarning):
+        follow(file=path, points=5, stability=False, steps=512, progress=second)
+    assert tried and os.listdir(tmp_path) == ["branch.h5"]
+
+
+def test_changed_bytes_are_told(whole, tmp_path):
+    """Any byte that is turned round is told of, or changes nothing that is read."""
+    branch, path = whole
+    data, other, told = open(path, "rb").read(), tmp_path / "other.h5", 0
+    for place in np.random.default_rng(2).integers(0, len(data), 200):
+        changed = bytearray(data)
+        changed[place] ^= 0x04
+        other.write_bytes(changed)
+        try:
+            found = read_branch(str(other))
+        except ValueError:
+            told += 1
+        else:
+            same(found, branch)
+    assert told > 100
+
+
+def test_as_a_table(whole, tmp_path):
+    branch, _ = whole
+    path = tmp_path / "branch.csv"
+    branch.to_csv(path, points=("2",))
+    table = np.genfromtxt(path, delimiter=",", names=True)
+    np.testing.assert_array_equal(table["frequency_Hz"], branch.value)
+    np.testing.assert_array_equal(table["amplitude_2_m"], branch.amplitude("2"))
+    np.testing.assert_array_equal(table["harmonic2_y_2_m"], np.abs(branch.harmonics("2")[:, 2]))
+    with pytest.raises(KeyError, match="point 'A' does not exist"):
+        branch.to_csv(path, points=("A",))
+    with pytest.raises(ValueError, match="table .* cannot be written: No such file"):
+        branch.to_csv(tmp_path / "none" / "branch.csv")

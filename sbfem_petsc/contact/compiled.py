@@ -1,0 +1,17 @@
+"""Compilation of kernels by numba, kept on disk for the next process."""
+
+from __future__ import annotations
+
+from numba import njit
+
+
+def compiled(function):
+    """`function` compiled when it is first called.
+
+    The machine code is kept in NUMBA_CACHE_DIR if that is set, else beside the source, or where that is not
+    writable in the user's cache directory. Where nothing is writable each process compiles for itself.
+    """
+    try:
+        return njit(cache=True)(function)
+    except RuntimeError:  # numba finds no directory to write to
+        return njit(function)

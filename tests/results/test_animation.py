@@ -1,0 +1,130 @@
+"""Fields of motions for ParaView: they are what the history says of points and faces, contact included."""
+
+from __future__ import annotations
+
+import pathlib
+import xml.etree.ElementTree as xml
+
+import meshio
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.results.animation import write_animation
+from tests.parallel import on_ranks
+
+LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 5))
+PROGRAM = """
+import sys
+from tests.results.test_animation import LOAD, beam
+import sbfem_petsc as sb
+history = sb.transient(sb.Model(beam().mesh(order=3), sb.Material(70e9, 0.33, 2700)), LOAD, 1e-3, modes=16)
+sb.write_animation(sys.argv[1], history, times=[0.0, 5e-4, 1e-3])
+"""
+
+
+def beam():
+    return Beam(length=0.05, height=0.005, notches=[VNotch(x=0.02, depth=0.0025, opening=0.0458366)])
+
+
+@pytest.fixture(scope="module")
+def moved():
+    """Mesh, history of a closing notch on few modes, where the residual flexibility matters."""
+    mesh = beam().mesh(order=3, tip_size=2e-4)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.002)
+    return mesh, sb.transient(model, LOAD, 0.002, 1e-6, modes=16)
+
+
+def entries(pvd):
+    """Times and grids of a PVD file."""
+    root = xml.parse(pvd).getroot()
+    return [
+        (float(e.get("timestep")), meshio.read(pathlib.Path(pvd).parent / e.get("file")))
+        for e in root.findall("Collection/DataSet")
+    ]
+
+
+def held(grid, place):
+    """Whether a file has a point at a place of the structure."""
+    return np.linalg.norm(grid.points[:, :2] - place, axis=1).min() < 1e-9
+
+
+def at(grid, place):
+    """Displacement in a file at a place of the structure."""
+    distance = np.linalg.norm(grid.points[:, :2] - place, axis=1)
+    assert distance.min() < 1e-9
+    return grid.point_data["displacement (m)"][distance.argmin(), :2]
+
+
+def test_faces_do_not_overlap(moved, tmp_path):
+    """Gaps of all pairs in the files are the history's, closed ones included; the modes alone would overlap."""
+    mesh, history = moved
+    peak = int(history.contact_resultant.argmax())
+    chosen = [0.0, float(history.time[peak]), 0.002]
+    pairs, initial = mesh.pairs, history.reduced.initial_gap[: history.reduced.pairs]
+    scale = np.abs(history.gap).max()
+    closed = 0
+    for time, grid in entries(write_animation(tmp_path / "film", history, times=chosen)):
+        k = int(np.abs(history.time - time).argmin())
+        assert time == history.time[k]
+        # the ends of the faces' edges are points of the file; inner nodes lie between the equal subdivisions
+        ends = [row for row, nodes in enumerate(pairs.nodes) if all(held(grid, mesh.nodes[n]) for n in nodes)]
+        gap = np.array(
+            [
+                (at(grid, mesh.nodes[a]) - at(grid, mesh.nodes[b])) @ pairs.normal[row] + initial[row]
+                for row, (a, b) in ((row, pairs.nodes[row]) for row in ends)
+            ]
+        )
+        assert len(ends) > 5 and mesh.points["B"] in pairs.nodes[ends]
+        np.testing.assert_allclose(gap, history.gap[k, ends], rtol=0.0, atol=1e-7 * scale)
+        assert gap.min() > -1e-7 * scale
+        closed += int((history.gap[k, ends] < 1e-9 * scale).sum())
+        for point in ("A", "B", "C"):
+            place = mesh.nodes[mesh.points[point]]
+            np.testing.assert_allclose(
+                at(grid, place), history.displacement(point)[k], rtol=0.0, atol=1e-7 * scale
+            )
+    assert closed > 3
+    modal = history.states.q[peak] @ history.reduced.gap.modes.T[:, : history.reduced.pairs]
+    assert (modal + initial).min() < -1e-3 * scale
+
+
+def test_orbits_move_too(moved, tmp_path):
+    _, history = moved
+    orbit = sb.periodic(history.reduced, sb.PointForce("A", fy=300.0), 3000.0, stability=False)
+    found = entries(write_animation(tmp_path / "film", orbit, every=128, name="period"))
+    np.testing.assert_allclose([time for time, _ in found], orbit.time[::128])
+
+
+def test_instants(moved, tmp_path):
+    _, history = moved
+    assert len(entries(write_animation(tmp_path / "film", history, every=1000, name="few"))) == 3
+    names = sorted(p.name for p in (tmp_path / "film").iterdir())
+    assert names == ["few.pvd", *(f"few_{k:04d}.vtu" for k in range(3))]
+    for options, error, words in (
+        ({"times": [1.0]}, ValueError, "between"),
+        ({"every": 0}, ValueError, "at least 1"),
+        ({"every": 1.5}, TypeError, "integer"),
+        ({"times": [0.0], "every": 2}, ValueError, "not both"),
+    ):
+        with pytest.raises(error, match=words):
+            write_animation(tmp_path / "film", history, **options)
+
+
+def test_motions_without_fields(moved, tmp_path):
+    _, history = moved
+    path = tmp_path / "orbit.h5"
+    orbit = sb.periodic(history.reduced, sb.PointForce("A", fy=300.0), 3000.0, stability=False)
+    sb.save_orbit(orbit, path)
+    with pytest.raises(sb.SolveError, match="keeps no fields"):
+        write_animation(tmp_path / "film", sb.read_orbit(path))
+    with pytest.raises(TypeError, match="neither a History nor an Orbit"):
+        write_animation(tmp_path / "film", history.reduced)
+
+
+def test_two_ranks(tmp_path):
+    on_ranks(2, PROGRAM, str(tmp_path))
+    files = [e.get("file") for e in xml.parse(tmp_path / "history.pvd").getroot().iter("DataSet")]
+    assert files == [f"history_{k:04d}.pvtu" for k in range(3)]
+    assert all((tmp_path / name).exists() for name in files)

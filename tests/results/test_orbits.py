@@ -1,0 +1,80 @@
+"""Steady states in files, of reduced and of unreduced models."""
+
+from __future__ import annotations
+
+import h5py
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.results.orbits import read_orbit, save_orbit
+
+LOAD = sb.PointForce("A", fy=300.0)
+
+
+@pytest.fixture(scope="module")
+def model():
+    beam = Beam(length=0.05, height=0.005, notches=[VNotch(x=0.02, depth=0.0025, opening=0.0458366)])
+    material = sb.Material(70e9, 0.33, 2700)
+    return sb.Model(beam.mesh(order=3, tip_size=2e-4), material, damping=0.01, rayleigh=(0.0, 2e-7))
+
+
+@pytest.fixture(scope="module", params=["modes", None])
+def orbit(request, model):
+    options = {"modes": 16} if request.param else {"modes": 12, "steps": 128}
+    return sb.periodic(model, LOAD, 1000.0, reduction=request.param, **options)
+
+
+def test_what_is_read_is_what_was_found(orbit, tmp_path):
+    path = tmp_path / "orbit.h5"
+    save_orbit(orbit, path)
+    found = read_orbit(path)
+    assert orbit.contact_resultant.max() > 1.0 and repr(found) == repr(orbit)
+    for name in ("time", "state", "multipliers", "gap", "contact_force", "contact_resultant"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(orbit, name), err_msg=name)
+    for name in ("frequency", "periods", "residuals", "path", "products", "converged", "points", "stable"):
+        assert getattr(found, name) == getattr(orbit, name), name
+    np.testing.assert_array_equal(found.multiplier_error, orbit.multiplier_error)
+    for point in orbit.points:
+        for ask in ("displacement", "velocity", "acceleration", "harmonics"):
+            np.testing.assert_array_equal(getattr(found, ask)(point), getattr(orbit, ask)(point), err_msg=ask)
+    np.testing.assert_array_equal(found.stress_intensity(), orbit.stress_intensity())
+
+
+def test_the_file_explains_itself(orbit, tmp_path):
+    path, seen = tmp_path / "orbit.h5", {}
+    save_orbit(orbit, path)
+
+    def look(name, item):
+        if isinstance(item, h5py.Dataset):
+            seen[name] = set(item.attrs)
+
+    with h5py.File(path) as file:
+        file.visititems(look)
+        points = {str(group.attrs["name"]): group["harmonics_y"][()] for group in file["points"].values()}
+    assert len(seen) > 20
+    assert not [name for name, attributes in seen.items() if not {"unit", "description"} <= attributes]
+    np.testing.assert_array_equal(points["A"], orbit.harmonics("A"))
+
+
+def test_a_read_orbit_is_a_first_guess(model, tmp_path):
+    """A reduced one goes on in the file's own reduced model."""
+    orbit = sb.periodic(model, LOAD, 1000.0, modes=16)
+    save_orbit(orbit, tmp_path / "orbit.h5")
+    found = read_orbit(tmp_path / "orbit.h5")
+    again = sb.periodic(found.reduced, [300.0], 1000.0, start=found)
+    u = orbit.displacement("A")
+    np.testing.assert_allclose(again.displacement("A"), u, rtol=0.0, atol=1e-8 * np.abs(u).max())
+
+
+def test_what_is_no_orbit(orbit, tmp_path):
+    with pytest.raises(TypeError, match="is not an Orbit"):
+        save_orbit(orbit.states, tmp_path / "a.h5")
+    with pytest.raises(ValueError, match="orbit file .* cannot be written: No such file"):
+        save_orbit(orbit, tmp_path / "none" / "a.h5")
+    assert not list(tmp_path.iterdir())
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs["format"] = "sbfem-petsc branch"
+    with pytest.raises(ValueError, match="another kind, not sbfem-petsc orbit"):
+        read_orbit(tmp_path / "other.h5")
