@@ -28,6 +28,8 @@ _HOME = {
     "Modal": "system.modes",
     "static": "analysis.static",
     "Static": "analysis.static_result",
+    "load_history": "analysis.load_history",
+    "LoadHistory": "analysis.load_history",
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",

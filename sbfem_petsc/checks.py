@@ -60,13 +60,14 @@ def integer(owner: str, name: str, value: Any, *, least: int | None = None, most
     """`value` as an int between bounds, both included; TypeError or ValueError otherwise."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise TypeError(f"{owner}: {name} = {value!r} must be an integer")
-    if (least is not None and value < least) or (most is not None and value > most):
+    number = int(value)
+    if (least is not None and number < least) or (most is not None and number > most):
         if least is not None and most is not None:
             wanted = f"between {least} and {most}"
         else:
             wanted = f"at least {least}" if least is not None else f"at most {most}"
         raise ValueError(f"{owner}: {name} = {value!r} must be {wanted}")
-    return int(value)
+    return number
 
 
 def flag(owner: str, name: str, value: Any) -> bool:

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.analysis.load_history import load_history
 from tests.systems import short_beam
 
 TIMES = np.linspace(0.0, 1.0, 6)
@@ -19,7 +18,7 @@ def model():
 def history(model):
     """An opening preload of 20 N and a closing force that grows to 600 N and goes back."""
     ramp = sb.Samples((0.0, 0.6, 1.0), (0.0, 600.0, 0.0))
-    return load_history(model, sb.PointForce("A", fx=3.0, fy=ramp - 20.0), TIMES)
+    return sb.load_history(model, sb.PointForce("A", fx=3.0, fy=ramp - 20.0), TIMES)
 
 
 def test_states_are_static_solutions(model, history):
@@ -47,7 +46,7 @@ def test_the_notch_closes_and_opens(history):
 def test_without_contact_it_is_linear(model):
     """Displacements follow the signal."""
     load = sb.PointForce("A", fy=sb.Harmonic(600.0, 0.3, 0.2))
-    found = load_history(model, load, TIMES, contact=False)
+    found = sb.load_history(model, load, TIMES, contact=False)
     one = sb.static(model, sb.PointForce("A", fy=1.0), contact=False).displacement("A")
     expected = np.outer(600.0 * np.sin(2.0 * np.pi * 0.3 * TIMES + 0.2), one)
     np.testing.assert_allclose(found.displacement("A"), expected, rtol=1e-8)
@@ -61,7 +60,7 @@ def test_a_slow_time_history_is_the_same(model):
     rise = 60.0 / sb.modal(model, 1).frequencies[0]
     load = sb.PointForce("A", fy=sb.Step(600.0, rise=rise))
     times = np.linspace(0.25, 1.0, 4) * rise
-    slow = load_history(model, load, times)
+    slow = sb.load_history(model, load, times)
     moving = sb.transient(model, load, rise, modes=12)
     found = np.array([np.interp(times, moving.time, u) for u in moving.displacement("A").T]).T
     np.testing.assert_allclose(
@@ -80,14 +79,14 @@ def test_a_slow_time_history_is_the_same(model):
 )
 def test_bad_times(model, time, kind, sentence):
     with pytest.raises(kind, match=sentence):
-        load_history(model, sb.PointForce("A", fy=1.0), time)
+        sb.load_history(model, sb.PointForce("A", fy=1.0), time)
 
 
 def test_bad_loads(model):
     with pytest.raises(TypeError, match="neither a PointForce nor an EdgeLoad"):
-        load_history(model, 300.0, TIMES)
+        sb.load_history(model, 300.0, TIMES)
     with pytest.raises(KeyError, match="point 'Z' does not exist"):
-        load_history(model, sb.PointForce("Z", fy=1.0), TIMES)
+        sb.load_history(model, sb.PointForce("Z", fy=1.0), TIMES)
 
 
 def test_what_it_prints(history):

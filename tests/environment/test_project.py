@@ -90,3 +90,12 @@ def test_citation():
     assert {"cff-version", "message", "title", "authors"} <= set(citation)
     assert citation["title"] == PROJECT["name"] and citation["license"] == PROJECT["license"]
     assert citation["authors"] == PROJECT["authors"]
+
+
+def test_contributing_names_what_exists():
+    """Files and folders in backticks, and the commands' programs."""
+    text = (ROOT / "CONTRIBUTING.md").read_text()
+    names = {name for name in re.findall(r"`([^`\n]+)`", text) if re.fullmatch(r"[\w./-]*/[\w./-]*", name)}
+    assert len(names) > 25
+    missing = {name for name in names - {"./run"} if not (ROOT / name).exists()}
+    assert not missing
