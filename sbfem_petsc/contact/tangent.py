@@ -157,8 +157,8 @@ def located_contacts(
     The steps hold a row's force at the mean of their ends, so a row acts over whole steps, and multipliers
     jump where a switch passes an instant of the grid. Here a switch stands where the gap without the row's
     own force, linear over the step, vanishes; a step acts by the mean of K_R over the sets that it passes
-    through, an instant by the mean of the steps beside it. What is left of the jumps is of second order in the
-    step.
+    through, an instant by the mean of the steps beside it. What is left of the jumps is of second order in
+    the step.
 
     Parameters
     ----------

@@ -13,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from ..contact.marching import contact_forces, march, thin_factors
 from ..contact.tangent import ClosedSets, Derivative, exact_contacts, located_contacts
@@ -24,6 +25,8 @@ from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
 RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
+# Residual relative to the linear state at which a fixed point nearby is taken.
+NEARBY = 1e-8
 PREFIX = "shooting_"
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
@@ -343,6 +346,24 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
     return _Newton(period, "dense", (name,), condition).solve(
         state, lambda p: driven(float(p[0])), np.array([value])
     )
+
+
+def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
+    """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
+    that of a motion nearby, dx(T) / dx(0). None unless each iterate is at least ten times better.
+
+    To 1e-8 of the linear state, for which a few periods are integrated and no derivative is made.
+    """
+    factors = linalg.lu_factor(derivative - np.eye(len(state)))
+    aim, residuals = NEARBY * np.linalg.norm(driven.linear_state), []
+    while True:
+        motion = driven.run(state)
+        residuals.append(float(np.linalg.norm(motion.residual)))
+        if residuals[-1] <= aim:
+            return FixedPoint(state, np.zeros(0), driven, motion, tuple(residuals))
+        if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
+            return None
+        state = state - linalg.lu_solve(factors, motion.residual)
 
 
 class _Newton:
