@@ -20,7 +20,7 @@ from .compiled import compiled
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
 PATIENCE = 5
 # Singular values of C below this share of the largest are those of rounding.
-ROUND_OFF = 1e-15
+ROUND_OFF = 1e-12
 
 
 @compiled

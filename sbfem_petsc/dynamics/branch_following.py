@@ -216,7 +216,7 @@ def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.nda
     for k in {*changes, *(changes + 1)}:
         point = continuation.points[k]
         frequency, factor = continuation.parameter.conditions(point.value)
-        result[k] = multiplier_error(continuation.period, point.fixed, frequency, found[k].values, factor)
+        result[k] = multiplier_error(continuation.period, point.fixed, frequency, found[k], factor)
     return result
 
 

@@ -11,8 +11,8 @@ from ..checks import choice
 from ..errors import SolveError
 from .excitation import one_sided
 from .history import Motion
-from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot
-from .stability import multipliers
+from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot, shoot_nearby
+from .stability import Multipliers, multipliers
 from .states import ModalStates, Point
 
 # Uncertainty of multipliers below which rounding is all there is.
@@ -118,23 +118,28 @@ def orbit_stability(
     period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
 ) -> tuple[np.ndarray, float]:
     """Multipliers of an orbit and the uncertainty of the largest modulus."""
-    found = multipliers(fixed.driven, fixed.motion).values
-    return found, multiplier_error(period, fixed, frequency, found, factor)
+    found = multipliers(fixed.driven, fixed.motion)
+    return found.values, multiplier_error(period, fixed, frequency, found, factor)
 
 
 def multiplier_error(
-    period: Period, fixed: FixedPoint, frequency: float, found: np.ndarray, factor: float = 1.0
+    period: Period, fixed: FixedPoint, frequency: float, found: Multipliers, factor: float = 1.0
 ) -> float:
     """Change of the largest modulus with the time grid moved by half a step: pairs then close and open
     elsewhere in their steps; nan if there is no motion on that grid.
     """
     moved = moved_by_half_a_step(period)
-    first, second = (state_at(fixed, k) for k in (0, 1))
+    guess = 0.5 * (state_at(fixed, 0) + state_at(fixed, 1))
     try:
-        other = shoot(moved, 0.5 * (first + second), frequency, factor)
+        other = None
+        if found.monodromy is not None:
+            other = shoot_nearby(moved.at(frequency, factor), guess, found.monodromy)
+        if other is None:
+            other = shoot(moved, guess, frequency, factor)
     except SolveError:
         return math.nan
-    return max(FLOOR, abs(np.abs(multipliers(other.driven, other.motion).values[0]) - np.abs(found[0])))
+    changed = multipliers(other.driven, other.motion).values[0]
+    return max(FLOOR, abs(np.abs(changed) - np.abs(found.values[0])))
 
 
 def moved_by_half_a_step(period: Period) -> Period:

@@ -8,13 +8,15 @@ motion without contact is exact whatever the step.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 
 from ..contact.marching import contact_forces, march, thin_factors
-from ..contact.tangent import carry, contact_operators, located_operators
+from ..contact.tangent import ClosedSets, Derivative, exact_contacts, located_contacts
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc
 from ..reduction.reduced_model import ReducedModel
@@ -23,6 +25,8 @@ from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
 RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
+# Residual relative to the linear state at which a fixed point nearby is taken.
+NEARBY = 1e-8
 PREFIX = "shooting_"
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
@@ -69,6 +73,7 @@ class Period:
         self.left, self.right = thin_factors(rows)
         self.laws = r.contact_laws.first(self.pairs)
         self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
+        self.sets = ClosedSets(self.left, self.residual_flexibility)
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self.phases = excitation.phases(steps)
@@ -102,6 +107,7 @@ class DrivenPeriod:
             + self.loads @ r.gap.loads[: p.pairs].T
             + r.initial_gap[: p.pairs]
         )
+        self._kept: tuple | None = None
         self.linear_state = self._state(
             self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
         )
@@ -167,64 +173,79 @@ class DrivenPeriod:
         Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
         a step (see `located_operators`); without parameters.
         """
-        p, m, steps = self.period, self.period.modes, self.period.steps
-        sources, speed_sources = np.zeros((steps, m, len(parameters))), np.zeros((steps, m, len(parameters)))
-        gap_rates, starts, ends = (
-            np.zeros((steps + 1, p.pairs, len(parameters))),
-            np.zeros((2 * m, len(parameters))),
-            np.zeros((2 * m, len(parameters))),
-        )
+        p, m = self.period, self.period.modes
+        gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
+        shifts = np.zeros((2 * m, len(parameters)))
         for k, name in enumerate(parameters):
-            gap_rates[:, :, k], shift = (
-                self._frequency_rates(motion, sources[:, :, k], speed_sources[:, :, k])
-                if name == "frequency"
-                else self._load_rates()
+            gap_rates[:, :, k], shifts[:, k] = (
+                self._frequency_rates() if name == "frequency" else self._load_rates()
             )
-            starts[:, k], ends[:, k] = -shift, shift
-        acting = p.laws.acting(motion.forces)
+        derivative = self._derivative(motion, gap_rates, located)
+        columns = np.concatenate([columns, -shifts], axis=1)
+        result = derivative(
+            columns[:m] / p.weights[:, None],
+            columns[m:],
+            functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
+        )
+        result[:m] *= p.weights[:, None]
+        result[:, result.shape[1] - len(parameters) :] += shifts
+        return result
+
+    def _derivative(self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool) -> Derivative:
+        """The linearised motion; that along the state is kept, for many products with it."""
+        p = self.period
+        key = (located, motion)
+        if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
+            return self._kept[1]
+        closed = p.laws.acting(motion.forces)
         if located:
             gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
-            runs, operators, shifts = located_operators(
-                p.left, p.right, self.coefficients, p.residual_flexibility, gaps, motion.forces, acting
+            contacts = located_contacts(
+                p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
             )
         else:
-            runs, operators, shifts = contact_operators(
-                p.left, self.flexibility, p.residual_flexibility, acting, gap_rates
-            )
-        columns = np.concatenate([columns, starts], axis=1)
-        q, v = columns[:m] / p.weights[:, None], np.ascontiguousarray(columns[m:])
-        carry(self.coefficients, p.right, runs, operators, shifts, sources, speed_sources, q, v)
-        result = np.concatenate([p.weights[:, None] * q, v])
-        result[:, result.shape[1] - len(parameters) :] += ends
+            contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
+        result = Derivative(self.coefficients, contacts, p.steps)
+        if gap_rates.shape[2] == 0:
+            self._kept = key, result
         return result
 
     def monodromy(self, motion: PeriodMotion) -> np.ndarray:
         """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
         return self.carried(motion, np.eye(2 * self.period.modes), located=True)
 
-    def _frequency_rates(self, motion: PeriodMotion, sources: np.ndarray, speed_sources: np.ndarray):
-        """Rates of the free gaps and of the linear state with the frequency; sources of the steps, whose
-        length changes, are filled in.
-        """
-        p, r = self.period, self.period.reduced
-        aqq, aqv, _, _, cq, avq, avv, _, _, cv = self.coefficients
-        stiffness, friction = r.omega**2, 2.0 * r.damping * r.omega
-        rate = -self.step / self.frequency
-        q, v = motion.states[:-1], motion.velocities[:-1]
-        pull = (motion.forces[:-1] + motion.forces[1:]) @ p.left @ p.right.T
-        # the coefficients follow the equation of motion in the step's length
-        sources[:] = rate * (avq * q + avv * v + cv * pull)
-        speed_sources[:] = rate * (
-            (-stiffness * aqq - friction * avq) * q
-            + (-stiffness * aqv - friction * avv) * v
-            + (0.5 - stiffness * cq - friction * cv) * pull
-        )
+    def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of the free gaps and of the linear state with the frequency."""
+        p = self.period
         gaps = (p.phases @ (self._slopes @ p.right)).real @ p.left.T
         linear = self._state(
             self._slopes.sum(axis=0).real,
             (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
         )
         return gaps, linear
+
+    def _sources(
+        self, motion: PeriodMotion, parameters: tuple[str, ...], starts: np.ndarray, ends: np.ndarray
+    ) -> np.ndarray:
+        """What a change of the steps' length adds to q and v over moves from `starts` to `ends`, (n, 2 m, e):
+        a move takes several steps only where no contact acts between its ends nor at its start.
+        """
+        p, r = self.period, self.period.reduced
+        rate = -self.step / self.frequency
+        q, v = motion.states[ends], motion.velocities[ends]
+        before, after = (motion.forces[n] @ p.left @ p.right.T for n in (starts, ends))
+        _, _, _, _, cq, _, _, _, _, cv = self.coefficients
+        # the state follows the equation of motion in the length of each step; contact at the end acts in the
+        # last step alone
+        count = (ends - starts)[:, None]
+        total_q, total_v = count * q - (count - 1) * cq * after, count * v - (count - 1) * cv * after
+        result = np.zeros((len(starts), 2 * p.modes, len(parameters)))
+        where = parameters.index("frequency")
+        result[:, : p.modes, where] = rate * total_v
+        result[:, p.modes :, where] = rate * (
+            0.5 * (before + after) - r.omega**2 * total_q - 2.0 * r.damping * r.omega * total_v
+        )
+        return result
 
     def _load_rates(self):
         """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
@@ -333,6 +354,24 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
     return _Newton(period, "dense", (name,), condition).solve(
         state, lambda p: driven(float(p[0])), np.array([value])
     )
+
+
+def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
+    """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
+    that of a motion nearby, dx(T) / dx(0). None unless each iterate is at least ten times better.
+
+    To 1e-8 of the linear state, for which a few periods are integrated and no derivative is made.
+    """
+    factors = linalg.lu_factor(derivative - np.eye(len(state)))
+    aim, residuals = NEARBY * np.linalg.norm(driven.linear_state), []
+    while True:
+        motion = driven.run(state)
+        residuals.append(float(np.linalg.norm(motion.residual)))
+        if residuals[-1] <= aim:
+            return FixedPoint(state, np.zeros(0), driven, motion, tuple(residuals))
+        if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
+            return None
+        state = state - linalg.lu_solve(factors, motion.residual)
 
 
 class _Newton:

@@ -29,10 +29,17 @@ class Multipliers:
     directions : callable
         Eigenvectors of these values, (2 m, k) complex, in the state x = (Omega q, q'); called when they are
         asked for.
+    monodromy : (2 m, 2 m) array or None
+        Where it was made whole.
     """
 
-    def __init__(self, values: np.ndarray, directions: Callable[[], np.ndarray]):
-        self.values, self._directions = values, directions
+    def __init__(
+        self,
+        values: np.ndarray,
+        directions: Callable[[], np.ndarray],
+        monodromy: np.ndarray | None = None,
+    ):
+        self.values, self._directions, self.monodromy = values, directions, monodromy
 
     @functools.cached_property
     def vectors(self) -> np.ndarray:
@@ -64,7 +71,7 @@ def multipliers(driven: DrivenPeriod, motion: PeriodMotion, whole: bool | None =
     values = linalg.eigvals(matrix, check_finite=False)
     order = np.argsort(-np.abs(values), kind="stable")
     values = values[order]
-    return Multipliers(values, lambda: _directions(matrix, values))
+    return Multipliers(values, lambda: _directions(matrix, values), matrix)
 
 
 def _directions(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
