@@ -11,7 +11,7 @@ its matrices as well as we could:
   = 2 G (4/h^2 M + K)^-1 G^T. SuperLU solves (symmetric mode, minimum degree ordering; compiled loops over its
   factor, by columns or by blocks of like columns, are no faster), compiled loops do the rest, and x and y
   share one scalar mass matrix;
-- reduced: lowest modes and residual flexibility with massless contact, as `sbfem_petsc.reduction.reduced_model` does it. A
+- reduced: lowest modes and residual flexibility with massless contact, as `sbfem_petsc.reduction` does it. A
   history then costs what ours does for as many pairs, whatever code the matrices are from: only the reduction
   tells the two apart.
 
@@ -55,10 +55,9 @@ from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
 from examples.tone_burst import REFERENCE, REFINED, burst, distance
 from meshing import Beam, VNotch
-from sbfem_petsc.analysis.transient import integrate
 from sbfem_petsc.contact.marching import contact_forces
 from sbfem_petsc.loads import separate
-from sbfem_petsc.reduction.reduced_model import Reduction, reduce
+from sbfem_petsc.reduction.outputs import LinearOutput
 
 ORDER = 4
 # Meshes and steps of the full models; the smaller step brings the period error down to that of the mesh.
@@ -140,7 +139,7 @@ def factorise(matrix):
 # ---------------------------------------------------------------------------------------------------------
 
 
-def reduce_sparse(system: Matrices, modes: int) -> tuple[Reduction, np.ndarray, np.ndarray]:
+def reduce_sparse(system: Matrices, modes: int) -> tuple[sb.ReducedModel, np.ndarray, np.ndarray]:
     """Lowest modes and residual flexibility of the pairs and the load, the modes' vectors and the residual
     ones.
     """
@@ -162,28 +161,20 @@ def reduce_sparse(system: Matrices, modes: int) -> tuple[Reduction, np.ndarray, 
     gap_columns = system.gaps @ residual
     sensor_modes, sensor_columns = np.zeros((1, 2, modes)), np.zeros((1, 2, pairs + 1))
     sensor_modes[0, 1], sensor_columns[0, 1] = shapes[system.sensor], residual[system.sensor]
-    omega = np.sqrt(eigenvalues)
-    reduction = Reduction(
-        omega / (2.0 * np.pi),
-        omega,
+    contact = 0.5 * (gap_columns[:, :pairs] + gap_columns[:, :pairs].T)
+    reduced = sb.ReducedModel(
+        np.sqrt(eigenvalues) / (2.0 * np.pi),
         np.zeros(modes),
-        system.gaps @ shapes,
-        0.5 * (gap_columns[:, :pairs] + gap_columns[:, :pairs].T),
-        gap_columns[:, pairs:],
+        LinearOutput((), system.gaps @ shapes, gap_columns[:, pairs:], contact),
+        system.initial_gap,
+        pairs,
         forces[:, pairs:],
         system.load[None] @ residual[:, pairs:],
-        system.initial_gap,
-        ("A",),
-        sensor_modes,
-        sensor_columns[..., pairs:],
-        sensor_columns[..., :pairs],
+        LinearOutput(("A",), sensor_modes, sensor_columns[..., pairs:], sensor_columns[..., :pairs]),
+        LinearOutput((), np.zeros((0, 2, modes)), np.zeros((0, 2, 1)), np.zeros((0, 2, pairs))),
         np.zeros((modes, 2)),
-        (),
-        np.zeros((0, 2, modes)),
-        np.zeros((0, 2, 1)),
-        np.zeros((0, 2, pairs)),
     )
-    return reduction, shapes, residual
+    return reduced, shapes, residual
 
 
 # --- full
@@ -316,10 +307,9 @@ def run_full(
     signal = separate(burst(FORCE))[1][0]
     prepared, model = least(lambda: FullModel(system, step), 1)
     k = round(MIDDLE / reduced.step)
-    u = shapes @ reduced.modal_displacement[k] + residual @ np.append(
-        reduced.contact_force[k], reduced.amplitudes[k]
-    )
-    v = shapes @ reduced.modal_velocity[k]
+    states = reduced.states
+    u = shapes @ states.q[k] + residual @ np.append(states.contact[k], states.amplitudes[k])
+    v = shapes @ states.v[k]
     early, middle = signal(step * np.arange(own.steps + 1)), signal(MIDDLE + step * np.arange(own.steps + 1))
     model.run(early[:3])
     open_step = least(lambda: model.run(early), own.repeats)[0] / own.steps
@@ -349,8 +339,8 @@ def run_full(
 # ---------------------------------------------------------------------------------------------------------
 
 
-def prepare(mesh, units, repeats: int):
-    """Least CPU seconds from a boundary mesh to the reduction, the last model and its reduction."""
+def prepare(mesh, repeats: int):
+    """Least CPU seconds from a boundary mesh to the reduced model, the last model and its reduced one."""
     seconds, model = np.inf, None
     for _ in range(repeats):
         if model is not None:
@@ -359,9 +349,9 @@ def prepare(mesh, units, repeats: int):
         model = sb.Model(
             mesh, sb.Material(young=peer.YOUNG, poisson=peer.POISSON, density=peer.DENSITY), clamped="left"
         )
-        reduction = reduce(model, units, MODES)
+        reduced = sb.reduce(model, burst(FORCE), modes=MODES)
         seconds = min(seconds, time.process_time() - began)
-    return seconds, model, reduction
+    return seconds, model, reduced
 
 
 def main() -> None:
@@ -384,7 +374,7 @@ def main() -> None:
     if own.repeats < 1 or own.steps < 1:
         parser.error("--repeats and --steps must be at least 1")
     reference = dict(np.load(REFERENCE / "transient_paper.npz"))
-    units, signals = separate(burst(FORCE))
+    signals = separate(burst(FORCE))[1]
     ours, notes = None, []
 
     def line(name, unknowns, pairs, step, before, seconds, error, peak):
@@ -394,8 +384,8 @@ def main() -> None:
             flush=True,
         )
 
-    def history(reduction, step):
-        return least(lambda: integrate(reduction, signals, round(DURATION / step), step), own.repeats)
+    def history(reduced, step):
+        return least(lambda: sb.transient(reduced, signals, DURATION, step, progress=None), own.repeats)
 
     print(
         "model                      unknowns  pairs  step, us  before, s   ms a step   33 ms, s    L2 error  "
@@ -410,12 +400,12 @@ def main() -> None:
             ],
         ).mesh(**choice)
         if k == 0:
-            prepare(mesh, units, 1)[1].destroy()
-        before, model, reduction = prepare(mesh, units, own.repeats)
+            prepare(mesh, 1)[1].destroy()
+        before, model, reduced = prepare(mesh, own.repeats)
         if k == 0:
-            integrate(reduction, signals, 10, 1e-6)
+            sb.transient(reduced, signals, 1e-5, 1e-6)
         for step in REDUCED_STEPS:
-            seconds, found = history(reduction, step)
+            seconds, found = history(reduced, step)
             ours = ours or seconds
             line(
                 "sbfem-petsc, reduced",
@@ -432,10 +422,10 @@ def main() -> None:
         points, triangles = peer.graded_mesh(parameters)
         assembly, system = least(lambda: matrices(points, triangles), own.repeats)
         unknowns, pairs = system.stiffness.shape[0], len(system.initial_gap)
-        reducing, (reduction, shapes, residual) = least(lambda: reduce_sparse(system, MODES), own.repeats)
+        reducing, (reduced, shapes, residual) = least(lambda: reduce_sparse(system, MODES), own.repeats)
         histories = {}
         for step in REDUCED_STEPS:
-            seconds, histories[step] = history(reduction, step)
+            seconds, histories[step] = history(reduced, step)
             line(
                 f"scikit-fem P{ORDER}, reduced",
                 unknowns,

@@ -55,10 +55,10 @@ def distance(orbit, other, count=7):
     return float(np.linalg.norm(one - two) / abs(two[1]))
 
 
-def orbits(model, reduction, repeats):
+def orbits(reduced, repeats):
     """One orbit with and without its multipliers, and by the other ways to solve Newton's equations."""
     print(
-        f"\none orbit: {len(reduction.omega)} modes, {len(model.pairs)} pairs, {STEPS} steps\n   Hz   "
+        f"\none orbit: {len(reduced.omega)} modes, {reduced.pairs} pairs, {STEPS} steps\n   Hz   "
         "Jacobian      multipliers  iterations  residual    seconds   distance"
     )
     for frequency in FREQUENCIES:
@@ -72,11 +72,10 @@ def orbits(model, reduction, repeats):
 
             def solve():
                 return sb.periodic(
-                    model,
+                    reduced,
                     push(FORCE),
                     frequency,
                     steps=STEPS,
-                    reduction=reduction,
                     jacobian=jacobian,
                     stability=stability,
                 )
@@ -90,9 +89,9 @@ def orbits(model, reduction, repeats):
             )
 
 
-def jacobian(reduction, repeats, unknowns):
+def jacobian(reduced, repeats, unknowns):
     """Cost of the exact derivative and of the monodromy in integrations of one period."""
-    from sbfem_petsc.dynamics.excitation import Drive
+    from sbfem_petsc.dynamics.excitation import Excitation
     from sbfem_petsc.dynamics.shooting import Period, shoot
     from sbfem_petsc.dynamics.stability import multipliers
 
@@ -101,7 +100,7 @@ def jacobian(reduction, repeats, unknowns):
         "multipliers, ms"
     )
     for frequency in FREQUENCIES:
-        period = Period(reduction, Drive.of([sb.Harmonic(FORCE, frequency)], frequency, 1, 1), STEPS)
+        period = Period(reduced, Excitation.of([sb.Harmonic(FORCE, frequency)], frequency, 1, 1), STEPS)
         driven = period.at(frequency)
         state = shoot(period, driven.linear_state, frequency).state
         motion = driven.run(state)
@@ -120,7 +119,7 @@ def jacobian(reduction, repeats, unknowns):
     print(f"finite differences on the unreduced model would take {2 * unknowns + 1:,d} integrations")
 
 
-def curves(model):
+def curves(reduced):
     """Each curve of Fig. 11."""
     print(
         "\nresponse curves, 13.9-14.6 kHz\n  force, N   points   Newton iterations   unstable   bifurcations "
@@ -130,22 +129,19 @@ def curves(model):
 
         def follow(stability):
             return sb.frequency_response(
-                model,
+                reduced,
                 push(force),
                 *RANGE,
                 steps=STEPS,
-                modes=MODES,
-                reduction=reduction,
                 stability=stability,
                 progress=None,
             )
 
         if force == FORCES[0]:
             seconds, first = least(
-                lambda: sb.frequency_response(model, push(1.0), *RANGE, contact=False, modes=MODES), 1
+                lambda: sb.frequency_response(reduced, push(1.0), *RANGE, contact=False), 1
             )
-            reduction = first.reduction
-            print(f"   no contact{len(first.value):6d}{'':44s}{seconds:10.2f}   with the reduction")
+            print(f"   no contact{len(first.value):6d}{'':44s}{seconds:10.2f}")
         seconds, curve = least(lambda: follow(True), 1)
         plain, _ = least(lambda: follow(False), 1)
         print(
@@ -153,38 +149,33 @@ def curves(model):
         )
 
 
-def history(model, reduction, periods, repeats):
+def history(reduced, periods, repeats):
     """A time history from rest until it is periodic, beside shooting, at the fewest steps that reach the
     accuracy.
     """
     frequency = FREQUENCIES[0]
     load = push(sb.Harmonic(FORCE, frequency))
-    fine = sb.periodic(model, push(FORCE), frequency, steps=8 * STEPS, reduction=reduction, stability=False)
+    fine = sb.periodic(reduced, push(FORCE), frequency, steps=8 * STEPS, stability=False)
     steps = next(
         n
         for n in (64, 96, 128, 192, 256, STEPS)
-        if distance(
-            sb.periodic(model, push(FORCE), frequency, steps=n, reduction=reduction, stability=False), fine
-        )
+        if distance(sb.periodic(reduced, push(FORCE), frequency, steps=n, stability=False), fine)
         < 0.5 * ACCURACY
     )
     print(f"\nuntil periodic at {frequency:g} Hz, to {ACCURACY:g} of the first harmonic")
     for count in dict.fromkeys((steps, STEPS)):
         seconds, orbit = least(
-            lambda: sb.periodic(
-                model, push(FORCE), frequency, steps=count, reduction=reduction, stability=False
-            ),
+            lambda: sb.periodic(reduced, push(FORCE), frequency, steps=count, stability=False),
             3 * repeats,
         )
-        orbit = sb.periodic(model, push(FORCE), frequency, steps=count, reduction=reduction)
+        orbit = sb.periodic(reduced, push(FORCE), frequency, steps=count)
         run = max(200, periods * steps // count)  # as many steps with either
         began = time.process_time()
         found = sb.transient(
-            model,
+            reduced,
             load,
             run / frequency,
             step=1.0 / (frequency * count),
-            reduction=reduction,
             decimation=count // SAMPLES,
             progress=None,
         )
@@ -199,7 +190,7 @@ def history(model, reduction, periods, repeats):
         middle = (np.arange(len(worst)) + 0.5) * window / frequency
         late = len(worst) // 2
         measured = -np.polyfit(middle[late:], np.log(worst[late:]), 1)[0]
-        slowest, linear = -np.log(abs(orbit.multipliers[0])) * frequency, DAMPING * reduction.omega[0]
+        slowest, linear = -np.log(abs(orbit.multipliers[0])) * frequency, DAMPING * reduced.omega[0]
         if worst[-1] <= ACCURACY:
             reached = (int(np.argmax(worst <= ACCURACY)) + 0.5) * window
             how = "run whole"
@@ -235,19 +226,15 @@ def main() -> None:
     own = parser.parse_args()
     from mpi4py import MPI
 
-    from sbfem_petsc.loads import separate
-    from sbfem_petsc.reduction.reduced_model import reduce
-
     warnings.simplefilter("ignore", sb.StepWarning)
     model = build(MPI.COMM_WORLD, DAMPING, **REFINED)
     print(model)
-    unit_loads, _ = separate(push(sb.Harmonic(FORCE, FREQUENCIES[0])))
-    seconds, reduction = least(lambda: reduce(model, unit_loads, MODES), 2)
+    seconds, reduced = least(lambda: sb.reduce(model, push(1.0), modes=MODES), 1)
     print(f"reduction to {MODES} modes: {seconds:.2f} s")
-    orbits(model, reduction, own.repeats)
-    jacobian(reduction, own.repeats, model.unknowns)
-    curves(model)
-    history(model, reduction, own.periods, own.repeats)
+    orbits(reduced, own.repeats)
+    jacobian(reduced, own.repeats, model.unknowns)
+    curves(reduced)
+    history(reduced, own.periods, own.repeats)
     model.destroy()
 
 

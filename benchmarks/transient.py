@@ -45,22 +45,16 @@ def reduced(model, repeats):
     """Seconds of the history at 1 us; prints those of the reduction and of each scheme to the required
     error.
     """
-    from sbfem_petsc.loads import separate
-    from sbfem_petsc.reduction.reduced_model import reduce
-
-    unit_loads, _ = separate(burst(FORCE))
-    seconds, reduction = least(lambda: reduce(model, unit_loads, MODES), min(repeats, 2))
+    seconds, system = least(lambda: sb.reduce(model, burst(FORCE), modes=MODES), 1)
     print(f"reduction to {MODES} modes: {seconds:.2f} s")
     reference = dict(np.load(REFERENCE / "transient_paper.npz"))
-    sb.transient(model, burst(FORCE), 1e-5, step=1e-6, reduction=reduction)
+    sb.transient(system, burst(FORCE), 1e-5, step=1e-6)
     reached, at_one = {}, None
     print("scheme      step, us     steps   relative L2   seconds    steps/s")
     for scheme, steps in STEPS.items():
         for step in steps:
             seconds, history = least(
-                lambda: sb.transient(
-                    model, burst(FORCE), DURATION, step=step, reduction=reduction, scheme=scheme
-                ),
+                lambda: sb.transient(system, burst(FORCE), DURATION, step=step, scheme=scheme),
                 repeats,
             )
             error, count = distance(history, reference, FORCE), round(DURATION / history.step)

@@ -50,9 +50,9 @@ def main():
     own = options()
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
-    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
+    from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
     from sbfem_petsc.results.hdf5 import write_results
-    from sbfem_petsc.results.vtu import write_vtu
+    from sbfem_petsc.results.vtu import write_modes, write_vtu
 
     comm, out, folder = begin(own.output)
     reference = json.loads(REFERENCE.read_text())
@@ -90,19 +90,16 @@ def main():
 
     write_results(os.path.join(folder, "beam_notch.h5"), model, modal=modes, static=pushes)
     write_vtu(os.path.join(folder, "static_300N.vtu"), model, {"displacement": pushes["300 N"].field})
-    write_vtu(
-        os.path.join(folder, "modes.vtu"),
-        model,
-        {f"mode_{i + 1}": modes.nodal(i) for i in range(3)},
-        stress=False,
-    )
+    write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if not own.no_pictures:
-        plot_discretisation(mesh, os.path.join(folder, "discretisation.png"), comm)
-        plot_modes(modes, os.path.join(folder, "modes.png"), modes=range(8))
-        plot_crack(
-            model, {name: pushes[name].field for name in ("1 N", "100 N")}, os.path.join(folder, "crack.png")
-        )
-        plot_contact(pushes, os.path.join(folder, "contact.png"))
+        regions = {name: pushes[name].field for name in ("1 N", "100 N")}
+        for name, drawing in (
+            ("discretisation", plot_discretisation(mesh, comm=comm)),
+            ("modes", plot_modes(modes, range(8))),
+            ("crack", plot_crack(model, regions)),
+            ("contact", plot_contact(pushes)),
+        ):
+            save_picture(drawing, os.path.join(folder, f"{name}.png"))
     out.print(f"\nfiles and pictures are in {folder}")
     model.destroy()
 

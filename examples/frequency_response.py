@@ -90,11 +90,7 @@ def main():
     for damping in dict.fromkeys(own.damping or DAMPING):
         model = build(comm, damping, order=own.order, grading=own.grading, tip_size=own.tip_size)
         out.print(f"\n{model}")
-        curves, forces, reduction = (
-            {},
-            {"no contact": 1.0, **{f"{force:g} N": force for force in own.forces}},
-            "modes",
-        )
+        curves, forces = {}, {"no contact": 1.0, **{f"{force:g} N": force for force in own.forces}}
         for name, force in forces.items():
             load = sb.PointForce("A", fy=force)
             began = time.perf_counter()
@@ -107,21 +103,20 @@ def main():
                     contact=name != "no contact",
                     steps=own.steps,
                     modes=own.modes,
-                    reduction=reduction,
                     **({} if name == "no contact" else {"largest_step": own.largest_step}),
                 )
             except sb.SolveError as error:
                 failures.append(f"{name}, damping ratio {damping:g}: {error}")
-                curve = getattr(error, "curve", None)
+                curve = getattr(error, "branch", None)
                 if curve is None:
                     continue
-            reduction, curves[name] = curve.reduction, curve
-            halves = doublings(model, load, curve) if curve.period.pairs else []
+            curves[name] = curve
+            halves = doublings(load, curve) if curve.period.pairs else []
             found[damping, name] = curve, halves
             out.print(f"{name}: {curve}, {time.perf_counter() - began:.1f} s")
             sb.on_root(
                 comm,
-                lambda: sb.save_curve(
+                lambda: sb.save_branch(
                     curve, os.path.join(folder, f"curve_{name.replace(' ', '')}_damping_{damping:g}.h5")
                 ),
             )
@@ -146,7 +141,7 @@ def main():
         raise sb.SolveError("; ".join(failures))
 
 
-def doublings(model, load, curve):
+def doublings(load, curve):
     """Motions of twice the period: at period doublings, and near unstable motions with a negative real
     multiplier.
     """
@@ -158,7 +153,7 @@ def doublings(model, load, curve):
     for item in curve.bifurcations:
         if item.kind == "period doubling":
             try:
-                result.append(sb.doubled(curve, item))
+                result.append(sb.switch_branch(curve, item))
             except sb.SolveError:
                 continue
     real = (curve.multipliers.imag == 0.0) & (curve.multipliers.real < -1.0)
@@ -174,7 +169,7 @@ def doublings(model, load, curve):
             )
             try:
                 other = sb.periodic(
-                    model, load, orbit.frequency, periods=2, steps=len(orbit.time), start=start
+                    curve.reduced, load, orbit.frequency, periods=2, steps=len(orbit.time), start=start
                 )
             except sb.SolveError:
                 continue
@@ -191,7 +186,7 @@ def half(orbit):
 
 def unstable(curve):
     """Frequencies between which a curve is unstable, in order of its arc length, Hz."""
-    from sbfem_petsc.plot.curves import in_order, split
+    from sbfem_petsc.plot.branches import in_order, split
 
     marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
     return [
@@ -205,7 +200,7 @@ def together(curve):
     """Frequencies with two stable motions of the curve, Hz, or None."""
     import numpy as np
 
-    from sbfem_petsc.plot.curves import in_order, split
+    from sbfem_petsc.plot.branches import in_order, split
 
     marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
     pieces = []
@@ -395,24 +390,22 @@ def write(folder, found):
 
 def pictures(folder, comm, curves, forces, damping):
     """The figure, and the multipliers along the curve of the largest force."""
-    from sbfem_petsc.plot.curves import plot_curves, plot_multipliers
+    from sbfem_petsc.plot import plot_branches, plot_multipliers, save_picture
 
-    plot_curves(
+    drawing = plot_branches(
         curves,
-        os.path.join(folder, f"figure_11_damping_{damping:g}.png"),
         "A",
         forces={name: forces[name] for name in curves},
         title=f"modal damping ratio {damping:g}",
         comm=comm,
     )
+    save_picture(drawing, os.path.join(folder, f"figure_11_damping_{damping:g}.png"))
     last = list(curves)[-1]
     if curves[last].multipliers.size:
-        plot_multipliers(
-            curves[last],
-            os.path.join(folder, f"multipliers_{last.replace(' ', '')}_damping_{damping:g}.png"),
-            f"{last}, modal damping ratio {damping:g}",
-            comm,
-        )
+        title = f"{last}, modal damping ratio {damping:g}"
+        drawing = plot_multipliers(curves[last], title=title, comm=comm)
+        file = f"multipliers_{last.replace(' ', '')}_damping_{damping:g}.png"
+        save_picture(drawing, os.path.join(folder, file))
 
 
 if __name__ == "__main__":

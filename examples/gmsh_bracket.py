@@ -45,9 +45,9 @@ def main():
     """Run the example."""
     own = options()
     import sbfem_petsc as sb
-    from sbfem_petsc.plot.fields import plot_contact, plot_crack, plot_discretisation, plot_modes
+    from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
     from sbfem_petsc.results.hdf5 import write_results
-    from sbfem_petsc.results.vtu import write_vtu
+    from sbfem_petsc.results.vtu import write_modes, write_vtu
 
     comm, out, folder = begin(own.output)
 
@@ -71,19 +71,15 @@ def main():
 
     write_results(os.path.join(folder, "gmsh_bracket.h5"), model, modal=modes, static=cases)
     write_vtu(os.path.join(folder, "static.vtu"), model, {name: case.field for name, case in cases.items()})
-    write_vtu(
-        os.path.join(folder, "modes.vtu"),
-        model,
-        {f"mode_{i + 1}": modes.nodal(i) for i in range(3)},
-        stress=False,
-    )
+    write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if not own.no_pictures:
-        plot_discretisation(mesh, os.path.join(folder, "discretisation.png"), comm)
-        plot_modes(modes, os.path.join(folder, "modes.png"), modes=range(6), columns=3)
-        plot_crack(
-            model, {name: case.field for name, case in cases.items()}, os.path.join(folder, "crack.png")
-        )
-        plot_contact({"closing": cases["closing"]}, os.path.join(folder, "contact.png"))
+        for name, drawing in (
+            ("discretisation", plot_discretisation(mesh, comm=comm)),
+            ("modes", plot_modes(modes, range(6), columns=3)),
+            ("crack", plot_crack(model, {name: case.field for name, case in cases.items()})),
+            ("contact", plot_contact({"closing": cases["closing"]})),
+        ):
+            save_picture(drawing, os.path.join(folder, f"{name}.png"))
     out.print(f"\nfiles and pictures are in {folder}")
     model.destroy()
 

@@ -89,7 +89,7 @@ def main():
             f"healthy, {own.forces[-1]:g} N": (healthy, own.forces[-1]),
             **{f"{force:g} N": (cracked, force) for force in own.forces},
         }
-        orbits, linear, reduction = {}, None, "modes"
+        orbits, linear = {}, None
         out.print(f"\n{frequency:g} Hz, modal damping ratio {own.damping:g}")
         for name, (model, force) in cases.items():
             began = time.perf_counter()
@@ -99,24 +99,21 @@ def main():
                 frequency,
                 steps=own.steps,
                 modes=own.modes,
-                reduction="modes" if model is healthy else reduction,
             )
             seconds = time.perf_counter() - began
+            prepared = linear is not None and model is cracked
             if model is cracked:
                 linear = linear or sb.periodic(
-                    model,
+                    orbits[name].reduced,
                     sb.PointForce("A", fy=1.0),
                     frequency,
                     steps=own.steps,
-                    reduction=orbits[name].reduction,
                     contact=False,
                     stability=False,
                 )
             out.print(
-                f"{name}: {told(orbits[name])}, {seconds:.2f} "
-                f"s{'' if reduction != 'modes' and model is cracked else ' with the reduction'}"
+                f"{name}: {told(orbits[name])}, {seconds:.2f} s{'' if prepared else ' with the reduction'}"
             )
-            reduction = orbits[name].reduction if model is cracked else reduction
         out.print(table(orbits, f"Amplitudes of u_y(A) at the multiples of {frequency:g} Hz, m"))
         for name, (model, force) in cases.items():
             c = abs(orbits[name].harmonics("A"))
@@ -128,7 +125,7 @@ def main():
                 )
             out.print(line)
         if own.convergence:
-            for study in convergence(comm, cracked, own, frequency, reduction):
+            for study in convergence(comm, cracked, own, frequency):
                 out.print(study)
         sb.on_root(comm, lambda: write(folder, f"{frequency:g}Hz", orbits))
         if not own.no_pictures:
@@ -167,7 +164,7 @@ def told(orbit):
     """An orbit in one line."""
     last = orbit.residuals[-1] / orbit.residuals[0] if orbit.residuals[0] > 0.0 else 0.0
     return (
-        f"{orbit.iterations} Newton iterations to {last:.0e}, {len(orbit.reduction.omega)} modes, "
+        f"{orbit.iterations} Newton iterations to {last:.0e}, {len(orbit.reduced.omega)} modes, "
         f"{'stable' if orbit.stable else 'unstable'} (largest multiplier {abs(orbit.multipliers[0]):.6f}), "
         f"peak contact resultant {orbit.contact_resultant.max(initial=0.0):.4g} N"
     )
@@ -189,7 +186,7 @@ def table(orbits, title):
     return result
 
 
-def convergence(comm, model, own, frequency, reduction):
+def convergence(comm, model, own, frequency):
     """Tables of harmonics at the last force over steps, modes and meshes."""
     from rich.table import Table
 
@@ -222,7 +219,7 @@ def convergence(comm, model, own, frequency, reduction):
         "Steps",
         "steps",
         [
-            (str(n), sb.periodic(model, load, frequency, steps=n, reduction=reduction, stability=False))
+            (str(n), sb.periodic(model, load, frequency, steps=n, modes=own.modes, stability=False))
             for n in (256, 512, 1024, 2048, 4096)
         ],
     )
@@ -273,20 +270,17 @@ def write(folder, name, orbits):
 
 def pictures(folder, comm, orbits, figure, title, name):
     """The figure; phase plot, gaps and resultant of the last motion, and its multipliers."""
-    from sbfem_petsc.plot.curves import plot_harmonics, plot_multipliers, plot_orbit
+    from sbfem_petsc.plot import plot_harmonics, plot_multipliers, plot_orbit, save_picture
 
     last = list(orbits)[-1]
-    plot_harmonics(orbits, os.path.join(folder, f"{figure}.png"), "A", count=COUNT, title=title, comm=comm)
     pairs = orbits[last].contact_force.shape[1]
-    plot_orbit(
-        orbits[last],
-        os.path.join(folder, f"orbit_{name}.png"),
-        "A",
-        {"at the tip": 0, "middle pair": pairs // 2, "mouth": pairs - 1},
-        f"{last}, {title}",
-        comm,
-    )
-    plot_multipliers(orbits[last], os.path.join(folder, f"multipliers_{name}.png"), f"{last}, {title}", comm)
+    shown, text = {"at the tip": 0, "middle pair": pairs // 2, "mouth": pairs - 1}, f"{last}, {title}"
+    for file, drawing in (
+        (figure, plot_harmonics(orbits, "A", count=COUNT, title=title, comm=comm)),
+        (f"orbit_{name}", plot_orbit(orbits[last], "A", pairs=shown, title=text, comm=comm)),
+        (f"multipliers_{name}", plot_multipliers(orbits[last], title=text, comm=comm)),
+    ):
+        save_picture(drawing, os.path.join(folder, f"{file}.png"))
 
 
 if __name__ == "__main__":

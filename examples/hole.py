@@ -50,8 +50,13 @@ def main():
     import sbfem_petsc as sb
     from examples.harmonics import COUNT, table, told, write
     from meshing import Beam, Hole, VNotch
-    from sbfem_petsc.plot.curves import plot_harmonics, plot_multipliers, plot_orbit
-    from sbfem_petsc.plot.fields import plot_discretisation
+    from sbfem_petsc.plot import (
+        plot_discretisation,
+        plot_harmonics,
+        plot_multipliers,
+        plot_orbit,
+        save_picture,
+    )
 
     comm, out, folder = begin(own.output)
 
@@ -76,10 +81,10 @@ def main():
         orbits[name] = sb.periodic(model, load, own.frequency, steps=own.steps)
         if notches:
             orbits["without contact"] = sb.periodic(
-                model, load, own.frequency, steps=own.steps, reduction=orbits[name].reduction, contact=False
+                orbits[name].reduced, load, own.frequency, steps=own.steps, contact=False
             )
             if not own.no_pictures:
-                plot_discretisation(mesh, os.path.join(folder, "figure_12.png"), comm)
+                save_picture(plot_discretisation(mesh, comm=comm), os.path.join(folder, "figure_12.png"))
         model.destroy()
     orbits = {name: orbits[name] for name in ("healthy", "without contact", "cracked")}
     for name, orbit in orbits.items():
@@ -107,19 +112,15 @@ def main():
     sb.on_root(comm, lambda: write(folder, f"{own.frequency:g}Hz", orbits))
     if not own.no_pictures:
         title = f"{own.frequency:g} Hz, {own.force:g} N"
-        plot_harmonics(
-            orbits, os.path.join(folder, "figure_13.png"), "A", count=COUNT, title=title, comm=comm
-        )
-        pairs = orbits["cracked"].contact_force.shape[1]
-        plot_orbit(
-            orbits["cracked"],
-            os.path.join(folder, "orbit.png"),
-            "A",
-            {"at the tip": 0, "middle pair": pairs // 2, "mouth": pairs - 1},
-            title,
-            comm,
-        )
-        plot_multipliers(orbits["cracked"], os.path.join(folder, "multipliers.png"), title, comm)
+        cracked = orbits["cracked"]
+        pairs = cracked.contact_force.shape[1]
+        shown = {"at the tip": 0, "middle pair": pairs // 2, "mouth": pairs - 1}
+        for name, drawing in (
+            ("figure_13", plot_harmonics(orbits, "A", count=COUNT, title=title, comm=comm)),
+            ("orbit", plot_orbit(cracked, "A", pairs=shown, title=title, comm=comm)),
+            ("multipliers", plot_multipliers(cracked, title=title, comm=comm)),
+        ):
+            save_picture(drawing, os.path.join(folder, f"{name}.png"))
     out.print(f"\nnumbers{'' if own.no_pictures else ' and pictures'} are in {folder}")
 
 

@@ -53,7 +53,7 @@ def main():
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
     from sbfem_petsc import indicators
-    from sbfem_petsc.plot.histories import plot_spectra
+    from sbfem_petsc.plot import plot_spectra, save_picture
 
     comm, out, folder = begin(own.output)
 
@@ -124,15 +124,15 @@ def main():
     sb.on_root(comm, lambda: save_spectra(folder, spectra))
     if not own.no_pictures:
         names = ("$f_1$", "$2f_1 = f_ω$", "$3f_1 = f_1 + f_ω$", "$4f_1$", "$5f_1$", "$6f_1$")
-        plot_spectra(
+        drawing = plot_spectra(
             spectra,
-            os.path.join(folder, "figure_7.png"),
             "$|a_y|$(A) (m/s²)",
             (0.0, 6.5 * first["cracked"]),
-            {text: k * first["cracked"] for k, text in enumerate(names, 1)},
+            lines={text: k * first["cracked"] for k, text in enumerate(names, 1)},
             decades=6.0,
             comm=comm,
         )
+        save_picture(drawing, os.path.join(folder, "figure_7.png"))
     out.print(f"\nspectra and picture are in {folder}")
 
 

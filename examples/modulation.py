@@ -61,7 +61,7 @@ def main():
     import sbfem_petsc as sb
     from meshing import Beam, VNotch
     from sbfem_petsc import indicators
-    from sbfem_petsc.plot.histories import plot_spectra
+    from sbfem_petsc.plot import plot_spectra, save_picture
 
     comm, out, folder = begin(own.output)
     decimation = round(SAMPLING / own.step) if own.step > 0.0 else 0
@@ -91,7 +91,7 @@ def main():
         began = time.perf_counter()
         history = sb.transient(model, load, before + RECORD, step=own.step, decimation=decimation)
         out.print(
-            f"{name}: {model}\n  {len(history.reduction.omega)} modes, "
+            f"{name}: {model}\n  {len(history.reduced.omega)} modes, "
             f"{round(history.time[-1] / history.step):,d} steps in {time.perf_counter() - began:.1f} s with "
             "the reduction; "
             f"settled for {before:g} s, record {RECORD:g} s"
@@ -140,16 +140,16 @@ def main():
             ("3000 Hz" if n == 0 else f"{n:+d} × 433".replace("-", "−")): HIGH + n * LOW
             for n in range(-PAIRS, PAIRS + 1)
         }
-        plot_spectra(
+        drawing = plot_spectra(
             spectra,
-            os.path.join(folder, "figure_10.png"),
             "$|u_y|$(A) (m)",
             (1500.0, 4500.0),
-            marks,
+            lines=marks,
             decades=7.0,
             harmonics={"harmonics of 433 Hz": [k * LOW for k in range(1, 11)]},
             comm=comm,
         )
+        save_picture(drawing, os.path.join(folder, "figure_10.png"))
     out.print(f"\nspectra and picture are in {folder}")
 
 

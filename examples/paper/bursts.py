@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import sbfem_petsc as sb
-from sbfem_petsc.plot.histories import Panel, plot_histories
+from sbfem_petsc.plot import Panel, plot_histories, save_picture
 
 from .bench import REFINED, Bench, burst, distance
 from .findings import Claim, Finding, Part, Table, size
@@ -16,14 +16,11 @@ REFERENCE = {1.0: ("t_linear", "uA_y_1N_linear", 1e-3), 300.0: ("t", "uA_y_300N_
 
 
 def history(bench: Bench, case: str, force: float, **mesh):
-    """A burst's history; one reduction serves all bursts of a model."""
-    model = bench.model(case, **mesh)
-    reduction = bench.reduction(case, **mesh)
+    """A burst's history; one reduced model serves all bursts."""
+    reduced = bench.reduced(case, **mesh)
     return bench.once(
         ("burst", case, force, *sorted(mesh.items())),
-        lambda: sb.transient(
-            model, burst(force), DURATION, step=STEP, reduction=reduction, decimation=2, progress=None
-        ),
+        lambda: sb.transient(reduced, burst(force), DURATION, STEP, decimation=2, progress=None),
     )
 
 
@@ -79,14 +76,7 @@ def tone_burst(force: float):
         }
         if force == 1.0:
             open_crack = sb.transient(
-                bench.model("tables", **REFINED),
-                burst(force),
-                DURATION,
-                step=STEP,
-                reduction=refined.reduction,
-                decimation=2,
-                contact=False,
-                progress=None,
+                refined.reduced, burst(force), DURATION, STEP, decimation=2, contact=False, progress=None
             )
             change = distance(u, open_crack.displacement("A")[:, 1])
             numbers["contact_changes"] = change
@@ -130,7 +120,7 @@ def tone_burst(force: float):
                 "100 mm (text)",
                 np.abs(far).max(),
                 np.abs(far[elsewhere.time >= LATE]).max(),
-                float(elsewhere.reduction.frequencies[6]),
+                float(elsewhere.reduced.frequencies[6]),
             ],
         ]
         numbers["ratio_80_to_100_mm"], numbers["f7_at_100_mm"] = ratio, rows[1][3]
@@ -189,7 +179,7 @@ def draw(finding: Finding, path: str) -> None:
             f"({'d' if 'resultant' in c else 'c'}) crack at 100 mm, as printed",
         )
     )
-    plot_histories(panels, path, Bench.comm)
+    save_picture(plot_histories(panels, comm=Bench.comm), path)
 
 
 PARTS = [

@@ -13,7 +13,17 @@ from matplotlib.collections import LineCollection
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import one_pass_tie
-from sbfem_petsc.plot.drawing import BLACK, BLUE, CYCLE, GREEN, MARKERS, VERMILION, figure, save, style
+from sbfem_petsc.plot.drawing import (
+    BLACK,
+    BLUE,
+    CYCLE,
+    GREEN,
+    MARKERS,
+    VERMILION,
+    figure,
+    save_picture,
+    style,
+)
 from sbfem_petsc.plot.outlines import contact_lengths
 from sbfem_petsc.selement.basis import shape_functions
 
@@ -164,7 +174,7 @@ def draw_layouts(finding: Finding, path: str) -> None:
     grid[2].minorticks_off()
     grid[2].set_title("convergence, p = 3 to 9", fontsize=8)
     style(grid[2])
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 # ---------------------------------------------------------------------- eqs. (20)-(24)
@@ -305,17 +315,18 @@ def draw_signorini(finding: Finding, path: str) -> None:
         axes.set_xlim(0.0, 2.55)
         axes.legend(fontsize=7, frameon=False)
         style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 # ---------------------------------------------------------------------- eqs. (25)-(34)
 def multipliers(bench) -> Finding:
     """Eq. (33) as printed and as meant; the paper's time steps against steps that keep the energy."""
-    reduced = bench.reduction("tables")
-    compliance = (reduced.gap_modes / reduced.omega**2) @ reduced.gap_modes.T + reduced.gap_flexibility
+    reduced = bench.reduced("tables")
+    gap = reduced.gap
+    compliance = (gap.modes / reduced.omega**2) @ gap.modes.T + gap.contact
     free = (
-        (reduced.gap_modes / reduced.omega**2) @ reduced.load_modes[:, 0] * 100.0
-        + reduced.gap_loads[:, 0] * 100.0
+        (gap.modes / reduced.omega**2) @ reduced.load_modes[:, 0] * 100.0
+        + gap.loads[:, 0] * 100.0
         + reduced.initial_gap
     )
     touching = free < 0.0
@@ -330,15 +341,7 @@ def multipliers(bench) -> Finding:
     duration, step = 0.033, 2e-6
     runs = {f"paper, Mcf = {terms}": paper_steps(bench, terms, duration, step) for terms in (1, 0)}
     exact, newmark = (
-        sb.transient(
-            bench.model("tables"),
-            burst(300.0),
-            duration,
-            step=step,
-            scheme=scheme,
-            reduction=reduced,
-            progress=None,
-        )
+        sb.transient(reduced, burst(300.0), duration, step, scheme=scheme, progress=None)
         for scheme in ("exact", "newmark")
     )
     rows, numbers = [], {"printed_eq33_left": left, "meant_eq33_left": closed, "one_pass_tension": tension}
@@ -494,7 +497,7 @@ def draw_multipliers(finding: Finding, path: str) -> None:
     axes.set_xlim(0.0, 33.0)
     axes.legend(fontsize=7, frameon=False, loc="upper left")
     style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

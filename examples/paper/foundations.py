@@ -9,7 +9,7 @@ from matplotlib.ticker import MaxNLocator
 from scipy import linalg
 
 import sbfem_petsc as sb
-from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save, style
+from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save_picture, style
 from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.solution import solve_selement
 
@@ -141,7 +141,7 @@ def draw_line_elements(finding: Finding, path: str) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(color="#DDDDDD", linewidth=0.4)
     style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 def continued_fraction(bench) -> Finding:
@@ -223,7 +223,7 @@ def draw_continued_fraction(finding: Finding, path: str) -> None:
     axes.set_ylabel("relative error")
     style(axes)
     drawing.legend(fontsize=7, frameon=False, ncols=len(TERMS), loc="outside upper center")
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import sbfem_petsc as sb
-from sbfem_petsc.plot.fields import plot_discretisation
+from sbfem_petsc.plot import plot_discretisation, save_picture
 
 from .bench import Bench
 from .findings import Claim, Finding, Part, Table, percent
@@ -78,7 +78,7 @@ def geometry(bench: Bench) -> Finding:
 
 def draw_geometry(finding: Finding, path: str) -> None:
     """The discretisation."""
-    plot_discretisation(Bench().beam("hole, cracked").mesh(), path, Bench.comm)
+    save_picture(plot_discretisation(Bench().beam("hole, cracked").mesh(), comm=Bench.comm), path)
 
 
 PARTS = [

@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.plot.drawing import BLUE, VERMILION, figure, save, style
+from sbfem_petsc.plot.drawing import BLUE, VERMILION, figure, save_picture, style
 
 from .bench import Bench, closed_frequencies, push
 from .findings import Claim, Finding, Part, Table, percent
@@ -20,11 +20,11 @@ def bilinear(bench: Bench) -> Finding:
     (f_o + f_c).
     """
     model = bench.model("Long, cracked", order=4)
-    reduction = bench.reduction("Long, cracked", modes=20, order=4)
-    opened, closed = float(reduction.frequencies[0]), float(closed_frequencies(reduction)[0])
+    reduced = bench.reduced("Long, cracked", modes=20, order=4)
+    opened, closed = float(reduced.frequencies[0]), float(closed_frequencies(reduced)[0])
     healthy = float(sb.modal(bench.model("Long, healthy", order=4), 1).frequencies[0])
     expected = formula(opened, closed)
-    velocity = np.zeros(len(reduction.omega))
+    velocity = np.zeros(len(reduced.omega))
     velocity[0] = 1e-3
     history = sb.transient(
         model,
@@ -119,15 +119,14 @@ def formula(opened: float, closed: float) -> float:
 
 def resonance(bench: Bench) -> dict[str, float]:
     """Peak of the paper's beam near mode 17 under a large force, and the bilinear formula, Hz."""
-    reduction = bench.reduction("tables", 0.002)
-    opened, closed = float(reduction.frequencies[16]), float(closed_frequencies(reduction)[16])
+    reduced = bench.reduced("tables", 0.002)
+    opened, closed = float(reduced.frequencies[16]), float(closed_frequencies(reduced)[16])
     curve = sb.frequency_response(
-        bench.model("tables", 0.002),
+        reduced,
         push(LARGE),
         14100.0,
         14400.0,
         steps=256,
-        reduction=reduction,
         stability=False,
         progress=None,
     )
@@ -168,7 +167,7 @@ def draw(finding: Finding, path: str) -> None:
     for a in (axes, other):
         style(a)
         a.yaxis.label.set_size(8)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

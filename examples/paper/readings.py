@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import VNotch
-from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save, style
+from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save_picture, style
 
 from .bench import OPENING, Bench
 from .findings import Claim, Finding, Part, Table, percent, size
@@ -254,7 +254,7 @@ def draw(finding: Finding, path: str) -> None:
     axes.set_yticks([0.1, 1.0], ["0.1", "1"])
     axes.legend(fontsize=7, frameon=False)
     style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

@@ -8,8 +8,8 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.analysis.response import find_peak
-from sbfem_petsc.plot.drawing import BLACK, CYCLE, figure, save, style
+from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.plot.drawing import BLACK, CYCLE, figure, save_picture, style
 
 from .bench import Bench, closed_frequencies, push
 from .findings import Claim, Finding, Part, Table, percent
@@ -38,17 +38,16 @@ def curve(bench: Bench, force: float, damping: float, contact: bool = True):
     def follow():
         try:
             return sb.frequency_response(
-                bench.model("tables", damping),
+                bench.reduced("tables", damping, MODES),
                 push(force),
                 START,
                 STOP,
                 contact=contact,
                 steps=STEPS,
-                reduction=bench.reduction("tables", damping, MODES),
                 progress=None,
             )
         except sb.SolveError as error:
-            found = getattr(error, "curve", None)
+            found = getattr(error, "branch", None)
             if found is None:
                 raise
             return found
@@ -87,11 +86,10 @@ def near_peak(bench: Bench, force: float, damping: float, found) -> tuple[np.nda
         try:
             kept.append(
                 sb.periodic(
-                    bench.model("tables", damping),
+                    found.reduced,
                     push(force),
                     float(frequency),
                     steps=STEPS,
-                    reduction=found.reduction,
                     start=nearest,
                     stability=False,
                 )
@@ -366,7 +364,7 @@ def combination(bench: Bench, found, most: dict) -> dict:
     if not passing or not most["announced"]:
         return {"holds": False, "text": "there is no such instability"}
     nearest = min(passing, key=lambda b: abs(abs(np.angle(b.multiplier)) / (2.0 * np.pi) - most["announced"]))
-    opened, closed = found.reduction.frequencies, closed_frequencies(found.reduction)
+    opened, closed = found.reduced.frequencies, closed_frequencies(found.reduced)
     share = (np.abs(nearest.direction.reshape(2, -1)) ** 2).sum(axis=0) * (opened < 2.0 * most["frequency"])
     modes = sorted(int(m) for m in np.argsort(-share)[:2])
     lines = [most["announced"] * most["frequency"], (2.0 - most["announced"]) * most["frequency"]]
@@ -411,13 +409,12 @@ def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     if result["growth"] * PERIODS < GROWTH:
         return result
     history = sb.transient(
-        bench.model("tables", damping),
+        orbit.reduced,
         sb.PointForce("A", fy=sb.Harmonic(force, frequency)),
         PERIODS / frequency,
         step=1.0 / frequency / 128,
-        reduction=orbit.reduction,
         decimation=8,
-        start=(orbit.modal_displacement[0], 1.01 * orbit.modal_velocity[0]),
+        start=(orbit.states.q[0], 1.01 * orbit.states.v[0]),
         progress=None,
     )
     kept = history.time > history.time[-1] - TAIL / frequency
@@ -474,7 +471,7 @@ def draw(finding: Finding, path: str) -> None:
     axes.set_ylabel("amplitude of $u_y$(A) / force (nm/N)")
     axes.legend(fontsize=7, frameon=False)
     style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

@@ -6,7 +6,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.plot.histories import plot_spectra
+from sbfem_petsc.plot import plot_spectra, save_picture
 
 from .bench import Bench
 from .findings import Claim, Finding, Part, Table, percent, size
@@ -33,13 +33,11 @@ def long_beam(bench: Bench) -> Finding:
     rows, curves, lines, consistent = [], {}, {}, 0.0
     for case in known:
         for damping in DAMPING if case == "cracked" else DAMPING[1:2]:
-            model = bench.model(f"Long, {case}", damping, order=4)
             history = sb.transient(
-                model,
+                bench.reduced(f"Long, {case}", damping, LONG_MODES, order=4),
                 sb.PointForce("A", fy=sb.Harmonic(10.0, drive)),
                 LONG_DURATION,
                 step=1.0 / drive / STEPS_A_PERIOD,
-                reduction=bench.reduction(f"Long, {case}", damping, LONG_MODES, order=4),
                 progress=None,
             )
             a, u = history.acceleration("A")[:, 1], history.displacement("A")[:, 1]
@@ -155,15 +153,15 @@ def draw_long_beam(finding: Finding, path: str) -> None:
         for name in ("cracked, early", "cracked, late", "healthy, early")
     }
     names = ("$f_1$", "$2f_1 = f_ω$", "$3f_1 = f_1 + f_ω$", "$4f_1$", "$5f_1$", "$6f_1$")
-    plot_spectra(
+    drawing = plot_spectra(
         shown,
-        path,
         "$|a_y|$(A) (m/s²)",
         (0.0, 6.5 * first),
-        {text: k * first for k, text in enumerate(names, 1)},
+        lines={text: k * first for k, text in enumerate(names, 1)},
         decades=6.0,
         comm=Bench.comm,
     )
+    save_picture(drawing, path)
 
 
 # ---------------------------------------------------------------------- Fig. 10
@@ -277,16 +275,16 @@ def draw_modulation(finding: Finding, path: str) -> None:
         for n in range(-PAIRS, PAIRS + 1)
     }
     shown = {"healthy": tuple(finding.curves["healthy"]), "cracked": tuple(finding.curves["tables"])}
-    plot_spectra(
+    drawing = plot_spectra(
         shown,
-        path,
         "$|u_y|$(A) (m)",
         (1500.0, 4500.0),
-        marks,
+        lines=marks,
         decades=7.0,
         harmonics={"harmonics of 433 Hz": [k * LOW for k in range(1, 11)]},
         comm=Bench.comm,
     )
+    save_picture(drawing, path)
 
 
 PARTS = [

@@ -15,7 +15,7 @@ from sbfem_petsc.plot.drawing import (
     SKY,
     VERMILION,
     figure,
-    save,
+    save_picture,
     style,
 )
 
@@ -270,7 +270,7 @@ def draw_static(finding: Finding, path: str) -> None:
         fontsize=7, frameon=False, ncols=3, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2
     )
     style(axes)
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 def table6(bench) -> Finding:
@@ -433,7 +433,7 @@ def draw_table6(finding: Finding, path: str) -> None:
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     style(axes)
     drawing.legend(fontsize=7, frameon=False, ncols=4, loc="outside upper center")
-    save(drawing, path)
+    save_picture(drawing, path)
 
 
 PARTS = [

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
+import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -17,7 +19,8 @@ from ..writing import reason, replaced
 RUNNING = ("rows", "running")
 # Bytes that are read at a time for a checksum.
 BLOCK = 1 << 24
-_SEAL = "checksum"
+# What ends a file: length and CRC-32 of the text before it, which holds the file's own.
+_END, _MAGIC = struct.Struct("<II8s"), b"sbfemcrc"
 
 
 @contextlib.contextmanager
@@ -42,12 +45,13 @@ def new_hdf5(path: Any, what: str, form: str, version: int) -> Iterator[h5py.Fil
         try:
             file.attrs["format"], file.attrs["format_version"] = form, version
             yield file
-            seal(file)
+            running = _running(file)
             file.close()
         except BaseException:
             with contextlib.suppress(Exception):  # a full disk is met again
                 file.close()
             raise
+        _seal(temporary, running)
 
 
 @contextlib.contextmanager
@@ -61,14 +65,9 @@ def writing() -> Iterator[None]:
         raise OSError(reason(error)) from None
 
 
-def seal(file: h5py.File) -> None:
-    """Note the checksum of all that the file holds but for what is written while a run goes on."""
-    file.attrs[_SEAL] = np.uint32(_checksum(file))
-
-
 @contextlib.contextmanager
 def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File]:
-    """A file open for reading.
+    """A file open for reading, after a look at its checksum: HDF5 may crash on changed bytes.
 
     Parameters
     ----------
@@ -80,7 +79,7 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         If the file is missing, truncated, changed, of another kind or of another version.
     """
     if not isinstance(path, (str, os.PathLike)):
@@ -90,57 +89,78 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
         raise ValueError(f"{what} {path!r} does not exist")
     with contextlib.ExitStack() as stack:
         try:
+            sealed = _sealed(path)
+            if sealed is False:
+                raise ValueError(f"{what} {path!r} is damaged: it does not fit its checksum; write it again")
             file = stack.enter_context(h5py.File(path, "r"))
-            form, version = file.attrs.get("format"), file.attrs.get("format_version")
-            right = form in forms and isinstance(version, (int, np.integer))
-            intact = not right or version != forms[form] or file.attrs.get(_SEAL) == _checksum(file)
-        except (OSError, RuntimeError, LookupError, ValueError, TypeError, ArithmeticError, MemoryError) as e:
-            raise ValueError(f"{what} {path!r} is truncated, damaged or no HDF5 file ({e})") from None
-        if not right:
+            form, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
+        except (OSError, RuntimeError, LookupError) as error:
+            raise ValueError(f"{what} {path!r} is truncated, damaged or no HDF5 file ({error})") from None
+        if form not in forms:
             raise ValueError(f"{path!r} is an HDF5 file of another kind, not {' or '.join(forms)}")
         if version != forms[form]:
             age = "newer" if version > forms[form] else "older"
             raise ValueError(
                 f"{what} {path!r} has format version {version}, {age} than this program's {forms[form]}"
             )
-        if not intact:
-            raise ValueError(f"{what} {path!r} is damaged: it does not fit its checksum; write it again")
+        if sealed is None:
+            raise ValueError(
+                f"{what} {path!r} has lost its checksum: its end is missing, or another program has written to it; "
+                "write it again"
+            )
         yield file
 
 
-def _checksum(file: h5py.File) -> int:
-    """CRC-32 of all attributes and data sets by their names, but for the values in the groups `RUNNING`."""
-    size = os.path.getsize(file.filename)
-
-    def of(group: h5py.Group | h5py.Dataset, total: int, values: bool) -> int:
-        for name in sorted(group.attrs):
-            if name != _SEAL:
-                value = group.attrs[name]
-                text = repr((name, value if isinstance(value, str) else np.asarray(value).tolist()))
-                total = zlib.crc32(text.encode(), total)
-        if isinstance(group, h5py.Dataset):
-            if group.nbytes > size:
-                raise ValueError(f"data set {group.name} is larger than the file")
-            total = zlib.crc32(repr((group.dtype.str, group.shape)).encode(), total)
-            for part in _parts(group) if values else ():
-                total = zlib.crc32(np.ascontiguousarray(part).tobytes(), total)
-            return total
-        for name in sorted(group):
-            fixed = values and (group.name != "/" or name not in RUNNING)
-            total = of(group[name], zlib.crc32(name.encode(), total), fixed)
-        return total
-
-    return of(file, 0, True)
+# ---------------------------------------------------------------------- the checksum behind HDF5's last byte
+def _running(file: h5py.File) -> list[tuple[int, int]]:
+    """First byte and number of bytes of all data that are written while a run goes on."""
+    places = [
+        (data.id.get_offset(), data.id.get_storage_size())
+        for name in RUNNING
+        for data in file.get(name, {}).values()
+    ]
+    return sorted(place for place in places if place[1])
 
 
-def _parts(dataset: h5py.Dataset) -> Iterator[np.ndarray]:
-    """A data set slab by slab."""
-    if not dataset.ndim or not dataset.size:
-        yield np.asarray(dataset[()])
-        return
-    rows = max(1, BLOCK // max(1, dataset.nbytes // len(dataset)))
-    for first in range(0, len(dataset), rows):
-        yield dataset[first : first + rows]
+def _seal(path: str, running: Sequence[tuple[int, int]]) -> None:
+    """Write the checksum of all bytes but some behind them; HDF5 does not look there."""
+    facts = {"crc": _checksum(path, os.path.getsize(path), running), "running": running}
+    text = json.dumps(facts).encode()
+    with open(path, "ab") as file:
+        file.write(text + _END.pack(len(text), zlib.crc32(text), _MAGIC))
+
+
+def _sealed(path: str) -> bool | None:
+    """Whether a file is what was written; None if it bears no checksum."""
+    size = os.path.getsize(path)
+    with open(path, "rb") as file:
+        if size < _END.size:
+            return None
+        file.seek(size - _END.size)
+        length, total, magic = _END.unpack(file.read())
+        if magic != _MAGIC or length > size - _END.size:
+            return None
+        file.seek(size - _END.size - length)
+        text = file.read(length)
+    if zlib.crc32(text) != total:
+        return False
+    facts = json.loads(text)
+    return _checksum(path, size - _END.size - length, facts["running"]) == facts["crc"]
+
+
+def _checksum(path: str, size: int, skipped: Sequence[Sequence[int]]) -> int:
+    """CRC-32 of the first bytes of a file but for some parts."""
+    total, place = 0, 0
+    with open(path, "rb") as file:
+        for first, length in (*skipped, (size, 0)):
+            file.seek(place)
+            while place < first:
+                part = file.read(min(BLOCK, first - place))
+                if not part:
+                    return -1
+                total, place = zlib.crc32(part, total), place + len(part)
+            place = first + length
+    return total
 
 
 def put(group: h5py.Group, name: str, values: Any, unit: str, description: str) -> None:
