@@ -8,7 +8,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..dynamics.free import FreeBranch, FreeMotion, FreeSystem
+from ..dynamics.free import FreeMotion, FreeSystem
+from ..dynamics.free_branch import FreeBranch
 from ..dynamics.free_start import first_motion
 from ..errors import SolveError, at_point, on_all_ranks
 from ..material import positive
@@ -57,6 +58,8 @@ class Backbone:
         Harmonics 0 to 20 of the displacement of all named points, m.
     point_amplitudes : (n, points) array
         Half the peak-to-peak of u_y, m.
+    passed : tuple of (float, float)
+        Energies on either side of interactions with higher modes that were passed over, J.
     damped : bool
     reason : str
         Why the branch ends.
@@ -73,6 +76,7 @@ class Backbone:
     multipliers: np.ndarray
     point_harmonics: np.ndarray
     point_amplitudes: np.ndarray
+    passed: tuple[tuple[float, float], ...]
     damped: bool
     reason: str
     complete: bool
@@ -137,6 +141,7 @@ def backbone(
     steps: int | None = None,
     points: int = 200,
     largest_step: float = 0.4,
+    interactions: bool = False,
     refine: bool = True,
     stability: bool = True,
 ) -> Backbone:
@@ -162,6 +167,9 @@ def backbone(
         Points at most.
     largest_step : float
         Largest change of the state from a point to the next, relative.
+    interactions : bool
+        Follow the narrow tongues along which the branch turns back in energy where a multiple of its
+        frequency meets that of a higher mode; by default they are passed over, and told in `passed`.
     refine : bool
         Solve every point once more with half the step and extrapolate the frequency.
     stability : bool
@@ -194,7 +202,7 @@ def backbone(
     except SolveError as error:
         raise on_all_ranks(error) from None
     if not reduction.initial_gap.any():
-        motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
+        motions, reason, passed = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J", ()
     else:
         branch = FreeBranch(
             system,
@@ -204,11 +212,12 @@ def backbone(
             direction=1 if stop > start else -1,
             most=points,
             largest_step=largest_step,
+            interactions=interactions,
         )
         for _ in branch:
             pass
-        motions, reason = branch.points, branch.reason
-    result = _collect(system, motions, reason, refine, stability, damping, stop)
+        motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
+    result = replace(_collect(system, motions, reason, refine, stability, damping, stop), passed=passed)
     if not result.complete:
         error = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
@@ -282,6 +291,7 @@ def _collect(
         multipliers,
         harmonics,
         amplitudes,
+        (),
         damped,
         reason,
         math.isclose(motions[-1].energy, stop, rel_tol=1e-9),

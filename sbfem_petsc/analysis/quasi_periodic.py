@@ -118,8 +118,8 @@ class QuasiPeriodic:
         verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
         return (
             f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz, {self.samples} "
-            f"samples, {self.steps} steps, {len(self.reduction.omega)} modes, {len(self.residuals) - 1} Newton "
-            f"iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
+            f"samples, {self.steps} steps, {len(self.reduction.omega)} modes, {len(self.residuals) - 1} "
+            f"Newton iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
         )
 
 

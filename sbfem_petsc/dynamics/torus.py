@@ -1,9 +1,9 @@
 """Quasi-periodic motions under two tones: an invariant curve of the map over the first tone's period.
 
 At multiples of T1 = 1 / f1 the state is a function z(theta) of the second tone's phase, which the map
-advances by rho = f2 / f1: P_theta(z(theta)) = z(theta + rho). The curve is sampled at N phases; between them it is its
-trigonometric interpolant, which a shift by rho multiplies by exp(2 pi i k rho) in the k-th harmonic. The
-unknowns are differences to the linear response to both tones, which is known in closed form.
+advances by rho = f2 / f1: P_theta(z(theta)) = z(theta + rho). The curve is sampled at N phases; between them
+it is its trigonometric interpolant, which a shift by rho multiplies by exp(2 pi i k rho) in the k-th
+harmonic. The unknowns are differences to the linear response to both tones, which is known in closed form.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import copy
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import schur
 from scipy.sparse.linalg import LinearOperator, gmres
 
 from ..analysis.harmonic import Drive
@@ -184,26 +183,31 @@ class Torus:
             states = states - solver.solve(residual, min(tolerance, 1e-3))
         raise SolveError(
             f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
-            f"curve misses itself by {residuals[-1]:.1e} of the linear response, from {residuals[0]:.1e}; take "
-            "more samples or steps, or smaller loads"
+            f"curve misses itself by {residuals[-1]:.1e} of the linear response, from {residuals[0]:.1e}; "
+            "take more samples or steps, or smaller loads"
         )
 
     def exponents(self, derivatives: np.ndarray, count: int, turns: int) -> np.ndarray:
-        """The `count` (or one more, for pairs) largest Lyapunov exponents, 1/s, by falling value: mean growth
-        of an orthonormal frame carried along the curve (QR); the map's derivative between samples is its
-        trigonometric interpolant.
+        """The `count` largest Lyapunov exponents, 1/s, by falling value; fewer by one where that would part a
+        pair.
+
+        Mean growth of an orthonormal frame carried along the curve (QR); the map's derivative between samples
+        is its trigonometric interpolant. Directions turn as they are carried, which leaves about 1 / turns of
+        uncertainty in the growth a turn.
         """
         size = derivatives.shape[1]
         coefficients = np.fft.fft(np.eye(self.samples), axis=0) / self.samples
         flat = derivatives.reshape(self.samples * size, size)
         mean = derivatives.mean(axis=0)
-        moduli = np.sort(np.abs(np.linalg.eigvals(mean)))[::-1]
         # the frame begins where the mean derivative says that disturbances last longest, not at random: with
         # little damping directions part too slowly to be told apart by their growth
-        least = 0.999999 * moduli[min(count, size) - 1]
-        _, vectors, kept = schur(mean, sort=lambda *value: abs(complex(*value)) >= least)
-        frame = vectors[:, :kept]
-        count = kept
+        values, vectors = np.linalg.eig(mean)
+        longest = np.argsort(-np.abs(values), kind="stable")[:count]
+        upper = values[longest].imag >= 0.0
+        turning = longest[values[longest].imag > 0.0]
+        columns = [vectors[:, longest[upper]].real, vectors[:, turning].imag]
+        frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
+        count = frame.shape[1]
         growth, counted, theta = np.zeros(count), 0, 0.0
         for turn in range(turns):
             weights = (np.exp(2j * np.pi * self.orders * theta) @ coefficients).real
