@@ -266,9 +266,9 @@ def _collect(
 ):
     r = system.reduction
     frequency, error = np.array([p.frequency for p in motions]), np.full(len(motions), np.nan)
-    own = frequency.copy()
+    own, alike = frequency.copy(), not r.initial_gap.any()
     if refine:
-        finer, alike = FreeSystem(r, system.mode, 2 * system.steps), not r.initial_gap.any()
+        finer = FreeSystem(r, system.mode, 2 * system.steps)
         for n, p in enumerate(motions):
             if n and alike:
                 frequency[n], error[n] = frequency[0], error[0]
@@ -279,7 +279,14 @@ def _collect(
                 continue
             frequency[n] = (4.0 * fine - p.frequency) / 3.0
             error[n] = abs(frequency[n] - fine)
-    rows = [_row(system, p, stability, damped) for p in motions]
+    if alike:  # one motion times a factor
+        h, a, values = _row(system, motions[0], stability, damped)
+        rows = [
+            (h * factor, a * factor, values)
+            for factor in (math.sqrt(p.energy / motions[0].energy) for p in motions)
+        ]
+    else:
+        rows = [_row(system, p, stability, damped) for p in motions]
     harmonics, amplitudes, multipliers = (np.array(column) for column in zip(*rows))
     return Backbone(
         system.mode + 1,

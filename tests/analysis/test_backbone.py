@@ -48,7 +48,7 @@ def test_closed_form_itself():
 
 def test_one_mass_with_a_stop():
     """Within 1e-6 at every energy; the highest point is that of the free spring, the deepest where all energy
-    is in both springs.
+    is in both springs, but for half a step.
     """
     found = sb.backbone(one_mass(), 1, 4e-4, 1.0)
     expected = np.array([exact(energy) for energy in found.energy])
@@ -60,7 +60,7 @@ def test_one_mass_with_a_stop():
     assert motion.displacement("x")[:, 1].max() == pytest.approx(math.sqrt(2.0 / SPRING), rel=1e-6)
     both = SPRING + STOP
     root = math.sqrt((STOP * GAP) ** 2 - both * (STOP * GAP**2 - 2.0))
-    assert motion.displacement("x")[:, 1].min() == pytest.approx(-(STOP * GAP + root) / both, rel=1e-5)
+    assert motion.displacement("x")[:, 1].min() == pytest.approx(-(STOP * GAP + root) / both, rel=2e-5)
 
 
 def test_downwards_and_from_within():
@@ -81,8 +81,8 @@ def test_damping_of_one_mass():
 
 
 def test_resonance_peak_is_on_it():
-    """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio of
-    0.02 moves a peak by: its square.
+    """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio
+    of 0.02 moves a peak by: its square.
     """
     curve = sb.frequency_response(one_mass(0.02), 0.02, 0.5, 0.8, steps=1024, stability=False)
     top = int(np.argmax(curve.amplitude("x")))
@@ -127,7 +127,7 @@ def test_a_motion_of_two_masses_repeats():
     energy is that of the branch.
     """
     r = two_masses()
-    found = sb.backbone(r, 1, 0.1, 3.0, steps=4096)
+    found = sb.backbone(r, 2, 1.5, 3.0, steps=4096, refine=False)
     motion, m = found.orbit(-1), len(r.omega)
     state = found.states[-1]
     history = sb.transient(
@@ -187,7 +187,7 @@ def opened():
 
 
 def test_open_crack(opened):
-    """Mode 5: the open beam's frequency until the faces meet, then rising towards that of the closed crack."""
+    """Mode 5: the open beam's frequency until the faces meet, then rising to that of the closed crack."""
     found = sb.backbone(opened, 5, 1e-4, 20.0, refine=False)
     own, both = opened.frequencies[4], tied(opened)[4]
     limit = 2.0 * own * both / (own + both)
