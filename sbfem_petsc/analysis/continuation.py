@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from ..dynamics.several_periods import minimal_periods
 from ..errors import SolveError
 from .shooting import Period, Shot, shoot_along
 
@@ -103,6 +104,9 @@ class Trace:
         self.least = 1e-3 * max(np.linalg.norm(driven(value).linear_state) for value in (lower, upper))
         self.direction, self.length, self.reason = direction, FIRST, ""
         self.sign = None
+        # the fewest forcing periods after which the first motion repeats itself; a branch of several has
+        # ended where it meets one of fewer
+        self.periods, self.fallen = minimal_periods(first.shot), ""
 
     def __iter__(self) -> Iterator[Station]:
         while True:
@@ -157,9 +161,10 @@ class Trace:
                 station = self._around(heading, length)
             if station is not None:
                 self.stations.append(station)
+                self.fallen = ""
                 return station
             length *= 0.5
-        self.reason = f"no further point within a step of {SMALLEST:g} at {last.value:.8g}"
+        self.reason = self.fallen or f"no further point within a step of {SMALLEST:g} at {last.value:.8g}"
         return None
 
     def _heading(self) -> np.ndarray:
@@ -220,6 +225,12 @@ class Trace:
         except (SolveError, ValueError):
             return None
         station = Station(shot, end if outside else float(shot.parameters[0]))
+        if self.periods > 1 and minimal_periods(shot) < self.periods:
+            self.fallen = (
+                f"the branch of {self.periods} periods falls onto a motion of {minimal_periods(shot)} at "
+                f"{station.value:.8g}"
+            )
+            return None
         chord = self._secant(last, station)
         if behind is not None and chord @ behind > BACK:
             return None

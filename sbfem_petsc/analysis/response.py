@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..dynamics.several_periods import lead_away
 from ..errors import SolveError, UnknownName, on_all_ranks
 from ..loads import as_loads
 from ..material import positive
@@ -37,6 +38,8 @@ from .periodic import (
 from .shooting import Period, Shot
 from .stability import multipliers
 
+# `Orbit.path` of a motion next to a period doubling.
+DOUBLED = "period doubling"
 # Harmonics kept of every point.
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
@@ -289,7 +292,8 @@ def frequency_response(
         See `periodic`.
     first : Orbit, optional
         A motion at `start` on the branch that is wanted, of its own number of periods. Default: the one
-        `periodic` finds.
+        `periodic` finds. From one that `doubled` has found the branch goes away from the period doubling, if
+        need be through a fold outside the range.
     points : int
         Points at most.
     largest_step : float
@@ -375,6 +379,7 @@ def frequency_response(
         resume,
         progress,
         None,
+        first is not None and first.path == DOUBLED,
     )
 
 
@@ -459,6 +464,7 @@ def load_response(
         resume,
         progress,
         frequency,
+        first is not None and first.path == DOUBLED,
     )
 
 
@@ -495,6 +501,7 @@ def _follow(
     resume: bool,
     progress,
     frequency,
+    leave: bool = False,
 ) -> Curve:
     """Trace a branch, with a record of it in a file."""
     if not period.drive.orders.any():
@@ -542,6 +549,8 @@ def _follow(
     trace.stations = stations
     if former is not None:
         trace.length = former[2]
+    elif leave:
+        lead_away(trace)
     for item in stations:
         rows.add(item)
 
