@@ -43,6 +43,8 @@ _HOME = {
     "backbone": "analysis.backbone",
     "Backbone": "analysis.backbone",
     "switch_branch": "analysis.branching",
+    "quasi_periodic": "analysis.quasi_periodic",
+    "QuasiPeriodic": "analysis.quasi_periodic",
     "ReducedModel": "reduction.reduced_model",
     "reduce": "reduction.build",
     "reduce_matrices": "reduction.matrices",

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..checks import positive
 from ..dynamics.excitation import one_sided
-from ..dynamics.free import FreeBranch, FreeMotion, FreeSystem
+from ..dynamics.free import FreeMotion, FreeSystem
+from ..dynamics.free_branch import FreeBranch
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
@@ -59,6 +60,8 @@ class Backbone:
         Harmonics 0 to 20 of the displacement of all named points, m.
     point_amplitudes : (n, points) array
         Half the peak-to-peak of u_y, m.
+    passed : tuple of (float, float)
+        Energies on either side of interactions with higher modes that were passed over, J.
     damped : bool
     reason : str
         Why the branch ends.
@@ -75,6 +78,7 @@ class Backbone:
     multipliers: np.ndarray
     point_harmonics: np.ndarray
     point_amplitudes: np.ndarray
+    passed: tuple[tuple[float, float], ...]
     damped: bool
     reason: str
     complete: bool
@@ -142,6 +146,7 @@ def backbone(
     steps: int | None = None,
     points: int = 200,
     largest_step: float = 0.4,
+    interactions: bool = False,
     refine: bool = True,
     stability: bool = True,
 ) -> Backbone:
@@ -167,6 +172,9 @@ def backbone(
         Points at most.
     largest_step : float
         Largest change of the state from a point to the next, relative.
+    interactions : bool
+        Follow the narrow tongues along which the branch turns back in energy where a multiple of its
+        frequency meets that of a higher mode; by default they are passed over, and notes in `passed`.
     refine : bool
         Solve every point once more with half the step and extrapolate the frequency.
     stability : bool
@@ -199,7 +207,7 @@ def backbone(
     except SolveError as error:
         raise on_all_ranks(error) from None
     if not reduction.initial_gap.any():
-        motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
+        motions, reason, passed = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J", ()
     else:
         branch = FreeBranch(
             system,
@@ -209,11 +217,12 @@ def backbone(
             direction=1 if stop > start else -1,
             most=points,
             largest_step=largest_step,
+            interactions=interactions,
         )
         for _ in branch:
             pass
-        motions, reason = branch.points, branch.reason
-    result = _collect(system, motions, reason, refine, stability, damping, stop)
+        motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
+    result = replace(_collect(system, motions, reason, refine, stability, damping, stop), passed=passed)
     if not result.complete:
         error = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
@@ -262,9 +271,9 @@ def _collect(
 ):
     r = system.reduced
     frequency, error = np.array([p.frequency for p in motions]), np.full(len(motions), np.nan)
-    own = frequency.copy()
+    own, alike = frequency.copy(), not r.initial_gap.any()
     if refine:
-        finer, alike = FreeSystem(r, system.mode, 2 * system.steps), not r.initial_gap.any()
+        finer = FreeSystem(r, system.mode, 2 * system.steps)
         for n, p in enumerate(motions):
             if n and alike:
                 frequency[n], error[n] = frequency[0], error[0]
@@ -275,7 +284,14 @@ def _collect(
                 continue
             frequency[n] = (4.0 * fine - p.frequency) / 3.0
             error[n] = abs(frequency[n] - fine)
-    rows = [_row(system, p, stability, damped) for p in motions]
+    if alike:  # one motion times a factor
+        h, a, values = _row(system, motions[0], stability, damped)
+        rows = [
+            (h * factor, a * factor, values)
+            for factor in (math.sqrt(p.energy / motions[0].energy) for p in motions)
+        ]
+    else:
+        rows = [_row(system, p, stability, damped) for p in motions]
     harmonics, amplitudes, multipliers = (np.array(column) for column in zip(*rows))
     return Backbone(
         system.mode + 1,
@@ -287,6 +303,7 @@ def _collect(
         multipliers,
         harmonics,
         amplitudes,
+        (),
         damped,
         reason,
         math.isclose(motions[-1].energy, stop, rel_tol=1e-9),

@@ -27,6 +27,8 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals import Constant, Signal
 from ..system.model import Model
 
+# `Orbit.path` of a motion next to a period doubling.
+DOUBLED = "period doubling"
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
 
@@ -65,7 +67,8 @@ def frequency_response(
         See `periodic`.
     first : Orbit, optional
         A motion at `start` on the branch that is wanted, of its own number of periods. Default: the one
-        `periodic` finds.
+        `periodic` finds. From one that `switch_branch` has found the branch goes away from the period
+        doubling, if need be through a fold outside the range.
     points : int
         Points at most.
     largest_step : float
@@ -223,7 +226,8 @@ def _checked(
             raise TypeError(f"{what}: first = {first!r} must be an Orbit")
         if abs(first.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {frequency:g} Hz")
-    return ContinuationSettings(points, float(largest_step), stability)
+    leave = first is not None and first.path == DOUBLED
+    return ContinuationSettings(points, float(largest_step), stability, leave)
 
 
 def _amplitudes_only(what: str, load) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -14,6 +15,7 @@ from .branch import Branch, BranchWarning
 from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
 from .excitation import one_sided
 from .orbit import modal_motion, multiplier_error
+from .several_periods import distances, minimal_periods
 from .shooting import FixedPoint, Period
 from .stability import Multipliers, multipliers
 
@@ -24,6 +26,10 @@ EVEN, ABOUT = 201, 41
 # A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the
 # shortest chord that is divided, times.
 BEND, SHORT, PASSES = 0.3, 0.01, 3
+# Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
+AHEAD = 1e-4
+# A branch that first leads away from its range may do so by this share of the parameter or of the range.
+EXCURSION = 0.02
 
 
 class BranchRecorder(Protocol):
@@ -85,9 +91,12 @@ def follow(
     continuation.points = points
     if former is not None:
         continuation.length, continuation.reason = former[2:]
+    elif settings.leave:
+        lead_away(continuation)
     rows = PointRows(period, settings.stability)
     for item in points:
         rows.add(item)
+    parameter = continuation.parameter
     if len(points) == 1 or parameter.holds(points[-1].value):
         for item in continuation:
             rows.add(item)
@@ -117,6 +126,27 @@ def follow(
     return result
 
 
+def lead_away(continuation: Continuation) -> None:
+    """Let a branch of several periods begin in the direction in which it parts from shorter motions.
+
+    Behind a subcritical period doubling that is away from where the range lies; the branch comes back through
+    a fold, so the range is extended on that side.
+    """
+    first, parameter = continuation.points[0], continuation.parameter
+    before = distances(first.fixed.driven, first.fixed.motion)
+    if not before or minimal_periods(first.fixed) < continuation.period.excitation.periods:
+        return
+    size, unit = continuation.metric()
+    heading = continuation.heading()
+    continuation.sign = None
+    driven = continuation.driven(first.value + AHEAD * unit * heading[-1])
+    after = distances(driven, driven.run(first.fixed.state + AHEAD * size * heading[:-1]))
+    nearest = min(before, key=lambda fewer: before[fewer])
+    if after[nearest] < before[nearest]:
+        reach = max(EXCURSION * abs(first.value), parameter.extent)
+        continuation.parameter = replace(parameter, before=reach)
+
+
 def _point(period: Period, parameter: ParameterRange, state: np.ndarray, value: float) -> ContinuationPoint:
     driven = parameter.at(period, value)
     motion = driven.run(state)
@@ -128,8 +158,7 @@ def _branch(continuation: Continuation, rows: PointRows, finished: bool) -> Bran
     """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
     parameter, points, period = continuation.parameter, continuation.points, continuation.period
     asked = finished and continuation.settings.stability
-    last = points[-1].value
-    arrived = last >= parameter.stop if parameter.direction > 0 else last <= parameter.stop
+    arrived = parameter.reached(points[-1].value)
     return Branch(
         parameter.name,
         np.array([point.value for point in points]),

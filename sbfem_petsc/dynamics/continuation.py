@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError
+from .several_periods import minimal_periods
 from .shooting import DrivenPeriod, FixedPoint, Period, shoot_along
 
 # Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as
@@ -40,22 +41,27 @@ class ParameterRange:
     start, stop : float
     frequency : float or None
         Hz, where the load is the parameter.
+    before : float
+        How far the branch may go to the other side of `start`; it begins there where this is not zero.
     """
 
     name: str
     start: float
     stop: float
     frequency: float | None = None
+    before: float = 0.0
 
     @property
     def lower(self) -> float:
         """The lesser end."""
-        return min(self.start, self.stop)
+        if self.stop < self.start:
+            return self.stop
+        return max(self.start - self.before, 1e-9 * self.stop) if self.before else self.start
 
     @property
     def upper(self) -> float:
         """The greater end."""
-        return max(self.start, self.stop)
+        return self.stop if self.stop > self.start else self.start + self.before
 
     @property
     def extent(self) -> float:
@@ -65,7 +71,12 @@ class ParameterRange:
     @property
     def direction(self) -> int:
         """+1 or -1: where the parameter goes at first."""
-        return 1 if self.stop > self.start else -1
+        towards = 1 if self.stop > self.start else -1
+        return -towards if self.before else towards
+
+    def reached(self, value: float) -> bool:
+        """Whether a value is at `stop` or beyond it."""
+        return value >= self.stop if self.stop > self.start else value <= self.stop
 
     def holds(self, value: float) -> bool:
         """Whether a value lies inside, the ends excluded."""
@@ -94,11 +105,14 @@ class ContinuationSettings:
         Largest change of the parameter from a point to the next one.
     stability : bool
         Whether Floquet multipliers and bifurcations are computed.
+    leave : bool
+        The first motion is next to a period doubling, and the branch goes away from it.
     """
 
     points: int = 400
     largest_step: float = math.inf
     stability: bool = True
+    leave: bool = False
 
 
 class ContinuationPoint:
@@ -162,6 +176,9 @@ class Continuation:
         self.least = 1e-3 * max(np.linalg.norm(end.linear_state) for end in ends)
         self.length, self.reason = FIRST, ""
         self.sign: float | None = None
+        # the fewest forcing periods after which the first motion repeats itself; a branch of several has ended
+        # where it meets one of fewer
+        self.periods, self.fallen = minimal_periods(first.fixed), ""
 
     def driven(self, value: float) -> DrivenPeriod:
         """The driven period of a value of the parameter."""
@@ -181,7 +198,7 @@ class Continuation:
                 return
 
     # ------------------------------------------------------------------ one step
-    def _metric(self) -> tuple[float, float]:
+    def metric(self) -> tuple[float, float]:
         """Units of the state and of the parameter."""
         return max(
             np.linalg.norm(self.points[-1].fixed.state), self.least, 1e-300
@@ -194,7 +211,7 @@ class Continuation:
         Its sign is such that the determinant of residual and tangent keeps its sign along the branch: so it
         passes folds and corners, also those that a step has skipped. `near` is a direction not across it.
         """
-        size, unit = self._metric()
+        size, unit = self.metric()
         m2 = len(derivative)
         bordered = np.empty((m2 + 1, m2 + 1))
         bordered[:m2, :m2] = (derivative[:, :m2] - np.eye(m2)) * size
@@ -208,15 +225,15 @@ class Continuation:
         return (1.0 if sign == self.sign else -1.0) * tangent / np.linalg.norm(tangent)
 
     def _secant(self, one: ContinuationPoint, other: ContinuationPoint) -> np.ndarray:
-        size, unit = self._metric()
+        size, unit = self.metric()
         step = np.append((other.fixed.state - one.fixed.state) / size, (other.value - one.value) / unit)
         return step / np.linalg.norm(step)
 
     def _next(self) -> ContinuationPoint | None:
         last = self.points[-1]
-        heading = self._heading()
+        heading = self.heading()
         length = min(
-            self.length, self.settings.largest_step / (self._metric()[1] * max(abs(heading[-1]), 1e-12))
+            self.length, self.settings.largest_step / (self.metric()[1] * max(abs(heading[-1]), 1e-12))
         )
         while length >= SMALLEST:
             point = self._step(heading, length)
@@ -224,12 +241,13 @@ class Continuation:
                 point = self._around(heading, length)
             if point is not None:
                 self.points.append(point)
+                self.fallen = ""
                 return point
             length *= 0.5
-        self.reason = f"no further point within a step of {SMALLEST:g} at {last.value:.8g}"
+        self.reason = self.fallen or f"no further point within a step of {SMALLEST:g} at {last.value:.8g}"
         return None
 
-    def _heading(self) -> np.ndarray:
+    def heading(self) -> np.ndarray:
         """Tangent at the last point; at the first one the parameter goes where it is to go."""
         last = self.points[-1]
         near = np.zeros(len(last.fixed.state) + 1)
@@ -242,7 +260,7 @@ class Continuation:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
         """
-        size, unit = self._metric()
+        size, unit = self.metric()
         last = self.points[-1]
         try:
             driven = self.driven(last.value + length * unit * heading[-1])
@@ -266,7 +284,7 @@ class Continuation:
         """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the
         length of the step after it.
         """
-        size, unit = self._metric()
+        size, unit = self.metric()
         last = self.points[-1]
         target = last.value + length * unit * heading[-1]
         outside = not self.parameter.holds(target)
@@ -289,6 +307,12 @@ class Continuation:
         except (SolveError, ValueError):
             return None
         point = ContinuationPoint(fixed, end if outside else float(fixed.parameters[0]))
+        if self.periods > 1 and minimal_periods(fixed) < self.periods:
+            self.fallen = (
+                f"the branch of {self.periods} periods falls onto a motion of {minimal_periods(fixed)} at "
+                f"{point.value:.8g}"
+            )
+            return None
         chord = self._secant(last, point)
         if behind is not None and chord @ behind > BACK:
             return None

@@ -1,4 +1,4 @@
-"""Free periodic motions of a reduced model, with their energy as the parameter, and branches of them.
+"""Free periodic motions of a reduced model, with their energy as the parameter.
 
 Unknowns are the state x(0) = (Omega q, q'), the frequency f and a self-excitation xi: every mode is driven by
 xi times its own velocity (Krack's extended periodic motion). A free motion of a system without damping has xi
@@ -11,7 +11,7 @@ system conserves its energy.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,10 +29,8 @@ CLOSED, ITERATIONS = 1e-11, 12
 DIFFERENCE = 1e-5
 # Arc length: change of the state relative to its size and SPAN times the relative change of the frequency.
 SPAN = 10.0
-FIRST, LARGEST, SMALLEST = 0.05, 0.4, 1e-6
-# The turn (radian) and the Newton iterations of a step that are aimed at, and beyond which it is repeated at
-# half its length.
-TURN, TOO_SHARP, COMFORT, TOO_MANY = 0.25, 0.8, 4, 8
+# Times that added damping is halved before it is left out.
+HALVINGS = 7
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +200,24 @@ class FreeSystem:
 
         return condition
 
+    def damped(self, added: float) -> FreeSystem:
+        """The same with more damping, a ratio for all modes."""
+        if added == 0.0:
+            return self
+        return FreeSystem(replace(self.reduced, damping=self.reduced.damping + added), self.mode, self.steps)
+
+    def again(self, point: FreeMotion, energy: float, excitation: float) -> FreeMotion:
+        """The motion at an energy near one of a neighbouring system."""
+        state = point.state * math.sqrt(energy / point.energy)
+        return self.solve(state, point.frequency, excitation, self.at_energy(energy))
+
+    def without(self, point: FreeMotion, added: float) -> FreeMotion:
+        """The motion at the same energy from that of `damped(added)`, in halves of what was added."""
+        for lower in (*(added / 2.0**n for n in range(1, HALVINGS + 1)), 0.0):
+            excitation = point.excitation - 4.0 * math.pi * point.frequency * (added - lower)
+            point, added = self.damped(lower).again(point, point.energy, excitation), lower
+        return point
+
     def tangent(self, point: FreeMotion, near: np.ndarray) -> np.ndarray:
         """(2 m + 2,): the branch's direction in x / size and SPAN times ln f, of length 1, on the side of
         `near`; its last entry is that of xi.
@@ -217,84 +233,3 @@ class FreeSystem:
         direction = np.linalg.solve(matrix, np.eye(m2 + 2)[m2 + 1])
         direction /= np.linalg.norm(direction[: m2 + 1])
         return direction
-
-
-class FreeBranch:
-    """A branch of free motions between two energies, point by point.
-
-    Iterating gives the points after the first one, the end of the range included; `reason` says why it
-    stopped.
-    """
-
-    def __init__(
-        self,
-        system: FreeSystem,
-        first: FreeMotion,
-        lower: float,
-        upper: float,
-        *,
-        direction: int = 1,
-        most: int = 200,
-        largest_step: float = LARGEST,
-    ):
-        self.system, self.lower, self.upper, self.most = system, lower, upper, most
-        self.points, self.length, self.reason = [first], min(FIRST, largest_step), ""
-        self.largest_step = largest_step
-        start = np.zeros(2 * system.modes + 2)
-        start[:-2] = direction * first.state / np.linalg.norm(first.state)
-        self.heading = system.tangent(first, start)
-
-    def __iter__(self) -> Iterator[FreeMotion]:
-        while len(self.points) < self.most:
-            point = self._next()
-            if point is None:
-                self.reason = f"no further motion beyond {self.points[-1].energy:.6g} J"
-                return
-            self.points.append(point)
-            yield point
-            if not self.lower < point.energy < self.upper:
-                self.reason = f"end of the range at {point.energy:.6g} J"
-                return
-        self.reason = f"{self.most} points"
-
-    def _next(self) -> FreeMotion | None:
-        while self.length >= SMALLEST:
-            point = self._step(self.length)
-            if point is not None:
-                return point
-            self.length *= 0.5
-        return None
-
-    def _step(self, length: float) -> FreeMotion | None:
-        system, last, heading = self.system, self.points[-1], self.heading
-        size, m2 = float(np.linalg.norm(last.state)), 2 * self.system.modes
-        guess = last.state + length * size * heading[:m2]
-        frequency = last.frequency * math.exp(length * heading[m2] / SPAN)
-        excitation = last.excitation + 2.0 * math.pi * last.frequency * length * heading[m2 + 1]
-
-        def across(state: np.ndarray, f: float):
-            along = heading[:m2] @ (state - last.state) / size
-            along += heading[m2] * SPAN * math.log(f / last.frequency)
-            return along - length, heading[:m2] / size, heading[m2] * SPAN / f
-
-        try:
-            point = system.solve(guess, frequency, excitation, across)
-            if not self.lower < point.energy < self.upper:
-                end = self.upper if point.energy >= self.upper else self.lower
-                point = system.solve(point.state, point.frequency, point.excitation, system.at_energy(end))
-                point = replace(point, energy=end)
-            chord = np.zeros(m2 + 2)
-            chord[:m2] = (point.state - last.state) / size
-            chord[m2] = SPAN * math.log(point.frequency / last.frequency)
-            chord /= np.linalg.norm(chord)
-            onward = system.tangent(point, chord)
-        except (SolveError, np.linalg.LinAlgError):
-            return None
-        cosine = min(chord[: m2 + 1] @ heading[: m2 + 1], onward[: m2 + 1] @ chord[: m2 + 1])
-        turn = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
-        if length > 100.0 * SMALLEST and (turn > TOO_SHARP or point.iterations > TOO_MANY):
-            return None
-        self.heading = onward
-        grow = min(TURN / max(turn, 1e-3), COMFORT / max(point.iterations, 1) + 0.25)
-        self.length = min(self.largest_step, max(0.5, min(2.0, grow)) * length)
-        return point

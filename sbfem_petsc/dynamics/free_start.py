@@ -8,11 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ..errors import SolveError
-from .free import FreeBranch, FreeMotion, FreeSystem
+from .free import FreeMotion, FreeSystem
+from .free_branch import ADDED, FreeBranch
 
-# Damping ratio that is added on the way to closed faces: high modes then have no resonances of their own with
-# multiples of the frequency. It is halved so many times before it is left out.
-ADDED, HALVINGS = 0.01, 7
 # Additional gaps fall by this factor at first and at most, and no slower than by the second one; relative to
 # those between which the mode moves freely they are left out from the third number on.
 FALL, SLOWEST, LEAVE_OUT = 3.0, 1.01, 1e-4
@@ -64,20 +62,19 @@ def _from_opened_gaps(system: FreeSystem, energy: float, sign: float, guess) -> 
     # a crack's opening grows with the root of the distance from its tip: its square is a notch's
     shape = math.sqrt(2.0 * energy) * moved**2 / largest
 
-    def changed(share: float, added: float) -> FreeSystem:
-        if share == added == 0.0:
-            return system
-        other = replace(r, initial_gap=r.initial_gap + share * shape, damping=r.damping + added)
+    def opened(share: float) -> FreeSystem:
+        """With damping besides, lest multiples of the frequency meet those of high modes."""
+        other = replace(r, initial_gap=r.initial_gap + share * shape, damping=r.damping + ADDED)
         return FreeSystem(other, k, system.steps)
 
     share, fall = 1.0 / max(float(moved.min()) / largest, NEAR_TIP), FALL
-    there = changed(share, ADDED)
+    there = opened(share)
     guess = guess[0], guess[1] + 2.0 * ADDED * r.omega[k]
     point = there.solve(there.linear(energy, sign), *guess, there.at_energy(energy))
     while share > 0.0:
         lower = share / fall if share / fall >= LEAVE_OUT else 0.0
         try:
-            point = _again(changed(lower, ADDED), point, energy, point.excitation)
+            point = opened(lower).again(point, energy, point.excitation)
         except SolveError:
             fall = math.sqrt(fall)
             if fall < SLOWEST:
@@ -87,13 +84,4 @@ def _from_opened_gaps(system: FreeSystem, energy: float, sign: float, guess) -> 
                 ) from None
             continue
         share, fall = lower, min(FALL, fall**1.5)
-    added = ADDED
-    for lower in (*(ADDED / 2.0**n for n in range(1, HALVINGS + 1)), 0.0):
-        less = 4.0 * math.pi * point.frequency * (added - lower)
-        point, added = _again(changed(0.0, lower), point, energy, point.excitation - less), lower
-    return point
-
-
-def _again(system: FreeSystem, point: FreeMotion, energy: float, excitation: float) -> FreeMotion:
-    """The motion of a neighbouring system."""
-    return system.solve(point.state, point.frequency, excitation, system.at_energy(energy))
+    return system.without(point, ADDED)

@@ -6,6 +6,10 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.dynamics.several_periods import minimal_periods
+from sbfem_petsc.dynamics.shooting import FixedPoint, Period
 from tests.systems import two_masses
 
 TURN = 2.0 * np.pi
@@ -86,6 +90,58 @@ def test_a_history_stays_on_it(reduction, orbit):
 def test_its_branch_can_be_followed(reduction, orbit):
     branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
     assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()
+
+
+def test_a_branch_that_falls_onto_a_shorter_one(reduction, orbit):
+    """Back to the period doubling: the branch ends there and says so; none of its points is a motion of one
+    period.
+    """
+    away = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
+    last = away.orbit(-1)
+    with pytest.raises(sb.SolveError, match="of 2 periods falls onto a motion of 1 at 0.1175") as caught:
+        sb.frequency_response(reduction, [0.1], last.frequency, 0.73 / TURN, first=last, stability=False)
+    back = caught.value.branch
+    assert (np.abs(back.subharmonics("second")[:, 1]) > 1e-6).all() and not back.complete
+    assert back.frequency[-1] * TURN == pytest.approx(0.7385, abs=1e-3)
+    assert minimal_periods(_fixed(last)) == 2 and minimal_periods(_fixed(back.orbit(-1))) == 2
+
+
+def _fixed(orbit):
+    """The orbit's state as a fixed point of its map."""
+    drive = Excitation.of([sb.Harmonic(0.1, orbit.frequency)], orbit.frequency, 2, 64)
+    driven = Period(orbit.reduced, drive, len(orbit.time)).at(orbit.frequency)
+    return FixedPoint(orbit.state, np.zeros(0), driven, driven.run(orbit.state), ())
+
+
+def test_a_motion_of_one_period_over_two(reduction):
+    """Told by its states, whatever number of periods was asked for."""
+    short = sb.periodic(reduction, [0.05], 0.5 / TURN, periods=2, steps=256, stability=False)
+    assert short.periods == 2
+    drive = Excitation.of([sb.Harmonic(0.05, short.frequency)], short.frequency, 2, 64)
+    driven = Period(reduction, drive, 512).at(short.frequency)
+    assert minimal_periods(FixedPoint(short.state, np.zeros(0), driven, driven.run(short.state), ())) == 1
+
+
+@pytest.mark.slow
+def test_subcritical_doubling():
+    """A beam whose period doubling is subcritical: the branch of two periods first goes back, turns in a fold
+    below the doubling and becomes stable.
+    """
+    model = sb.Model(
+        Beam(0.200, 0.005, [VNotch(0.050, 0.0025, 0.03)]).mesh(order=5, tip_size=2e-6),
+        sb.Material(70e9, 0.33, 2700),
+        damping=0.002,
+    )
+    load = sb.EdgeLoad("right", ty=4e5)
+    curve = sb.frequency_response(model, load, 3427.0, 3428.5)
+    found = sb.switch_branch(curve, _doubling(curve))
+    branch = sb.frequency_response(model, load, found.frequency, 3436.0, first=found)
+    half = np.abs(branch.subharmonics("A")[:, 1])
+    assert branch.complete and branch.frequency.min() < _doubling(curve).value - 0.1
+    assert any(item.kind == "fold" for item in branch.bifurcations)
+    assert branch.stable[-1] and not branch.stable[0] and half[-1] == pytest.approx(3.67e-4, rel=0.01)
+    settled = sb.periodic(model, load, 3436.0, periods=2, start=branch.orbit(-3), stability=False)
+    assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
 
 
 def test_only_from_a_period_doubling(curve):

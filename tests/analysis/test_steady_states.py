@@ -30,17 +30,17 @@ def deep():
     """The crack of 6 mm and the motion that 240 periods of a history from rest settle on."""
     model = held_beam(0.13143, 0.006)
     orbit = sb.periodic(model, sb.PointForce("M", fy=100.0), FREQUENCY)
-    return model, orbit, settled(model, orbit.reduced, 240)
+    return model, orbit, settled(orbit.reduced, 240)
 
 
-def settled(model, reduction, periods):
+def settled(reduction, periods):
     """u_y of M over one period behind a history from rest."""
     load = sb.PointForce("M", fy=sb.Harmonic(100.0, FREQUENCY))
     step = 1.0 / (FREQUENCY * STEPS)
-    options = {"reduction": reduction, "step": step}
-    long = sb.transient(model, load, periods / FREQUENCY, decimation=STEPS, **options)
+    options = {"step": step}
+    long = sb.transient(reduction, load, periods / FREQUENCY, decimation=STEPS, **options)
     state = long.states.q[-1], long.states.v[-1]
-    last = sb.transient(model, load, 1.0 / FREQUENCY, start=state, **options)
+    last = sb.transient(reduction, load, 1.0 / FREQUENCY, start=state, **options)
     return last.displacement("M")[:-1, 1]
 
 
@@ -70,7 +70,7 @@ def test_other_ways_lead_to_the_same_motion(deep, search, path):
     model, _, _ = deep
     load = sb.PointForce("M", fy=100.0)
     orbit = sb.periodic(model, load, FREQUENCY, modes=30, stability=False)
-    other = sb.periodic(model, load, FREQUENCY, reduction=orbit.reduced, stability=False, search=search)
+    other = sb.periodic(orbit.reduced, load, FREQUENCY, stability=False, search=search)
     assert orbit.path == "history" and other.path == path
     assert np.linalg.norm(other.state - orbit.state) < 1e-9 * np.linalg.norm(orbit.state)
 
@@ -91,17 +91,15 @@ def test_all_depths_and_positions():
     """64 cracks at 260, 280 and 300 Hz: a steady state each."""
     for depth in np.linspace(0.001, 0.008, 8):
         for x in np.linspace(0.020, 0.280, 8):
-            model, reduction = held_beam(x, depth), None
+            model = held_beam(x, depth)
             for frequency in (260.0, 280.0, 300.0):
                 orbit = sb.periodic(
                     model,
                     sb.PointForce("M", fy=100.0),
                     frequency,
                     modes=40,
-                    reduction=reduction or "modes",
                     stability=False,
                 )
-                reduction = orbit.reduced
                 assert orbit.converged and orbit.periods == 1
 
 
@@ -112,8 +110,8 @@ def bilinear(damping):
         np.array([[0.01]]),
         np.array([[1.0]]),
         np.zeros(1),
-        np.ones((1, 1)),
-        {"x": 0},
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
         damping=damping,
         compliance=np.array([1.0 / 0.99]),
     )
@@ -166,4 +164,4 @@ def test_a_history_of_two_periods(monkeypatch):
     assert orbit.periods == 2 and orbit.path == "history" and orbit.stable
     assert np.abs(orbit.subharmonics("x")[1]) > np.abs(orbit.harmonics("x")[1])
     with pytest.raises(sb.SolveError, match="which repeats itself after 2 periods: give periods=2"):
-        sb.periodic(reduction, 1.0, 2.0 * frequency, 1, steps=1024)
+        sb.periodic(reduction, 1.0, 2.0 * frequency, periods=1, steps=1024)

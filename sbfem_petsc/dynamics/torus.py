@@ -1,0 +1,259 @@
+"""Quasi-periodic motions under two tones: an invariant curve of the map over the first tone's period.
+
+At multiples of T1 = 1 / f1 the state is a function z(theta) of the second tone's phase, which the map
+advances by rho = f2 / f1: P_theta(z(theta)) = z(theta + rho). The curve is sampled at N phases; between them
+it is its trigonometric interpolant, which a shift by rho multiplies by exp(2 pi i k rho) in the k-th
+harmonic. The unknowns are differences to the linear response to both tones, which is known in closed form.
+"""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from ..errors import SolveError
+from ..petsc import MPI
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
+from .shooting import Period, PeriodMotion
+
+# Newton's method: closing error relative to the linear response, and iterations.
+CLOSED, ITERATIONS = 1e-11, 15
+# The linear systems need be no better than this, and than the square of what Newton's method has come to.
+LINEAR, RESTART = 1e-11, 120
+# The derivative is kept for the next iteration where an iteration gains at least this factor.
+KEPT = 0.02
+# Orbits of the curve's own map, after which Newton's method is tried again.
+SETTLING = (3, 10, 30, 100, 300)
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """An invariant curve.
+
+    Attributes
+    ----------
+    states : (N, 2 m) array
+        Differences (Omega q, q') to the linear response, at t = 0 and the second tone's phases i / N.
+    motions : list of PeriodMotion
+        Over T1 from each of them; None for those of other ranks.
+    residuals : tuple of float
+        Norms at each Newton iterate.
+    """
+
+    states: np.ndarray
+    motions: list[PeriodMotion | None]
+    residuals: tuple[float, ...]
+
+
+class Torus:
+    """The map over one period of the first tone, at N phases of the second one, distributed over ranks.
+
+    Parameters
+    ----------
+    reduction : ReducedModel
+    drives : (Excitation, Excitation)
+        Of the first tone, with the constant loads, and of the second one; one period each.
+    frequencies : (float, float)
+        f1, f2, Hz.
+    samples, steps : int
+        Phases, and steps in T1.
+    comm : MPI.Comm
+        Ranks that share the phases.
+    """
+
+    def __init__(
+        self,
+        reduction: ReducedModel,
+        drives: tuple[Excitation, Excitation],
+        frequencies: tuple[float, float],
+        *,
+        samples: int,
+        steps: int,
+        comm: MPI.Comm,
+    ):
+        self.reduced, self.drives, self.frequencies = reduction, drives, frequencies
+        self.samples, self.comm = samples, comm
+        self.period = Period(reduction, drives[0], steps)
+        self.base = self.period.at(frequencies[0])
+        self.rotation = frequencies[1] / frequencies[0]
+        self.orders = np.fft.fftfreq(samples, 1.0 / samples)
+        self.shift = np.exp(2j * np.pi * self.orders * self.rotation)
+        if samples % 2 == 0:  # the highest harmonic of a real function is a cosine
+            self.shift[samples // 2] = np.cos(np.pi * samples * self.rotation)
+        self.mine = range(comm.rank, samples, comm.size)
+        # what the second tone adds to the gaps, without its phase
+        second = drives[1]
+        self.pumped, _ = second.response(reduction, frequencies[1])
+        turns = self.rotation * np.arange(steps + 1)[:, None] / steps * second.orders
+        self.turning = np.exp(2j * np.pi * turns)
+        p = self.period
+        self.pump_gaps = (self.pumped @ p.right) @ p.left.T + second.amplitudes @ reduction.gap.loads[
+            : p.pairs
+        ].T
+        speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
+        linear = self.base.linear_state
+        self.size = max(
+            float(np.linalg.norm(linear)),
+            float(np.linalg.norm(np.concatenate([p.weights * self.pumped, speeds * self.pumped], axis=1))),
+            1e-300,
+        )
+
+    def driven(self, theta: float):
+        """The map at a phase of the second tone, in differences to the linear response."""
+        result = copy.copy(self.base)
+        phases = self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
+        result.free_gap = self.base.free_gap + (phases @ self.pump_gaps).real
+        result.linear_state = np.zeros_like(self.base.linear_state)
+        return result
+
+    def shifted(self, states: np.ndarray, sign: int = 1) -> np.ndarray:
+        """The curve's samples at phases further on by the rotation, or (sign = -1) back."""
+        factor = self.shift if sign > 0 else np.conj(self.shift)
+        return np.fft.ifft(factor[:, None] * np.fft.fft(states, axis=0), axis=0).real
+
+    def images(self, states: np.ndarray) -> tuple[np.ndarray, list]:
+        """(N, 2 m): where the map takes each sample, and the motions of this rank's."""
+        ends, motions = np.zeros_like(states), [None] * self.samples
+        failed = None
+        for i in self.mine:
+            try:
+                motions[i] = self.driven(i / self.samples).run(states[i])
+            except SolveError as error:
+                failed = error
+                break
+            ends[i] = states[i] + motions[i].residual
+        failures = [item for item in self.comm.allgather(failed) if item is not None]
+        if failures:
+            raise failures[0]
+        self.comm.Allreduce(MPI.IN_PLACE, ends)
+        return ends, motions
+
+    def derivatives(self, motions: list) -> np.ndarray:
+        """(N, 2 m, 2 m): of the map at each sample."""
+        size = 2 * self.period.modes
+        result, unit = np.zeros((self.samples, size, size)), np.eye(size)
+        for i in self.mine:
+            result[i] = self.driven(i / self.samples).carried(motions[i], unit)
+        self.comm.Allreduce(MPI.IN_PLACE, result)
+        return result
+
+    # ------------------------------------------------------------------ Newton's method
+    def solve(self, states: np.ndarray | None = None) -> Curve:
+        """The invariant curve near a guess; by default near the linear response.
+
+        Raises
+        ------
+        SolveError
+            If Newton's method does not converge, neither from the guess nor from where the map has taken it.
+        """
+        states = np.zeros((self.samples, 2 * self.period.modes)) if states is None else states
+        try:
+            return self._newton(states)
+        except SolveError as error:
+            first = error
+        done = 0
+        for target in SETTLING:
+            while done < target:
+                states = self.shifted(self.images(states)[0], -1)
+                done += 1
+            try:
+                return self._newton(states)
+            except SolveError:
+                continue
+        raise SolveError(f"{first}; neither from where {done} periods of the first tone take the curve")
+
+    def _newton(self, states: np.ndarray) -> Curve:
+        residuals, derivatives, solver = [], None, None
+        for _ in range(ITERATIONS + 1):
+            ends, motions = self.images(states)
+            residual = ends - self.shifted(states)
+            residuals.append(float(np.linalg.norm(residual)) / np.sqrt(self.samples) / self.size)
+            if residuals[-1] < CLOSED:
+                return Curve(states, motions, tuple(residuals))
+            if not np.isfinite(residuals[-1]) or residuals[-1] > 1e3 * residuals[0]:
+                break
+            if derivatives is None or len(residuals) < 2 or residuals[-1] > KEPT * residuals[-2]:
+                derivatives = self.derivatives(motions)
+                solver = _Linear(self, derivatives)
+            tolerance = max(LINEAR, 1e-2 * min(residuals[-1], 1.0), 0.1 * CLOSED / residuals[-1])
+            states = states - solver.solve(residual, min(tolerance, 1e-3))
+        raise SolveError(
+            f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
+            f"curve misses itself by {residuals[-1]:.1e} of the linear response, from {residuals[0]:.1e}; "
+            "take more samples or steps, or smaller loads"
+        )
+
+    def exponents(self, derivatives: np.ndarray, count: int, turns: int) -> np.ndarray:
+        """The `count` largest Lyapunov exponents, 1/s, by falling value; fewer by one where that would part a
+        pair.
+
+        Mean growth of an orthonormal frame carried along the curve (QR); the map's derivative between samples
+        is its trigonometric interpolant. Directions turn as they are carried, which leaves about 1 / turns of
+        uncertainty in the growth a turn.
+        """
+        size = derivatives.shape[1]
+        coefficients = np.fft.fft(np.eye(self.samples), axis=0) / self.samples
+        flat = derivatives.reshape(self.samples * size, size)
+        mean = derivatives.mean(axis=0)
+        # the frame begins where the mean derivative says that disturbances last longest, not at random: with
+        # little damping directions part too slowly to be notes apart by their growth
+        values, vectors = np.linalg.eig(mean)
+        longest = np.argsort(-np.abs(values), kind="stable")[:count]
+        upper = values[longest].imag >= 0.0
+        turning = longest[values[longest].imag > 0.0]
+        columns = [vectors[:, longest[upper]].real, vectors[:, turning].imag]
+        frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
+        count = frame.shape[1]
+        growth, counted, theta = np.zeros(count), 0, 0.0
+        for turn in range(turns):
+            weights = (np.exp(2j * np.pi * self.orders * theta) @ coefficients).real
+            image = np.tensordot(weights, (flat @ frame).reshape(self.samples, size, count), 1)
+            frame, upper = np.linalg.qr(image)
+            if turn >= turns // 4:
+                growth += np.log(np.maximum(np.abs(np.diag(upper)), 1e-300))
+                counted += 1
+            theta = (theta + self.rotation) % 1.0
+        return np.sort(growth / counted * self.frequencies[0])[::-1]
+
+
+class _Linear:
+    """Newton's linear system by GMRES, preconditioned by the mean of the derivatives, which leaves a system
+    for each harmonic of the curve.
+    """
+
+    def __init__(self, torus: Torus, derivatives: np.ndarray):
+        self.torus, self.derivatives = torus, derivatives
+        mean, unit = derivatives.mean(axis=0), np.eye(derivatives.shape[1])
+        self.half = torus.samples // 2 + 1
+        self.inverses = np.linalg.inv(mean - torus.shift[: self.half, None, None] * unit)
+
+    def _apply(self, vector: np.ndarray) -> np.ndarray:
+        states = vector.reshape(self.torus.samples, -1)
+        image = np.matmul(self.derivatives, states[:, :, None])[:, :, 0]
+        return (image - self.torus.shifted(states)).ravel()
+
+    def _precondition(self, vector: np.ndarray) -> np.ndarray:
+        harmonics = np.fft.rfft(vector.reshape(self.torus.samples, -1), axis=0)
+        found = np.matmul(self.inverses, harmonics[:, :, None])[:, :, 0]
+        return np.fft.irfft(found, self.torus.samples, axis=0).ravel()
+
+    def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
+        operator = LinearOperator((right.size, right.size), matvec=self._apply, dtype=float)
+        inverse = LinearOperator((right.size, right.size), matvec=self._precondition, dtype=float)
+        flat = right.ravel()
+        # right preconditioning: the residual is that of the system itself
+        product = LinearOperator(
+            (right.size, right.size), matvec=lambda v: operator @ (inverse @ v), dtype=float
+        )
+        size = np.linalg.norm(flat)
+        found, failed = gmres(product, flat / size, rtol=tolerance, atol=0.0, restart=RESTART, maxiter=3)
+        if failed:
+            raise SolveError(
+                f"quasi_periodic: GMRES did not solve Newton's linear system in {3 * RESTART} iterations; "
+                "take more samples"
+            )
+        return size * (inverse @ found).reshape(right.shape)

@@ -1,0 +1,253 @@
+"""Free motions over the energy: one mass with a stop in closed form, two masses, the paper's beam with a
+closed and an open crack, damping.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from tests.reference import paper_beam
+
+# a mass on a spring, with a stop on one side: N/m, m
+SPRING, STOP, GAP = 10.0, 50.0, 0.01
+
+
+def one_mass(damping=0.0):
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.array([[SPRING]]),
+        np.array([[1.0]]),
+        np.array([GAP]),
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
+        damping=damping,
+        compliance=np.array([1.0 / STOP]),
+    )
+
+
+def exact(energy):
+    """Hz: times on either side of the stop, each part of a sine."""
+    free, both = math.sqrt(SPRING), math.sqrt(SPRING + STOP)
+    at_stop = 0.5 * SPRING * GAP**2
+    if energy <= at_stop:
+        return free / (2.0 * math.pi)
+    outside = (math.pi + 2.0 * math.asin(GAP / math.sqrt(2.0 * energy / SPRING))) / free
+    # beyond the stop about the rest position at which both springs are in balance
+    speed, rest = math.sqrt(2.0 * (energy - at_stop)), SPRING * GAP / both**2
+    return 1.0 / (outside + 2.0 * (math.pi / 2.0 - math.atan2(rest * both, speed)) / both)
+
+
+def test_closed_form_itself():
+    """Published values of the closed form, and its limit 2 f1 f2 / (f1 + f2)."""
+    assert exact(1e-3) == pytest.approx(0.5568893, abs=5e-8)
+    assert exact(1.0) == pytest.approx(0.7088064, abs=5e-8)
+    assert exact(1e12) == pytest.approx(0.7147775, abs=5e-8)
+
+
+def test_one_mass_with_a_stop():
+    """Within 1e-6 at every energy; the highest point is that of the free spring, the deepest where all energy
+    is in both springs, but for half a step.
+    """
+    found = sb.backbone(one_mass(), 1, 4e-4, 1.0)
+    expected = np.array([exact(energy) for energy in found.energy])
+    assert found.complete and found.energy[0] == 4e-4 and found.energy[-1] == 1.0 and len(found.energy) > 10
+    error = np.abs(found.frequency - expected)
+    assert (error < 1e-6 * expected).all() and (found.frequency_error < 1e-6 * expected).all()
+    assert (np.abs(found.damping_ratio) < 1e-10).all()
+    motion = found.orbit(-1)
+    assert motion.displacement("x")[:, 1].max() == pytest.approx(math.sqrt(2.0 / SPRING), rel=1e-6)
+    both = SPRING + STOP
+    root = math.sqrt((STOP * GAP) ** 2 - both * (STOP * GAP**2 - 2.0))
+    assert motion.displacement("x")[:, 1].min() == pytest.approx(-(STOP * GAP + root) / both, rel=2e-5)
+
+
+def test_downwards_and_from_within():
+    """From 1 J, where the stop is at work, down: the same curve."""
+    found = sb.backbone(one_mass(), 1, 1.0, 1e-4, steps=2048)
+    assert found.energy[0] == 1.0 and found.energy[-1] == 1e-4
+    assert found.frequency == pytest.approx([exact(energy) for energy in found.energy], rel=1e-6)
+
+
+def test_damping_of_one_mass():
+    """A damper c on one mass takes c v^2 whatever the motion: the self-excitation is c / m at every energy,
+    the frequency that without damping, the ratio 0.01 f1 / f.
+    """
+    found = sb.backbone(one_mass(0.01), 1, 4e-4, 1.0, damping=True, steps=2048)
+    assert found.frequency == pytest.approx([exact(energy) for energy in found.energy], rel=1e-6)
+    own = math.sqrt(SPRING) / (2.0 * math.pi)
+    assert found.damping_ratio == pytest.approx(0.01 * own / found.frequency, rel=1e-5)
+
+
+def test_resonance_peak_is_on_it():
+    """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio
+    of 0.02 moves a peak by: its square.
+    """
+    curve = sb.frequency_response(one_mass(0.02), 0.02, 0.5, 0.8, steps=1024, stability=False)
+    top = int(np.argmax(curve.amplitude("x")))
+    found = sb.backbone(one_mass(), 1, 4e-4, 1.0, largest_step=0.1, stability=False)
+    expected = np.interp(curve.amplitude("x")[top], found.amplitude("x"), found.frequency)
+    assert expected > 0.6 and curve.frequency[top] == pytest.approx(expected, rel=2e-3)
+
+
+def two_masses(gap=1.0):
+    """Unit masses and springs in a chain, stops of stiffness 30 on either side of mass 1."""
+    return sb.reduce_matrices(
+        np.eye(2),
+        np.array([[2.0, -1.0], [-1.0, 1.0]]),
+        np.array([[1.0, 0.0], [-1.0, 0.0]]),
+        np.full(2, gap),
+        loads=np.zeros((2, 1)),
+        sensors={"1": 0, "2": 1},
+        compliance=np.full(2, 1.0 / 30.0),
+    )
+
+
+def test_second_mode_of_two_masses():
+    """At 1.19768 J mass 1 moves by 0.8137 and does not reach the stops at 1: the linear 0.2575181 Hz. (The
+    published 0.257905285 Hz is of stops made smooth, which push from afar; 1.5e-3 higher.) They are reached
+    at 1.8090 J, beyond which the frequency rises.
+    """
+    r = two_masses()
+    found = sb.backbone(r, 2, 0.5, 1.19768)
+    linear = math.sqrt((3.0 + math.sqrt(5.0)) / 2.0) / (2.0 * math.pi)
+    assert found.frequency == pytest.approx(linear, rel=1e-10)
+    assert found.amplitude("1")[-1] == pytest.approx(0.8137, abs=1e-4)
+    assert 0.257905285 / linear - 1.0 == pytest.approx(1.5e-3, rel=0.01)
+    beyond = sb.backbone(r, 2, 1.7, 4.0)
+    touching = 1.19768 / found.amplitude("1")[-1] ** 2
+    assert (beyond.frequency[beyond.energy < touching] < linear * (1.0 + 1e-9)).all()
+    rising = beyond.frequency[beyond.energy > 1.05 * touching]
+    assert (np.diff(rising) > 0.0).all() and rising[-1] > 1.05 * linear
+
+
+def test_a_motion_of_two_masses_repeats():
+    """A free history from a point of the branch, by `transient`, returns after each of ten periods, and its
+    energy is that of the branch.
+    """
+    r = two_masses()
+    found = sb.backbone(r, 2, 1.5, 3.0, steps=4096, refine=False)
+    motion, m = found.orbit(-1), len(r.omega)
+    state = found.states[-1]
+    history = sb.transient(
+        r,
+        [0.0],
+        10.0 * motion.period,
+        step=motion.period / 4096,
+        start=(state[:m] / r.omega, state[m:]),
+    )
+    u = history.displacement("2")[:, 1]
+    assert np.abs(u[::4096] - u[0]).max() < 1e-6 * np.abs(u).max()
+    assert history.energy.total[-1] == pytest.approx(3.0, rel=1e-5)
+
+
+@pytest.fixture(scope="module")
+def closed():
+    """The paper's beam with a closed crack, 30 modes."""
+    return beam(0.0)
+
+
+def beam(opening, damping=0.0):
+    model = sb.Model(
+        paper_beam(opening=opening).mesh(order=4),
+        sb.Material(young=70e9, poisson=0.33, density=2700),
+        damping=damping,
+    )
+    # any load: a backbone has none
+    return sb.periodic(model, sb.PointForce("A", fy=1e-9), 100.0, modes=30, stability=False).reduced
+
+
+def tied(r):
+    """Hz: frequencies with the faces tied, by the flexibility of the pairs."""
+    stiffness = np.diag(r.omega**2) + r.gap.modes.T @ np.linalg.pinv(r.gap.contact) @ r.gap.modes
+    return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2.0 * np.pi)
+
+
+@pytest.mark.parametrize("mode, error", [(1, 1e-5), (2, 2e-5), (3, 6e-4), (4, 6e-4), (5, 2e-3)])
+def test_closed_crack(closed, mode, error):
+    """The same frequency at every energy, and, within what the coupling of modes leaves, that of the bilinear
+    formula 2 f1 f2 / (f1 + f2) of the open and the tied beam.
+    """
+    open_side, both = closed.frequencies[mode - 1], tied(closed)[mode - 1]
+    formula = 2.0 * open_side * both / (open_side + both)
+    found = sb.backbone(closed, mode, 1e-4, 1.0, refine=False)
+    assert np.ptp(found.frequency) == 0.0 and found.energy[-1] == 1.0
+    assert found.frequency[0] == pytest.approx(formula, rel=error)
+    assert abs(found.frequency[0] - formula) < 0.1 * (both - open_side)
+    if mode in (1, 2):
+        again = sb.backbone(closed, mode, 50.0, 100.0, refine=False, stability=False)
+        assert again.frequency[0] == pytest.approx(found.frequency[0], rel=1e-9)
+
+
+@pytest.fixture(scope="module")
+def opened():
+    """The paper's beam, damping ratio 0.005, 30 modes."""
+    return beam(0.0458366, 0.005)
+
+
+def test_open_crack(opened):
+    """Mode 5: the open beam's frequency until the faces meet, then rising to that of the closed crack."""
+    found = sb.backbone(opened, 5, 1e-4, 20.0, refine=False)
+    own, both = opened.frequencies[4], tied(opened)[4]
+    limit = 2.0 * own * both / (own + both)
+    assert found.complete and found.frequency[found.energy < 1e-3] == pytest.approx(own, rel=1e-9)
+    assert (np.diff(found.frequency) > -1e-9 * own).all()
+    assert own + 0.8 * (limit - own) < found.frequency[-1] < limit
+    # small motions are neither damped nor excited
+    assert found.stable[0] and np.abs(found.multipliers[0]) == pytest.approx(1.0, abs=1e-9)
+
+
+def test_damping_of_an_open_crack(opened):
+    """Mode 1: the ratio is the modal one until the faces meet and falls as the motion shares its energy with
+    higher modes; the frequency rises towards that of the closed crack.
+    """
+    found = sb.backbone(opened, 1, 1e-4, 20.0, damping=True, refine=False)
+    own, both = opened.frequencies[0], tied(opened)[0]
+    limit = 2.0 * own * both / (own + both)
+    assert found.complete and not found.passed and found.stable.all()
+    assert found.damping_ratio[found.energy < 1e-3] == pytest.approx(0.005, rel=1e-9)
+    assert own + 0.9 * (limit - own) < found.frequency[-1] < limit
+    assert 0.0048 < found.damping_ratio[-1] < 0.00495
+
+
+@pytest.mark.slow
+def test_interactions_are_passed_over(opened):
+    """Mode 1 without damping meets multiples of its frequency that are those of higher modes; the branch goes
+    on beyond them, on the curve of the damped motion to 1e-4.
+    """
+    found = sb.backbone(opened, 1, 1e-4, 20.0, refine=False, stability=False)
+    damped = sb.backbone(opened, 1, 1e-4, 20.0, damping=True, refine=False, stability=False)
+    assert found.complete and found.passed
+    assert all(after < 1.5 * before for before, after in found.passed)
+    smooth = np.interp(np.log(found.energy), np.log(damped.energy), damped.frequency)
+    assert np.abs(found.frequency - smooth).max() < 2e-3 * own_shift(opened)
+
+
+def own_shift(r):
+    """Hz: how far mode 1 moves in all, times a hundred."""
+    return 100.0 * (tied(r)[0] - r.frequencies[0])
+
+
+@pytest.mark.parametrize(
+    "arguments, sentence",
+    [
+        ({"mode": 0}, "mode = 0 must be at least 1"),
+        ({"mode": 2}, "mode = 2 must be an elastic one of the 1 modes kept"),
+        ({"mode": 1.0}, "mode = 1.0 must be an integer"),
+        ({"start": 0.0}, "start = 0"),
+        ({"stop": 4e-4}, "start and stop are both"),
+        ({"steps": 3}, "steps = 3 must be at least 48"),
+    ],
+)
+def test_bad_requests(arguments, sentence):
+    given = {"mode": 1, "start": 4e-4, "stop": 1.0, **arguments}
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.backbone(one_mass(), **given)
+
+
+def test_a_branch_cut_short():
+    """Too few points: an error with what there is."""
+    with pytest.raises(sb.SolveError, match="ends at .* J after 3 points, before 1 J: 3 points") as caught:
+        sb.backbone(one_mass(), 1, 4e-4, 1.0, points=3)
+    assert len(caught.value.backbone.energy) == 3 and not caught.value.backbone.complete

@@ -1,0 +1,223 @@
+"""Two tones: against histories, against `periodic` where the tones have a common period, closed forms without
+contact, and what is refused.
+"""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from tests.parallel import answer, on_ranks
+from tests.reference import paper_beam
+
+PROBE, PUMP = 3000.0, 400.0 * np.sqrt(2.0)
+STEPS = 384
+
+
+def two_tones(pump=PUMP, force=100.0):
+    return sb.PointForce("A", fy=sb.Harmonic(300.0, PROBE) + sb.Harmonic(force, pump))
+
+
+@pytest.fixture(scope="module")
+def beam():
+    """80 mm, 0.06 degrees, damping ratio 0.005."""
+    return sb.Model(
+        paper_beam(opening=0.06).mesh(order=5),
+        sb.Material(young=70e9, poisson=0.3, density=2700),
+        damping=0.005,
+    )
+
+
+@pytest.fixture(scope="module")
+def found(beam):
+    return sb.quasi_periodic(beam, two_tones(), (PROBE, PUMP), modes=30, steps=STEPS)
+
+
+def test_lines_of_a_history(found):
+    """Lines of u_A in a history of 0.8 s by a separate program, which had not quite settled: main tones
+    within 3e-4, first sidebands 3e-3, second ones 2 %.
+    """
+    history = {(1, 0): 5.0547e-5, (0, 1): 2.0550e-5, (1, 1): 3.173e-8, (1, -1): 2.193e-8}
+    for (m, n), value in history.items():
+        tolerance = 3e-4 if 0 in (m, n) else 3e-3
+        assert abs(found.line(m, n, "A")) == pytest.approx(value, rel=tolerance)
+    assert abs(found.line(1, 2, "A")) == pytest.approx(5.81e-9, rel=0.02)
+    assert abs(found.line(1, -2, "A")) == pytest.approx(3.97e-9, rel=0.02)
+    assert found.stable and len(found.residuals) <= 6
+
+
+def test_a_history_stays_on_it(beam, found):
+    """`transient` from the state at t = 0: after 40 periods of the probe u_A is what the lines add up to,
+    within 2e-4 of its size: the load is linear over a step there, (2 pi / 384)^2 / 12 = 2e-5, and lines end
+    at the tenth of the pump.
+    """
+    r = found.reduced
+    start = modal_state(found, r)
+    periods = 40
+    history = sb.transient(r, two_tones(), periods / PROBE, step=1.0 / (PROBE * STEPS), start=start)
+    u, time = history.displacement("A")[-STEPS:, 1], history.time[-STEPS:]
+    lines = found.harmonics("A")
+    expected = np.zeros(STEPS)
+    for m in range(len(lines)):
+        for k, n in enumerate(found.orders):
+            if m or n >= 0:
+                expected += (lines[m, k] * np.exp(2j * np.pi * (m * PROBE + n * PUMP) * time)).real
+    assert np.abs(u - expected).max() < 2e-4 * np.abs(expected).max()
+
+
+def modal_state(found, r):
+    """Modal displacement and velocity at t = 0: the linear response and the difference to it."""
+    m, q, v = len(r.omega), 0.0, 0.0
+    for force, frequency in ((300.0, PROBE), (100.0, PUMP)):
+        omega = 2.0 * np.pi * frequency
+        amplitude = -1j * force * r.load_modes[:, 0]
+        amplitude = amplitude / (r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
+        q, v = q + amplitude.real, v + (1j * omega * amplitude).real
+    return q + found.states[0, :m] / r.omega, v + found.states[0, m:]
+
+
+def test_common_period(found):
+    """The pump an eighth of the probe: with 8 samples the curve passes through the motion that `periodic`
+    finds, and lines that fall together add up to its harmonics, to 1e-8 of the largest sideband.
+    """
+    r, pump = found.reduced, PROBE / 8.0
+    signal = sb.Harmonic(300.0, PROBE) + sb.Harmonic(100.0, pump)
+    orbit = sb.periodic(r, [signal], pump, steps=8 * STEPS)
+    harmonics = orbit.harmonics("A")
+    both = sb.quasi_periodic(r, [signal], (PROBE, pump), samples=8, steps=STEPS)
+    assert np.abs(folded(both) - harmonics[:25]).max() < 1e-8 * abs(harmonics[9])
+    assert abs(both.line(1, 1, "A")) > 1e-4 * abs(both.line(1, 0, "A"))
+    # the same disturbances die out, but for what their turning leaves of uncertainty
+    slowest = np.log(np.abs(orbit.multipliers[0])) * pump
+    assert both.exponents[:2].mean() == pytest.approx(slowest, rel=0.05)
+    # a trigonometric interpolant through kinks: the error falls with the number of samples
+    errors = []
+    for samples in (9, 21, 41):
+        other = sb.quasi_periodic(r, [signal], (PROBE, pump), samples=samples, steps=STEPS, stability=False)
+        errors.append(np.abs(folded(other) - harmonics[:25]).max() / abs(harmonics[8]))
+    assert errors[2] < 3e-6 and errors[2] < 0.5 * errors[1] < 0.25 * errors[0]
+
+
+def folded(found):
+    """Harmonics 0 to 24 of the eighth of the probe, to which lines of several (m, n) contribute."""
+    half = found.samples // 2
+    sums = np.zeros(25, dtype=complex)
+    for m in range(10):
+        for n in range(-half, half + 1):
+            k = 8 * m + n
+            if (m == 0 and n < 0) or abs(k) > 24:
+                continue
+            value = found.line(m, n, "A")
+            sums[abs(k)] += value if k > 0 else np.conj(value) if k < 0 else value.real
+    return sums
+
+
+def test_order_of_the_tones(found):
+    """The pump first: the same lines, indices exchanged."""
+    other = sb.quasi_periodic(
+        found.reduced,
+        [sb.Harmonic(300.0, PROBE) + sb.Harmonic(100.0, PUMP)],
+        (PUMP, PROBE),
+        steps=STEPS,
+        stability=False,
+        start=found,
+    )
+    assert len(other.residuals) == 1
+    for m, n in ((1, 0), (0, 1), (1, -1), (-1, 1), (2, 1)):
+        assert other.line(n, m, "A") == pytest.approx(found.line(m, n, "A"), rel=1e-9)
+
+
+def test_without_contact_two_linear_responses():
+    """An open notch: each tone by itself, no sidebands; a preload is the mean."""
+    r = oscillator(gap=1e3)
+    f1, f2, force = 0.3, 0.05 * np.sqrt(3.0), 2.0
+    load = [sb.Harmonic(force, f1, 0.7) + sb.Harmonic(1.0, f2) + sb.Constant(0.5)]
+    found = sb.quasi_periodic(r, load, (f1, f2))
+    for (m, n), frequency, amplitude in (
+        ((1, 0), f1, -1j * force * np.exp(0.7j)),
+        ((0, 1), f2, -1j),
+        ((0, 0), 0.0, 0.5),
+    ):
+        omega = 2.0 * np.pi * frequency
+        assert found.line(m, n, "x") == pytest.approx(amplitude / (1.0 - omega**2 + 0.02j * omega), rel=1e-12)
+    assert found.modulation_index("x") < 1e-14 and len(found.residuals) == 1
+    # one mass: both exponents are minus the damping
+    assert found.exponents == pytest.approx(-0.01, rel=0.2)
+
+
+def oscillator(gap):
+    """A unit mass on a unit spring with an elastic stop, damping ratio 0.01."""
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[1.0]]),
+        np.array([gap]),
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
+        damping=0.01,
+        compliance=np.array([1.0]),
+    )
+
+
+def test_sidebands_grow_with_the_pump(beam, found):
+    """Modulation index over the pump's force: nothing without it, and rising."""
+    index = []
+    for force in (25.0, 50.0):
+        weaker = sb.quasi_periodic(
+            found.reduced,
+            two_tones(force=force),
+            (PROBE, PUMP),
+            steps=STEPS,
+            stability=False,
+        )
+        index.append(weaker.modulation_index("A"))
+    assert 0.0 < index[0] < index[1] < found.modulation_index("A")
+
+
+@pytest.mark.parametrize(
+    "load, frequencies, sentence",
+    [
+        (300.0, (3000.0, 70.0), "300.0 does not say to which tone it belongs; give Harmonic"),
+        (
+            sb.Harmonic(1.0, 3000.0) + sb.Harmonic(1.0, 71.0),
+            (3000.0, 70.0),
+            "frequency=71 Hz.* belongs to neither tone",
+        ),
+        (sb.Harmonic(1.0, 3000.0), (3000.0, 70.0), "no load oscillates at 70 Hz"),
+        (sb.ToneBurst(1.0, 3000.0, 5), (3000.0, 70.0), "neither a Harmonic nor a Constant"),
+        (sb.Harmonic(1.0, 3000.0), (3000.0, 3000.0), "both frequencies are 3000 Hz"),
+        (sb.Harmonic(1.0, 3000.0), 3000.0, "must be two numbers"),
+        (sb.Harmonic(1.0, 3000.0), (3000.0, -1.0), "frequencies = -1"),
+    ],
+)
+def test_bad_requests(load, frequencies, sentence):
+    with pytest.raises((ValueError, TypeError), match=sentence):
+        sb.quasi_periodic(oscillator(1.0), [load], frequencies)
+
+
+def test_lines_beyond_the_samples(found):
+    with pytest.raises(ValueError, match=r"line \(1, 11\) is not resolved: 21 samples"):
+        found.line(1, 11, "A")
+
+
+RANKS = """
+import json
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.reference import paper_beam
+model = sb.Model(paper_beam(opening=0.06).mesh(order=3), sb.Material(70e9, 0.3, 2700), damping=0.005)
+pump = 400.0 * np.sqrt(2.0)
+load = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0) + sb.Harmonic(100.0, pump))
+found = sb.quasi_periodic(model, load, (3000.0, pump), modes=16, steps=256, samples=11)
+lines = [abs(found.line(*k, "A")) for k in ((1, 0), (0, 1), (1, 1), (1, -1))]
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"lines": lines, "exponent": float(found.exponents[0]), "peak": found.contact_peak}))
+"""
+
+
+@pytest.mark.slow
+def test_ranks():
+    """Two ranks share the samples: the same motion."""
+    one, two = answer(on_ranks(1, RANKS)), answer(on_ranks(2, RANKS))
+    for name in one:
+        assert two[name] == pytest.approx(one[name], rel=1e-6)
