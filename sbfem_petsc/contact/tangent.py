@@ -23,7 +23,7 @@ import numpy as np
 from scipy import linalg
 
 # Directions of contact that change the position by less than this share in a step are left out.
-LEAST = 1e-15
+LEAST = 1e-14
 # Consecutive instants with contact that are condensed into one.
 BLOCK = 8
 

@@ -1,8 +1,8 @@
 """Periodic motions of the unreduced model: shooting without a matrix, on PETSc (prefix ``shooting_``).
 
-The period map is `full_march`'s, the state (u, v) of all unknowns is distributed. A product with its
-derivative is one linearised period: the same steps without loads, in which the rows that touched in each
-step keep their gaps. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
+The period map is that of `UnreducedSteps`, the state (u, v) of all unknowns is distributed. A product with its
+derivative is one linearised period: the same steps without loads, in which the rows that touched in each step
+keep their gaps. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
 lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is stiffer
 than the time steps resolve does not: average acceleration turns its sign in each step and leaves its size.
 The number of steps is therefore odd, so that Phi - 1 is about -2 there and not about 0.

@@ -9,7 +9,8 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.shooting import Period
+from sbfem_petsc.dynamics.shooting import Period, shoot_nearby
+from sbfem_petsc.dynamics.steady import steady_state
 from tests.parallel import ROOT
 
 
@@ -126,6 +127,23 @@ def test_products_are_the_matrix(chain_motion, located):
             matrix @ vector,
             atol=1e-12 * np.abs(matrix).max() * np.linalg.norm(vector),
         )
+
+
+def test_fixed_point_nearby():
+    """With the derivative of the motion itself from a state beside it: the same fixed point; with one that
+    has nothing to do with it none, and not a wrong one.
+    """
+    period, driven, state = driven_chain()
+    found, _ = steady_state(period, driven.frequency, state)
+    derivative = driven.monodromy(found.motion)
+    size = np.linalg.norm(driven.linear_state)
+    start = found.state + 1e-4 * size * np.cos(np.arange(len(state)))
+    nearby = shoot_nearby(driven, start, derivative)
+    assert nearby is not None and 2 <= len(nearby.residuals) <= 6
+    assert np.linalg.norm(nearby.motion.residual) <= 1e-8 * size
+    # residual and error differ by |(Phi - 1)^-1|, about 10
+    np.testing.assert_allclose(nearby.state, found.state, atol=1e-6 * size)
+    assert shoot_nearby(driven, start, -3.0 * derivative) is None
 
 
 def test_linear_resolvent(chain_motion):

@@ -1,0 +1,103 @@
+"""What is compiled, where it is kept, and what an analysis computes once."""
+
+import os
+import shutil
+import subprocess
+import sys
+
+import numba
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.contact import marching
+from sbfem_petsc.system import model as model_module
+from tests.parallel import ROOT
+from tests.reference import paper_beam
+from tests.systems import ALUMINIUM, coarse_beam
+
+SMALL = """
+import numpy as np
+from sbfem_petsc.contact.marching import contact_forces
+force, members = np.zeros(2), np.full(3, -1)
+print(contact_forces(np.array([[2.0, 1.5], [1.5, 2.0]]), np.array([-1.0, -0.1]), np.zeros(2, bool),
+                     np.array([True, True]), np.empty((2, 2)), members, force), force, members)
+print(len(contact_forces.signatures), contact_forces.stats.cache_path)
+"""
+
+
+def run(folder, **environment):
+    inherited = {k: v for k, v in os.environ.items() if k not in ("NUMBA_CACHE_DIR", "XDG_CACHE_HOME")}
+    done = subprocess.run(
+        [sys.executable, "-c", SMALL],
+        cwd=folder,
+        env={**inherited, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1", **environment},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+@pytest.mark.parametrize("cache", ["beside", "user", "none"])
+def test_directories_that_cannot_be_written(tmp_path, cache):
+    """Machine code is kept beside the source, else in the user's cache directory; with neither it runs."""
+    shutil.copytree(
+        ROOT / "sbfem_petsc", tmp_path / "sbfem_petsc", ignore=shutil.ignore_patterns("__pycache__")
+    )
+    home = tmp_path / "home"
+    if cache != "beside":
+        # a file where the directory would be: nothing can be written there, not even by root
+        (tmp_path / "sbfem_petsc" / "contact" / "__pycache__").write_text("")
+    if cache == "none":
+        home.write_text("")
+    else:
+        home.mkdir()
+    first, second = run(tmp_path, HOME=str(home), XDG_CACHE_HOME=str(home / ".cache"))
+    # by hand: the first row alone presses, by 1/2; one exchange
+    assert first == "1 [0.5 0. ] [0 1 1]"
+    kept = list(tmp_path.rglob("*.nbc"))
+    if cache == "none":
+        assert not kept and second == "1 None"
+    else:
+        where = tmp_path / "sbfem_petsc" if cache == "beside" else home
+        assert kept and all(where in path.parents for path in kept)
+
+
+def test_one_signature():
+    """Each kernel is compiled for one kind of arrays, whatever the layout of what it is given."""
+    reduced = sb.reduce_matrices(
+        np.eye(3),
+        2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1),
+        np.eye(3)[:2],
+        np.full(2, 0.1),
+        loads=np.eye(3)[:, :1],
+        sensors={"a": 2},
+        damping=0.02,
+        compliance=np.full(2, 0.01),
+    )
+    sb.transient(reduced, [sb.Harmonic(1.0, 0.1)], 30.0, step=0.05)
+    sb.periodic(reduced, [1.0], 0.1)
+    sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
+    kernels = [f for f in vars(marching).values() if isinstance(f, numba.core.dispatcher.Dispatcher)]
+    assert len(kernels) == 2 and all(len(kernel.signatures) == 1 for kernel in kernels)
+
+
+def test_one_eigenproblem(monkeypatch):
+    """A default `periodic`, and what follows it on the same model, solve for the modes once."""
+    solved = []
+    original = model_module.lowest_modes
+
+    def counted(model, count, *args, **options):
+        solved.append(count)
+        return original(model, count, *args, **options)
+
+    monkeypatch.setattr(model_module, "lowest_modes", counted)
+    model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM, damping=0.002)
+    load = sb.PointForce("A", fy=300.0)
+    orbit = sb.periodic(model, load, 3000.0)
+    assert solved == [80] and len(orbit.reduced.omega) == 80
+    sb.periodic(model, load, 2000.0)
+    sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(1.0, 3000.0)), 1e-4)
+    assert solved == [80]
