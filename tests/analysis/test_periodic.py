@@ -184,6 +184,7 @@ def test_one_newton_is_linear(case_q):
         )
 
 
+@pytest.mark.slow
 def test_steps_modes_and_pairs(case_q):
     """512 steps are within 4e-6 of 8192, 40 and 80 modes within 5e-5 and 5e-6 of 160."""
     model, orbit = case_q
@@ -203,6 +204,7 @@ def test_steps_modes_and_pairs(case_q):
     assert far[0] < 5e-5 and far[1] < 5e-6
 
 
+@pytest.mark.slow
 def test_mean_converges_with_the_mesh(case_q):
     """The mean, most sensitive to contact near the tip: the default mesh is within 1e-3 of one of order 8 whose
     tip element is ten times smaller, a mesh in between is within 3e-4.
@@ -249,6 +251,7 @@ def test_a_history_stays_on_the_orbit(case_p):
     assert apart[0] < 1e-4 and apart[1] == pytest.approx(apart[0] / 4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_rest_leads_to_the_orbit():
     """433 Hz, damping 5 %, 300 N from rest until the slowest mode has died away to 1e-6: within 1e-4 of the
     first harmonic; 3e-6 is met.
@@ -300,6 +303,7 @@ def test_dense_matrix_free_and_differences(case_p, frequency):
         )
 
 
+@pytest.mark.slow
 def test_options_of_the_command_line():
     """-shooting_... reaches Newton's method: too few iterations are an error with the residual and exit code
     1 in a program, PETSc's own differences give the same orbit.

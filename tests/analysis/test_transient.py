@@ -99,6 +99,7 @@ def test_default_step_without_contact():
     assert found[0] < 1e-4 and found[1] == found[0]
 
 
+@pytest.mark.slow
 def test_period_error_of_newmark(fine):
     """Second order in the step: a factor of 4 from 4 to 2 microseconds, and far behind the exact scheme."""
     model, reduction = fine
@@ -123,6 +124,7 @@ def test_energy_after_the_load_has_ended(fine):
     assert history.contact_resultant[history.time > end].max() > 1000.0
 
 
+@pytest.mark.slow
 def test_reduced_history_converges_with_modes():
     """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against
     250.

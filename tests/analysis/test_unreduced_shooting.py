@@ -24,6 +24,7 @@ def harmonics(orbit):
     return orbit.harmonics("A")[:7]
 
 
+@pytest.mark.slow
 def test_open_crack_is_the_linear_response(model):
     """Without contact: the closed form in 160 modes, but for average acceleration's period error of (omega
     h)^2 / 12, magnified by mode 7 at 3006 Hz.
@@ -93,6 +94,7 @@ if model.comm.rank == 0:
 """
 
 
+@pytest.mark.slow
 def test_ranks_agree():
     """The linear solves' tolerance is what remains."""
     found = [answer(on_ranks(ranks, PROGRAM)) for ranks in (1, 3)]

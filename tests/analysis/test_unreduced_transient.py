@@ -102,6 +102,7 @@ def test_options_reach_the_solve(model):
             options.delValue(name)
 
 
+@pytest.mark.slow
 def test_modal_damping_is_that_of_the_reduced_model(model):
     """zeta = 0.002 in 40 modes, with contact: within 5e-5 of the reduced history, where a M + b K through the
     first mode and the load's frequency is at 5e-4 and more.

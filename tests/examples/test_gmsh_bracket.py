@@ -157,7 +157,7 @@ def test_two_ranks(ran, tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_against_independent_finite_elements(ran):
     """scikit-fem's triangles of order 4, graded to the tip, on the same geometry.
 

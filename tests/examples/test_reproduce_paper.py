@@ -14,6 +14,8 @@ from tests.examples.programs import EXAMPLES, check_help, run
 from tests.parallel import on_ranks
 from tests.reference import DATA, frequencies
 
+pytestmark = pytest.mark.slow  # each test starts the program
+
 FAST = ("eq1", "table2", "table4", "table6", "fig12")
 POINTS = ("A", "B", "C")
 
@@ -350,7 +352,7 @@ def at(numbers, path: str):
     return numbers
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_whole_report(tmp_path):
     """All parts on two ranks: every number that matters, and which of the paper's statements are met."""
     began = time.perf_counter()

@@ -23,7 +23,7 @@ def harmonics(path, case):
     return np.abs(column(path, f"re_{case}_m") + 1j * column(path, f"im_{case}_m"))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_harmonics(tmp_path):
     """Figs. 8 and 9 on the refined mesh; a mesh of 113 pairs changes A1 by 1e-4, the ratios by 1e-4 at 3000
     Hz and 5e-4 at 20140 Hz, twice the steps by 1e-5.
@@ -83,7 +83,7 @@ def test_harmonics_on_two_ranks(tmp_path):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_frequency_response(tmp_path):
     """Fig. 11 at 300 N over two damping ratios, on the default mesh (26 pairs; single motions every 2 Hz have
     their peak of 22.15 nm/N between 14166 and 14170 Hz).

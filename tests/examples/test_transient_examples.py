@@ -22,7 +22,7 @@ def cells(lines, *first):
     return found[0]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tone_burst(tmp_path):
     """Figs. 5 and 6 at steps of 2 us: 4.3e-4 at 1 N and 3.9e-4 at 300 N on the refined mesh, peak resultant
     0.4 % below the reference's.
@@ -69,7 +69,7 @@ def test_short_tone_burst_on_two_ranks(tmp_path):
         )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_long_beam(tmp_path):
     """Fig. 7: the line at f1 + f_omega stands at 1.14e-3 m/s^2 in the first second of the cracked beam (steps
     of 8 to 1 us: 1.63, 1.16, 1.12, 1.14e-3), and not in the healthy one.
@@ -94,7 +94,7 @@ def test_long_beam(tmp_path):
     assert (tmp_path / "figure_7.png").stat().st_size > 20000
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_modulation(tmp_path):
     """Fig. 10: modulation index 0.0114 (0.01155 settled, order 5) of the first pair and 0.13 of the second;
     none in the healthy beam.

@@ -54,6 +54,7 @@ def compare(found, expected):
         np.testing.assert_allclose(found["K"], expected["K"], rtol=1e-5, atol=1e-5 * abs(expected["K"][0][0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_paper_beam(serial, ranks):
     compare(answer(on_ranks(ranks, PROGRAM, "paper", "each")), serial["paper"])
@@ -64,6 +65,7 @@ def test_mesh_on_rank_0_alone(serial):
     compare(answer(on_ranks(3, PROGRAM, "paper", "root")), serial["paper"])
 
 
+@pytest.mark.slow
 def test_more_ranks_than_elements(serial):
     """Two S-elements on four ranks."""
     assert serial["two"]["elements"] == 2
@@ -85,6 +87,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.slow
 def test_iterative_solver_by_option():
     """Conjugate gradients with algebraic multigrid, chosen on the command line, on two ranks, agree with the
     direct solver.
