@@ -8,6 +8,10 @@ from __future__ import annotations
 
 import importlib
 
+from . import abort
+
+abort.install_if_launched()
+
 __version__ = "0.1.0"
 
 _HOME = {

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Collection
+import os
+from collections.abc import Collection, Sequence
 from typing import Any
+
+import numpy as np
 
 
 def real(
@@ -29,9 +32,12 @@ def real(
         If it is not finite or outside the bounds (`above` and `below` are excluded, `least` and `most` are not).
     """
     in_unit = f" ({unit})" if unit else ""
-    if isinstance(value, bool) or not isinstance(value, numbers.Real) or type(value).__name__ == "bool_":
-        raise TypeError(f"{owner}: {name} = {value!r} must be a number{in_unit}")
-    number = float(value)
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a number{in_unit}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
     bounds = [
         f"above {above:g}" if above is not None else "",
         f"at least {least:g}" if least is not None else "",
@@ -47,7 +53,7 @@ def real(
     )
     if not inside:
         wanted = " and ".join(part for part in ["finite", *bounds] if part)
-        raise ValueError(f"{owner}: {name} = {value!r} must be {wanted}{in_unit}")
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}{in_unit}")
     return number
 
 
@@ -59,26 +65,123 @@ def positive(owner: str, name: str, value: Any, unit: str = "") -> float:
 def integer(owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None) -> int:
     """`value` as an int between bounds, both included; TypeError or ValueError otherwise."""
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        raise TypeError(f"{owner}: {name} = {value!r} must be an integer")
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be an integer")
     number = int(value)
     if (least is not None and number < least) or (most is not None and number > most):
         if least is not None and most is not None:
             wanted = f"between {least} and {most}"
         else:
             wanted = f"at least {least}" if least is not None else f"at most {most}"
-        raise ValueError(f"{owner}: {name} = {value!r} must be {wanted}")
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}")
     return number
 
 
 def flag(owner: str, name: str, value: Any) -> bool:
     """`value` as a bool; TypeError for anything else, however true it looks."""
-    if type(value).__name__ not in ("bool", "bool_"):
-        raise TypeError(f"{owner}: {name} = {value!r} must be True or False")
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be True or False")
     return bool(value)
 
 
 def choice(owner: str, name: str, value: Any, options: Collection[str]) -> str:
     """`value` as one of several words; ValueError otherwise."""
     if not isinstance(value, str) or value not in options:
-        raise ValueError(f"{owner}: {name} = {value!r} must be one of {', '.join(map(repr, options))}")
+        kind = ValueError if isinstance(value, str) else TypeError
+        raise kind(f"{owner}: {name} = {shown(value)} must be one of {', '.join(map(repr, options))}")
     return value
+
+
+def text(owner: str, name: str, value: Any) -> str:
+    """`value` as a string that is not empty; TypeError or ValueError otherwise."""
+    if not isinstance(value, str):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string")
+    if not value.strip():
+        raise ValueError(f"{owner}: {name} = {value!r} must not be empty")
+    return value
+
+
+def path(owner: str, name: str, value: Any) -> str:
+    """`value`, a string or a path, as the string of a path; TypeError or ValueError otherwise."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string or a path")
+    place = os.fspath(value)
+    if not place.strip() or any(ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in place):
+        raise ValueError(f"{owner}: {name} = {place!r} is no name of a file")
+    return place
+
+
+def callback(owner: str, name: str, value: Any) -> Any:
+    """`value` if it can be called; TypeError otherwise."""
+    if not callable(value):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a function")
+    return value
+
+
+def progress(owner: str, value: Any) -> Any:
+    """What is called with the fraction done: a function, "auto" or None; TypeError or ValueError otherwise."""
+    if value is None or (isinstance(value, str) and value == "auto"):
+        return value
+    if isinstance(value, str) or not callable(value):
+        kind = ValueError if isinstance(value, str) else TypeError
+        raise kind(f"{owner}: progress = {shown(value)} must be a function, 'auto' or None")
+    return value
+
+
+def instance(owner: str, name: str, value: Any, kinds: type | tuple[type, ...], wanted: str) -> Any:
+    """`value` if it is of one of some classes, `wanted` in words; TypeError otherwise."""
+    if not isinstance(value, kinds):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be {wanted}")
+    return value
+
+
+def numbers_of(owner: str, name: str, value: Any, count: int, what: str, **bounds: float) -> tuple[float, ...]:
+    """`value` as so many finite floats; TypeError or ValueError otherwise.
+
+    Parameters
+    ----------
+    what : str
+        What is expected, for messages: "two frequencies, low and high, in Hz".
+    bounds
+        See `real`.
+    """
+    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, (str, bytes)) or np.ndim(value) != 1:
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be {what}")
+    if len(value) != count:
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be {what}")
+    return tuple(real(owner, f"{name}[{k}]", item, **bounds) for k, item in enumerate(value))
+
+
+def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "") -> np.ndarray:
+    """`value` as a new array of finite floats with so many dimensions.
+
+    Raises
+    ------
+    TypeError
+        If its entries are no real numbers; bools and complex numbers are none.
+    ValueError
+        If it has other dimensions or values that are not finite.
+    """
+    in_unit = f" ({unit})" if unit else ""
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{owner}: {name} has rows of different lengths") from None
+    if array.dtype.kind not in "iuf":
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be an array of real numbers{in_unit}")
+    if array.ndim != dimensions:
+        raise ValueError(f"{owner}: {name} has {array.ndim} dimensions, {dimensions} are expected")
+    array = array.astype(float)
+    if not np.isfinite(array).all():
+        place = tuple(int(k) for k in np.argwhere(~np.isfinite(array))[0])
+        at = place[0] if len(place) == 1 else place
+        raise ValueError(f"{owner}: {name}[{at}] = {array[place]} must be finite{in_unit}")
+    return array
+
+
+def shown(value: Any) -> str:
+    """What stands for a value in a message: its repr on one line, cut where it is long."""
+    try:
+        line = " ".join(repr(value).split())
+    except Exception:  # a foreign class' own fault
+        line = f"<{type(value).__name__}>"
+    return line if len(line) <= 80 else f"{line[:76]} ..."

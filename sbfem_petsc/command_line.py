@@ -5,15 +5,8 @@ from __future__ import annotations
 import argparse
 import sys
 
-PREFIXES = {
-    "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
-    "-modal_st_pc_... (its linear solves)",
-    "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
-    "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
-    "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., "
-    "-shooting_pc_... (its linear solves)",
-    "floquet_": "Floquet multipliers: -floquet_eps_...",
-}
+from .petsc_options import PREFIXES, is_option
+
 # PETSc's own options for a whole run
 GENERAL = (
     "log_",
@@ -98,7 +91,7 @@ def wrong_option(words: list[str]) -> str | None:
     """What is wrong with words meant for PETSc: a sentence, or None."""
     known = (*PREFIXES, *GENERAL)
     for position, word in enumerate(words):
-        if word.startswith("-") and not _is_number(word) and not word[1:].startswith(known):
+        if is_option(word) and not word[1:].startswith(known):
             return (
                 f"option {word} belongs to no solve of this program; PETSc's options start with "
                 f"{', '.join('-' + p for p in PREFIXES)} or are general ones such as -log_view"
@@ -178,10 +171,3 @@ def _rank() -> int:
 
     return MPI.COMM_WORLD.rank
 
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True

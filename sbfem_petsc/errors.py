@@ -18,6 +18,14 @@ class SolveError(RuntimeError):
     """
 
 
+class LoadWarning(UserWarning):
+    """A load acts on nothing, because a support holds the direction of it."""
+
+
+class BandWarning(UserWarning):
+    """The modes kept, or the mesh behind them, do not reach the band of the loads."""
+
+
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]
@@ -26,7 +34,7 @@ def on_all_ranks(error: Exception) -> Exception:
 
 def at_point(table: dict, point: str):
     """The entry of a named point, or an error that lists the points."""
-    if point not in table:
+    if not isinstance(point, str) or point not in table:
         raise UnknownName(f"point {point!r} does not exist; the model has {listed(table)}")
     return table[point]
 

@@ -17,7 +17,7 @@ from scipy.fft import rfft, rfftfreq
 from scipy.signal import detrend as remove_trend
 from scipy.signal import get_window
 
-from .material import positive
+from .checks import choice, integer, positive, real, real_array, shown
 
 # A record is coherent with a tone if it holds whole periods of it to this fraction of a period.
 COHERENT = 1e-6
@@ -31,18 +31,13 @@ def _record(owner: str, time, values, columns: bool = False) -> tuple[np.ndarray
     """Checked time and values as arrays of floats, and the step."""
     arrays = []
     for name, given in (("time", time), ("values", values)):
-        array = np.asarray(given)
-        if array.dtype.kind not in "iuf":
-            raise TypeError(f"{owner}: {name} holds entries of type {array.dtype}; real numbers are expected")
-        if array.ndim != 1 and not (columns and name == "values" and array.ndim > 1):
+        shape = getattr(given, "shape", ())
+        if len(shape) > 1 and not (columns and name == "values"):
             raise ValueError(
-                f"{owner}: {name} has the shape {array.shape}; one dimension is expected (one component, "
+                f"{owner}: {name} has the shape {shape}; one dimension is expected (one component, "
                 "such as values[:, 1])"
             )
-        if not np.isfinite(array).all():
-            place = tuple(map(int, np.argwhere(~np.isfinite(array))[0]))
-            raise ValueError(f"{owner}: {name}[{', '.join(map(str, place))}] = {array[place]} must be finite")
-        arrays.append(array.astype(float))
+        arrays.append(real_array(owner, name, given, max(len(shape), 1)))
     t, u = arrays
     if len(t) != len(u):
         raise ValueError(f"{owner}: {len(t)} times and {len(u)} values were given; their numbers must agree")
@@ -63,11 +58,10 @@ def _record(owner: str, time, values, columns: bool = False) -> tuple[np.ndarray
 
 def _tones(owner: str, frequencies, step: float, zero: bool = False) -> np.ndarray:
     """Checked frequencies below half the sampling rate."""
-    tones = np.atleast_1d(np.asarray(frequencies))
-    if tones.ndim != 1 or not tones.size or tones.dtype.kind not in "iuf":
-        raise TypeError(
-            f"{owner}: frequencies = {frequencies!r} must be a number or a sequence of numbers, in Hz"
-        )
+    one = not isinstance(frequencies, (list, tuple, np.ndarray))
+    tones = real_array(owner, "frequencies", frequencies, 0 if one else 1, "Hz").reshape(-1)
+    if not tones.size:
+        raise ValueError(f"{owner}: frequencies = {shown(frequencies)} must be a number or a sequence of numbers, in Hz")
     for tone in tones:
         if not (np.isfinite(tone) and (tone > 0.0 or zero and tone == 0.0)):
             raise ValueError(
@@ -78,15 +72,7 @@ def _tones(owner: str, frequencies, step: float, zero: bool = False) -> np.ndarr
                 f"{owner}: frequency {tone:.10g} Hz is not below half the sampling rate, {0.5 / step:.10g} "
                 "Hz; a smaller step is needed"
             )
-    return tones.astype(float)
-
-
-def _count(owner: str, name: str, value, least: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{owner}: {name} = {value!r} must be a whole number")
-    if value < least:
-        raise ValueError(f"{owner}: {name} = {value} must be at least {least}")
-    return int(value)
+    return tones
 
 
 def _off(cycles: np.ndarray) -> np.ndarray:
@@ -223,10 +209,10 @@ def spectrum(
         Tones in the record, Hz, by which `coherent` is judged.
     """
     t, u, step = _record("spectrum", time, values)
-    if detrend not in (None, "constant", "linear"):
-        raise ValueError(f'spectrum: detrend = {detrend!r} is unknown; use None, "constant" or "linear"')
     if detrend is not None:
-        u = remove_trend(u, type=detrend)
+        u = remove_trend(u, type=choice("spectrum", "detrend", detrend, ("constant", "linear")))
+    if window is not None and not isinstance(window, (str, tuple)):
+        raise TypeError(f"spectrum: window = {shown(window)} must be None, a name such as 'hann', or a tuple")
     try:
         weights = np.ones(len(u)) if window is None else get_window(window, len(u))
     except (ValueError, TypeError) as error:
@@ -336,7 +322,7 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
         whole number of steps.
     """
     t, u, step = _record("harmonics", time, values)
-    count = _count("harmonics", "count", count, 1)
+    count = integer("harmonics", "count", count, least=1)
     return _fit(
         "harmonics",
         t,
@@ -353,7 +339,13 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
 
 def _amplitudes(owner: str, c, least: int) -> np.ndarray:
     """|c_k| of the last axis."""
-    amplitude = np.abs(np.asarray(c))
+    try:
+        array = np.asarray(c)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{owner}: c = {shown(c)} must be an array of harmonics, complex or real numbers")
+    amplitude = np.abs(array)
     if amplitude.ndim < 1 or amplitude.shape[-1] <= least:
         raise ValueError(
             f"{owner}: harmonics of shape {amplitude.shape} were given; c_0 to c_{least} are needed along "
@@ -428,7 +420,7 @@ class Subharmonics:
 def subharmonics(time, values, frequency: float, divisor: int = 2, count: int = 3) -> Subharmonics:
     """Lines at k frequency / divisor up to harmonic `count` of the driving `frequency` (Hz)."""
     t, u, step = _record("subharmonics", time, values)
-    divisor, count = _count("subharmonics", "divisor", divisor, 2), _count("subharmonics", "count", count, 1)
+    divisor, count = integer("subharmonics", "divisor", divisor, least=2), integer("subharmonics", "count", count, least=1)
     drive = positive("subharmonics", "frequency", frequency, "Hz")
     lines = _tones("subharmonics", drive / divisor * np.arange(divisor * count + 1), step, zero=True)
     return Subharmonics(drive, divisor, _fit("subharmonics", t, u, step, lines))
@@ -502,7 +494,7 @@ def sidebands(time, values, carrier: float, modulation: float, order: int = 1) -
         Pairs of sidebands.
     """
     t, u, step = _record("sidebands", time, values)
-    order = _count("sidebands", "order", order, 1)
+    order = integer("sidebands", "order", order, least=1)
     carrier, modulation = (
         positive("sidebands", "carrier", carrier, "Hz"),
         positive("sidebands", "modulation", modulation, "Hz"),
@@ -574,6 +566,7 @@ def contact_duty(time, contact_force, threshold: float = 0.0) -> ContactDuty:
         raise ValueError(
             f"contact_duty: contact_force has the shape {force.shape}; (times,) or (times, pairs) is expected"
         )
+    threshold = real("contact_duty", "threshold", threshold, "N")
     touching = force.reshape(len(force), -1) > threshold
     return ContactDuty(
         touching.mean(axis=0), float(touching.any(axis=1).mean()), float(touching.all(axis=1).mean())
@@ -586,7 +579,10 @@ def frequency_shift(cracked: Sequence[float], healthy: Sequence[float]) -> np.nd
 
     The modes must have been paired before, by their shapes where frequencies cross.
     """
-    pair = [np.asarray(given, dtype=float) for given in (cracked, healthy)]
+    pair = [
+        real_array("frequency_shift", name, given, max(len(getattr(given, "shape", ())), 1), "Hz")
+        for name, given in (("cracked", cracked), ("healthy", healthy))
+    ]
     if pair[0].shape != pair[1].shape:
         raise ValueError(
             f"frequency_shift: {pair[0].shape} cracked and {pair[1].shape} healthy frequencies were given; "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, fields, replace
 from numbers import Real
@@ -10,6 +9,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from .checks import real, shown, text
 from .errors import UnknownName, listed
 from .signals import Signal, as_signal
 
@@ -54,20 +54,25 @@ class Load:
             if not (isinstance(value, Real) and value == 0)
         ]
 
+    def __post_init__(self) -> None:
+        for name in _PLACES:
+            if hasattr(self, name):
+                text(type(self).__name__, name, getattr(self, name))
+        for name, value in self.components.items():
+            if not isinstance(value, Signal):
+                real(type(self).__name__, name, value)
+
     def check(self, structure: LoadAssembler, constant: bool = True) -> None:
-        """Raise KeyError, TypeError or ValueError if the place does not exist or a component is no finite number
-        (or, unless `constant`, no signal).
+        """Raise KeyError or TypeError if the place does not exist or a component is a signal although only constants
+        have a meaning.
         """
         self._check_place(structure)
         for name, value in self.components.items():
-            what = f"{type(self).__name__}: {name} = {value!r}"
-            if isinstance(value, Signal):
-                if constant:
-                    raise TypeError(f"{what} must be a number (signals are for transient and periodic)")
-            elif not isinstance(value, Real) or isinstance(value, bool):
-                raise TypeError(f"{what} must be a number")
-            elif not math.isfinite(value):
-                raise ValueError(f"{what} must be a finite number")
+            if constant and isinstance(value, Signal):
+                raise TypeError(
+                    f"{type(self).__name__}: {name} = {shown(value)} must be a number (signals are for transient and "
+                    "periodic)"
+                )
 
     def _check_place(self, structure: LoadAssembler) -> None:
         """Raise KeyError if the place of the load does not exist."""
@@ -166,6 +171,13 @@ class Loads:
 
     parts: tuple[Load, ...] = ()
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.parts, (list, tuple)):
+            raise TypeError(f"Loads: parts = {shown(self.parts)} must be a sequence of loads")
+        for item in self.parts:
+            if not isinstance(item, (Load, Loads)):
+                raise TypeError(f"Loads: parts has {shown(item)}, which is no load")
+
     def __add__(self, other: Load | Loads) -> Loads:
         return Loads(self.parts + as_loads(other).parts)
 
@@ -184,8 +196,6 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
     items = (
         load.parts if isinstance(load, Loads) else tuple(load) if isinstance(load, (list, tuple)) else (load,)
     )
-    if not isinstance(items, (list, tuple)):
-        raise TypeError(f"Loads: parts = {items!r} must be a sequence of loads")
     flat: list[Load] = []
     for item in items:
         if isinstance(item, Loads):
@@ -193,7 +203,7 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
         elif isinstance(item, Load):
             flat.append(item)
         else:
-            raise TypeError(f"load {item!r} is neither a PointForce nor an EdgeLoad nor a SupportMotion")
+            raise TypeError(f"load = {shown(item)} is neither a PointForce nor an EdgeLoad nor a SupportMotion")
     return Loads(tuple(flat))
 
 

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
+from .checks import choice, positive, real
 
-def positive(owner: str, name: str, value: float, unit: str) -> float:
-    """`value` as a float, or an error sentence that names the item, its value and what was expected."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{owner}: {name} = {value!r} is not a number; give it in {unit}")
-    if not (math.isfinite(value) and value > 0):
-        raise ValueError(f"{owner}: {name} = {value!r} must be a positive, finite number ({unit})")
-    return float(value)
+# Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers' range.
+LEAST, MOST = 1e-30, 1e30
+PLANES = ("stress", "strain")
 
 
 @dataclass(frozen=True)
@@ -43,13 +41,10 @@ class Material:
     plane: str = "stress"
 
     def __post_init__(self) -> None:
-        positive("Material", "young", self.young, "Pa")
-        positive("Material", "density", self.density, "kg/m^3")
-        _check_plane(self.plane)
-        if isinstance(self.poisson, bool) or not isinstance(
-            self.poisson, (int, float, np.integer, np.floating)
-        ):
-            raise TypeError(f"Material: poisson = {self.poisson!r} is not a number")
+        _scale("Material", "young", self.young, "Pa")
+        _scale("Material", "density", self.density, "kg/m^3")
+        choice("Material", "plane", self.plane, PLANES)
+        real("Material", "poisson", self.poisson)
         upper_ok = self.poisson <= 0.5 if self.plane == "stress" else self.poisson < 0.5
         if not (self.poisson > -1.0 and upper_ok):
             limit = (
@@ -117,19 +112,15 @@ class OrthotropicMaterial:
 
     def __post_init__(self) -> None:
         for name in ("young_1", "young_2", "shear_12"):
-            positive("OrthotropicMaterial", name, getattr(self, name), "Pa")
-        positive("OrthotropicMaterial", "density", self.density, "kg/m^3")
-        _check_plane(self.plane)
+            _scale("OrthotropicMaterial", name, getattr(self, name), "Pa")
+        _scale("OrthotropicMaterial", "density", self.density, "kg/m^3")
+        choice("OrthotropicMaterial", "plane", self.plane, PLANES)
         if self.young_3 is not None:
-            positive("OrthotropicMaterial", "young_3", self.young_3, "Pa")
+            _scale("OrthotropicMaterial", "young_3", self.young_3, "Pa")
         for name in ("poisson_12", "angle", "poisson_13", "poisson_23"):
             value = getattr(self, name)
-            if value is None and name in ("poisson_13", "poisson_23"):
-                continue
-            if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-                raise TypeError(f"OrthotropicMaterial: {name} = {value!r} is not a number")
-            if not math.isfinite(value):
-                raise ValueError(f"OrthotropicMaterial: {name} = {value!r} must be finite")
+            if value is not None or name in ("poisson_12", "angle"):
+                real("OrthotropicMaterial", name, value, "degrees" if name == "angle" else "")
         if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
             raise ValueError(
                 f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "
@@ -171,6 +162,7 @@ class OrthotropicMaterial:
         return turn.T @ principal @ turn / self.modulus
 
 
-def _check_plane(plane: str) -> None:
-    if plane not in ("stress", "strain"):
-        raise ValueError(f'plane = {plane!r} is unknown; use "stress" or "strain"')
+def _scale(owner: str, name: str, value: Any, unit: str) -> float:
+    """A modulus or density of a size that can be computed with."""
+    positive(owner, name, value, unit)
+    return real(owner, name, value, unit, least=LEAST, most=MOST)

@@ -1,12 +1,34 @@
-"""Errors and small exchanges between the ranks of a communicator."""
+"""Errors, agreement and small exchanges between the ranks of a communicator."""
 
 from __future__ import annotations
 
+import os
+import pickle
 import sys
-import traceback
-from typing import Literal
+import time
+from collections.abc import Callable
+from typing import Any, Literal, TypeVar
 
+import numpy as np
 from mpi4py import MPI
+
+from . import abort
+from .checks import shown
+from .errors import SolveError, UnknownName
+from .fingerprint import Fingerprint, fingerprint
+
+# Seconds after which an exchange with a rank that has left is given up: it may have taken part before it left.
+GRACE = 5.0
+# Relative difference of numbers that different processors explain.
+ROUND_OFF = 1e-9
+WIDTH = 17  # bytes of an exchange: its kind and a digest
+FINE, FAILED, AGREE = b"\0", b"\1", b"\2"
+
+Result = TypeVar("Result")
+
+
+class RanksDiffer(ValueError):
+    """Ranks were given different arguments, or call different functions."""
 
 
 class collective:
@@ -25,17 +47,25 @@ class collective:
     def __exit__(self, kind, error, trace) -> Literal[False]:
         if error is not None and not isinstance(error, Exception):
             return False
-        mine = None if error is None else (kind, error.args)
-        first = next((e for e in self.comm.allgather(mine) if e is not None), None)
-        if first is None:
+        comm = self.comm
+        abort.noted(comm)
+        if comm.size == 1:
+            if error is not None:
+                _mark(error)
             return False
+        told = _exchange(comm, FINE if error is None else FAILED)
+        if all(word[:1] == FINE for word in told):
+            return False
+        if any(word[:1] == AGREE for word in told):
+            raise _mark(_apart(comm, told))
+        messages = comm.allgather(None if error is None else _packed(error))
         if error is None:
-            error = first[0](*first[1])
-        error.on_all_ranks = True
-        raise error.with_traceback(trace)
+            raise _mark(_unpacked(next(m for m in messages if m is not None)))
+        _mark(error)
+        return False
 
 
-def on_root(comm: MPI.Comm, work):
+def on_root(comm: MPI.Comm, work: Callable[[], Result]) -> Result | None:
     """`work()` on rank 0, None elsewhere; an error of it is raised on every rank."""
     result = None
     with collective(comm):
@@ -44,24 +74,140 @@ def on_root(comm: MPI.Comm, work):
     return result
 
 
-def install_abort(comm: MPI.Comm) -> None:
-    """Let an uncaught error of one rank end all ranks instead of leaving them waiting for it.
+def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
+    """Refuse arguments that differ between the ranks of `comm`, which would mix into a wrong result. Collective.
 
-    An error known to all ranks is printed once, by rank 0, and every rank exits with code 1.
+    Numbers may differ by rounding. A rank that calls another function meanwhile is told of too.
+
+    Parameters
+    ----------
+    comm : Comm
+    owner : str
+        The function, for messages.
+    arguments
+        What every rank was given.
+
+    Raises
+    ------
+    RanksDiffer
+        On all ranks, with the name of the first argument that differs.
     """
-    if comm.size == 1 or getattr(sys.excepthook, "aborts_communicator", False):
+    abort.noted(comm)
+    if comm.size == 1:
         return
-    previous = sys.excepthook
+    marks = {name: fingerprint(value) for name, value in arguments.items()}
+    whole = fingerprint((owner, [mark.digest for mark in marks.values()])).digest
+    told = _exchange(comm, AGREE + whole)
+    if all(word == told[0] for word in told):
+        return
+    if any(word[:1] != AGREE for word in told):
+        raise _mark(_apart(comm, told))
+    texts = {name: shown(value) for name, value in arguments.items()}
+    calls: list[tuple[str, dict[str, Fingerprint], dict[str, str]]] = comm.allgather((owner, marks, texts))
+    names = [call[0] for call in calls]
+    if len(set(names)) > 1:
+        other = next(rank for rank, name in enumerate(names) if name != names[0])
+        raise _mark(
+            RanksDiffer(
+                f"rank 0 calls {names[0]} while rank {other} calls {names[other]}; call the same on all ranks"
+            )
+        )
+    for name, first in calls[0][1].items():
+        for rank, (_, others, texts) in enumerate(calls):
+            if not first.same(others[name], ROUND_OFF):
+                raise _mark(
+                    RanksDiffer(
+                        f"{owner}: {name} differs between the ranks: {calls[0][2][name]} on rank 0, {texts[name]} on "
+                        f"rank {rank}; give every rank the same"
+                    )
+                )
 
-    def hook(kind, error, trace):
-        if getattr(error, "on_all_ranks", False):
-            if comm.rank == 0:
-                previous(kind, error, trace)
-            return
-        traceback.print_exception(kind, error, trace)
-        sys.stderr.write(f"rank {comm.rank} of {comm.size} failed: all ranks are stopped\n")
-        sys.stderr.flush()
-        comm.Abort(1)
 
-    hook.aborts_communicator = True  # type: ignore[attr-defined]
-    sys.excepthook = hook
+def checked_communicator(owner: str, comm: Any) -> MPI.Comm:
+    """A communicator of mpi4py, COMM_WORLD for None; TypeError or ValueError otherwise."""
+    if comm is None:
+        return MPI.COMM_WORLD
+    if not isinstance(comm, MPI.Intracomm):
+        raise TypeError(f"{owner}: comm = {shown(comm)} must be a communicator of mpi4py, such as MPI.COMM_WORLD")
+    if comm == MPI.COMM_NULL:
+        raise ValueError(f"{owner}: comm = MPI.COMM_NULL has no ranks; leave the model to the ranks that have one")
+    return comm
+
+
+def alone(comm: MPI.Comm) -> bool:
+    """Whether an error is on its way that other ranks of `comm` do not know of: nothing collective may be done
+    then, such as the end of a factorisation, for they would be waited for.
+    """
+    error = sys.exc_info()[1]
+    return comm.size > 1 and error is not None and not getattr(error, "on_all_ranks", False)
+
+
+def _mark(error: Exception) -> Exception:
+    error.on_all_ranks = True  # type: ignore[attr-defined]
+    return error
+
+
+def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
+    """The words of all ranks; an error if one of them has ended its program."""
+    mine = np.frombuffer(word.ljust(WIDTH, b"\0"), dtype=np.uint8)
+    table = np.empty((comm.size, WIDTH), dtype=np.uint8)
+    request = comm.Iallgather(mine, table)
+    missing, since, turns = None, 0.0, 0
+    while not request.Test():
+        turns += 1
+        if turns < 1000:
+            continue
+        os.sched_yield() if hasattr(os, "sched_yield") else time.sleep(0)
+        if missing is None:
+            missing, since = (abort.left(comm) if turns % 100 == 0 else None), time.monotonic()
+        elif time.monotonic() - since > GRACE:
+            raise SolveError(
+                f"rank {missing} has ended its program, but rank {comm.rank} of {comm.size} still waits for it: "
+                "what works on a model, or with its results on several ranks, is called on all of them"
+            )
+    return [row.tobytes() for row in table]
+
+
+def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:
+    """Ranks that are at different places of a program."""
+    kinds = [word[:1] for word in told]
+    other = next(rank for rank, kind in enumerate(kinds) if kind != kinds[0])
+    return RanksDiffer(
+        f"rank {other} of {comm.size} is at another place of the program than rank 0; what works on a model is called "
+        "on all ranks, in the same order"
+    )
+
+
+def _packed(error: Exception) -> tuple[bytes | None, str, str]:
+    """An error as it can be sent: itself if it survives that, the nearest known type and its text."""
+    kinds = (UnknownName, SolveError, KeyError, TypeError, ValueError, OSError, RuntimeError, ArithmeticError)
+    kind = next((kind.__name__ for kind in kinds if isinstance(error, kind)), "RuntimeError")
+    whole = None
+    try:
+        whole = pickle.dumps(error)
+        copy = pickle.loads(whole)
+        if type(copy) is not type(error) or str(copy) != str(error):
+            whole = None
+    except Exception:  # whatever a foreign class does when it is copied
+        whole = None
+    return whole, kind, str(error)
+
+
+def _unpacked(message: tuple[bytes | None, str, str]) -> Exception:
+    """The error of another rank."""
+    whole, kind, text = message
+    if whole is not None:
+        try:
+            return pickle.loads(whole)
+        except Exception:  # a class that this rank does not know
+            pass
+    plain: dict[str, type[Exception]] = {
+        "UnknownName": UnknownName,
+        "SolveError": SolveError,
+        "KeyError": UnknownName,
+        "TypeError": TypeError,
+        "ValueError": ValueError,
+        "OSError": OSError,
+        "ArithmeticError": ArithmeticError,
+    }
+    return plain.get(kind, RuntimeError)(text)

@@ -2,7 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+from . import petsc_options
+
 try:
+    petsc_options.start()
     import petsc4py
     import slepc4py
     from mpi4py import MPI
@@ -15,15 +22,31 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         "build)."
     ) from error
 
+from . import abort
 from .errors import SolveError, on_all_ranks
-from .parallel import install_abort
+from .parallel import alone
 
-__all__ = ["MPI", "PETSc", "SLEPc", "direct_solver", "make_ksp", "check_ksp", "solver_name", "version_line"]
+__all__ = [
+    "MPI",
+    "PETSc",
+    "SLEPc",
+    "check_ksp",
+    "configure",
+    "direct_solver",
+    "free",
+    "make_ksp",
+    "solver_name",
+    "solving",
+    "version_line",
+]
+
+OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
 
 if PETSc.Sys.getVersion() < (3, 18, 0):  # pragma: no cover - depends on the machine
     raise ImportError(f"petsc4py {petsc4py.__version__} is too old: 3.18 or newer is needed")
 
-install_abort(MPI.COMM_WORLD)
+if MPI.COMM_WORLD.size > 1:
+    abort.install()
 
 
 def version_line() -> str:
@@ -67,9 +90,59 @@ def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> 
     pc = ksp.getPC()
     pc.setType(factorisation)
     pc.setFactorSolverType(package)
-    ksp.setFromOptions()
-    ksp.setUp()
+    configure(ksp)
+    with solving(prefix.rstrip("_")):
+        ksp.setUp()
     return ksp
+
+
+def configure(item: Any) -> None:
+    """Apply the options of the command line to a solver.
+
+    Raises
+    ------
+    SolveError
+        If PETSc refuses one of them; the sentence has PETSc's reason.
+    """
+    try:
+        item.setFromOptions()
+    except PETSc.Error as error:
+        raise on_all_ranks(
+            SolveError(
+                f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give it another "
+                "value or leave it out"
+            )
+        ) from None
+
+
+@contextlib.contextmanager
+def solving(what: str) -> Iterator[None]:
+    """Context in which an error of PETSc becomes one sentence, a `SolveError`."""
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.ierr == OUT_OF_MEMORY:
+            said = "PETSc has not enough memory for it; use a coarser mesh, a lower order or more ranks"
+        else:
+            said = f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of usual size?"
+        raise SolveError(f"{what}: {said}") from error
+
+
+def _said(error: PETSc.Error) -> str:
+    """The reason in an error of PETSc, without the places in its source."""
+    lines = [line.split("]", 1)[-1].strip() for line in str(error).splitlines()]
+    told = [line for line in lines if line and "() at " not in line and not line.startswith("error code")]
+    return "; ".join(told) or f"error code {error.ierr}"
+
+
+def free(comm: MPI.Comm, *items: Any) -> None:
+    """Destroy PETSc objects, unless an error is on its way that other ranks do not know of: the end of a
+    factorisation is collective, and they would be waited for.
+    """
+    if alone(comm):
+        return
+    for item in items:
+        item.destroy()
 
 
 def solver_name(ksp: PETSc.KSP) -> str:

@@ -18,7 +18,7 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
 
-from .material import positive
+from .checks import choice, path as checked_path, positive, real, real_array, shown
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999
@@ -51,7 +51,10 @@ class Signal:
 
     def __call__(self, t) -> np.ndarray:
         """Values at the times `t` (s), of the same shape."""
-        return self._values(np.asarray(t, dtype=float))[()]
+        times = np.asarray(t)
+        if times.dtype.kind not in "iuf":
+            raise TypeError(f"{type(self).__name__}: t = {shown(t)} must be times, numbers in s")
+        return self._values(times.astype(float))[()]
 
     def _values(self, t: np.ndarray) -> np.ndarray:
         raise NotImplementedError
@@ -76,12 +79,12 @@ class Signal:
         return -1.0 * self
 
     def __mul__(self, factor: float) -> Signal:
-        return self._scaled(_finite(type(self).__name__, "factor", factor))
+        return self._scaled(real(type(self).__name__, "factor", factor))
 
     __rmul__ = __mul__
 
     def __truediv__(self, divisor: float) -> Signal:
-        if _finite(type(self).__name__, "divisor", divisor) == 0.0:
+        if real(type(self).__name__, "divisor", divisor) == 0.0:
             raise ValueError(f"{type(self).__name__}: divisor = {divisor!r} must not be zero")
         return self._scaled(1.0 / divisor)
 
@@ -101,20 +104,8 @@ class Signal:
             )
 
 
-def _finite(owner: str, name: str, value, unit: str = "") -> float:
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):
-        raise TypeError(
-            f"{owner}: {name} = {value!r} is not a number" + (f"; give it in {unit}" if unit else "")
-        )
-    if not math.isfinite(value):
-        raise ValueError(f"{owner}: {name} = {value!r} must be finite" + (f" ({unit})" if unit else ""))
-    return float(value)
-
-
-def _not_negative(owner: str, name: str, value, unit: str) -> float:
-    if _finite(owner, name, value, unit) < 0.0:
-        raise ValueError(f"{owner}: {name} = {value!r} must not be negative ({unit})")
-    return float(value)
+def _not_negative(owner: str, name: str, value: Any, unit: str = "") -> float:
+    return real(owner, name, value, unit, least=0.0)
 
 
 @dataclass(frozen=True, repr=False)
@@ -126,7 +117,7 @@ class Constant(Signal):
     end = 0.0
 
     def __post_init__(self) -> None:
-        self._check(value=_finite)
+        self._check(value=real)
 
     def _values(self, t: np.ndarray) -> np.ndarray:
         return np.full(t.shape, self.value)
@@ -146,7 +137,7 @@ class Harmonic(Signal):
     _units = {"frequency": "Hz", "phase": "rad"}
 
     def __post_init__(self) -> None:
-        self._check(amplitude=_finite, frequency=positive, phase=_finite)
+        self._check(amplitude=real, frequency=positive, phase=real)
 
     @property
     def highest_frequency(self) -> float:
@@ -171,7 +162,7 @@ class ToneBurst(Signal):
     _units = {"frequency": "Hz"}
 
     def __post_init__(self) -> None:
-        self._check(amplitude=_finite, frequency=positive, cycles=positive)
+        self._check(amplitude=real, frequency=positive, cycles=positive)
 
     @property
     def end(self) -> float:
@@ -211,11 +202,11 @@ class Chirp(Signal):
 
     def __post_init__(self) -> None:
         self._check(
-            amplitude=_finite,
+            amplitude=real,
             start=_not_negative,
             stop=_not_negative,
             duration=positive,
-            phase=_finite,
+            phase=real,
             taper=_not_negative,
         )
         if self.start == self.stop == 0.0:
@@ -261,7 +252,7 @@ class Step(Signal):
     _units = {"time": "s", "rise": "s"}
 
     def __post_init__(self) -> None:
-        self._check(amplitude=_finite, time=_finite, rise=_not_negative)
+        self._check(amplitude=real, time=real, rise=_not_negative)
 
     @property
     def end(self) -> float:
@@ -307,10 +298,7 @@ class Samples(Signal):
                 f"Samples: time[{bad[0] + 1}] = {self.time[bad[0] + 1]:g} s follows {self.time[bad[0]]:g} s; "
                 "times must rise"
             )
-        if self.interpolation not in ("linear", "cubic"):
-            raise ValueError(
-                f'Samples: interpolation = {self.interpolation!r} is unknown; use "linear" or "cubic"'
-            )
+        choice("Samples", "interpolation", self.interpolation, ("linear", "cubic"))
 
     @classmethod
     def from_csv(
@@ -336,7 +324,7 @@ class Samples(Signal):
         """
         scales = (
             positive("Samples", "time_scale", time_scale, "s per unit of the file"),
-            _finite("Samples", "value_scale", value_scale),
+            real("Samples", "value_scale", value_scale),
         )
         time, value = (_read_csv(path) * scales).T
         return cls(time, value, interpolation)
@@ -392,25 +380,16 @@ class Samples(Signal):
         )
 
 
-def _column(name: str, values) -> np.ndarray:
+def _column(name: str, values: Any) -> np.ndarray:
     """A checked copy that cannot be written."""
-    try:
-        column = np.array(values, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"Samples: {name} must be a sequence of real numbers, not {type(values).__name__} with other "
-            "entries"
-        ) from None
-    if column.ndim != 1:
-        raise ValueError(f"Samples: {name} has the shape {column.shape}; one dimension is expected")
-    if (bad := np.flatnonzero(~np.isfinite(column))).size:
-        raise ValueError(f"Samples: {name}[{bad[0]}] = {column[bad[0]]} must be finite")
+    column = real_array("Samples", name, values, 1)
     column.flags.writeable = False
     return column
 
 
 def _read_csv(path) -> np.ndarray:
     """(n, 2) numbers of a file."""
+    path = checked_path("Samples.from_csv", "path", path)
     try:
         with open(path, encoding="utf-8-sig") as file:
             lines = file.read().rstrip().splitlines()
@@ -495,7 +474,7 @@ class Custom(Signal):
                 f"Custom: function = {self.function!r} cannot be called; a function of an array of times is "
                 "expected"
             )
-        self._check(amplitude=_finite)
+        self._check(amplitude=real)
         if self.highest_frequency is not None:
             self._check(highest_frequency=_not_negative)
         self._values(np.array([0.0, 1e-6]))

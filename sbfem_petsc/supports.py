@@ -6,6 +6,8 @@ import math
 import numbers
 from dataclasses import dataclass
 
+from .checks import shown
+
 
 @dataclass(frozen=True)
 class Support:
@@ -26,7 +28,7 @@ class Support:
 
     def __post_init__(self) -> None:
         if not isinstance(self.where, str):
-            raise TypeError(f"Support: where = {self.where!r} must be the name of an edge set or a point")
+            raise TypeError(f"Support: where = {shown(self.where)} must be the name of an edge set or a point")
         for name in ("x", "y"):
             value = getattr(self, name)
             if type(value).__name__ in ("bool", "bool_"):
@@ -37,8 +39,8 @@ class Support:
             if not isinstance(value, bool) and not (
                 isinstance(value, float) and math.isfinite(value) and value >= 0
             ):
-                raise ValueError(
-                    f"Support({self.where!r}): {name} = {value!r} must be True (fixed), False (free) or a "
+                raise (ValueError if isinstance(value, float) else TypeError)(
+                    f"Support({self.where!r}): {name} = {shown(value)} must be True (fixed), False (free) or a "
                     "stiffness >= 0 (N/m^3 on edges, N/m on a point)"
                 )
 
@@ -61,10 +63,10 @@ def as_supports(clamped, supports) -> tuple[Support, ...]:
     names = () if clamped is None else (clamped,) if isinstance(clamped, str) else clamped
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         raise TypeError(
-            f"clamped = {clamped!r} must be the name of an edge set or a point, several of them, or None; "
+            f"clamped = {shown(clamped)} must be the name of an edge set or a point, several of them, or None; "
             "further supports go to supports="
         )
     further = (supports,) if isinstance(supports, Support) else () if supports is None else supports
     if not isinstance(further, (tuple, list)) or not all(isinstance(item, Support) for item in further):
-        raise TypeError(f"supports = {supports!r} must be a Support or a sequence of them")
+        raise TypeError(f"supports = {shown(supports)} must be a Support or a sequence of them")
     return tuple(Support(name) for name in names) + tuple(further)

@@ -287,8 +287,8 @@ CASES = {
     "spectrum(T, U[:-1])": (ValueError, "1000 times and 999 values"),
     "spectrum(T[:3], U[:3])": (ValueError, "number of samples is 3"),
     "spectrum(T, np.where(T > 0.5, np.nan, U))": (ValueError, "values[501] = nan must be finite"),
-    "spectrum(T, 1j * U)": (TypeError, "values holds entries of type complex128"),
-    "spectrum(['a'] * 4, U[:4])": (TypeError, "time holds entries of type"),
+    "spectrum(T, 1j * U)": (TypeError, "must be an array of real numbers"),
+    "spectrum(['a'] * 4, U[:4])": (TypeError, "time = ['a', 'a', 'a', 'a'] must be an array"),
     "spectrum(T, np.stack([U, U], axis=1))": (
         ValueError,
         "one dimension is expected (one component, such as values[:, 1])",
@@ -297,10 +297,10 @@ CASES = {
     "spectrum(T[::-1], U)": (ValueError, "times must rise"),
     "spectrum(np.zeros(9), U[:9])": (ValueError, "times must rise"),
     "spectrum(T, U, 'boxcat')": (ValueError, "window = 'boxcat' is unknown"),
-    "spectrum(T, U, detrend='cubic')": (ValueError, "detrend = 'cubic' is unknown"),
+    "spectrum(T, U, detrend='cubic')": (ValueError, "detrend = 'cubic' must be one of"),
     "spectrum(T, U, frequencies=[600.0])": (ValueError, "600 Hz is not below half the sampling rate, 500 Hz"),
     "spectrum(T, U).at(-1.0)": (ValueError, "Spectrum: frequency -1 Hz must be positive"),
-    "coherent_record(T, U, [])": (TypeError, "frequencies = [] must be"),
+    "coherent_record(T, U, [])": (ValueError, "frequencies = [] must be"),
     "coherent_record(T, U, 'fast')": (TypeError, "frequencies = 'fast' must be"),
     "coherent_record(T, U, [5.0, 0.0])": (ValueError, "frequency 0 Hz must be positive"),
     "coherent_record(T, U, 500.0)": (ValueError, "500 Hz is not below half the sampling rate"),
@@ -315,7 +315,7 @@ CASES = {
     "harmonics(T, U, -5.0)": (ValueError, "harmonics: frequency = -5.0"),
     "harmonics(T, U, '5')": (TypeError, "harmonics: frequency = '5'"),
     "harmonics(T, U, 5.0, 0)": (ValueError, "harmonics: count = 0 must be at least 1"),
-    "harmonics(T, U, 5.0, 2.5)": (TypeError, "harmonics: count = 2.5 must be a whole number"),
+    "harmonics(T, U, 5.0, 2.5)": (TypeError, "harmonics: count = 2.5 must be an integer"),
     "tones(T, U, [5.0, 5.0])": (ValueError, "a frequency is given twice"),
     "tones(T, U, [5.0, 5.1])": (ValueError, "lines 0.1 Hz apart; at least 10 s"),
     "harmonic_ratios([1.0])": (ValueError, "c_0 to c_1 are needed"),
@@ -338,7 +338,7 @@ CASES = {
     "contact_duty(T, np.zeros((1000, 2, 2)))": (ValueError, "shape (1000, 2, 2)"),
     "frequency_shift([1.0, 2.0], [1.0])": (ValueError, "(2,) cracked and (1,) healthy"),
     "frequency_shift([1.0, 0.0], [1.0, 1.0])": (ValueError, "cracked frequencies must be positive"),
-    "frequency_shift([1.0], [np.nan])": (ValueError, "healthy frequencies must be positive"),
+    "frequency_shift([1.0], [np.nan])": (ValueError, "healthy[0] = nan must be finite"),
 }
 
 

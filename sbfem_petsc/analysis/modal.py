@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from ..checks import flag, integer, real
-from ..parallel import collective
+from ..checks import flag, integer, numbers_of, real, shown
+from ..parallel import agree, collective
 from ..system.model import Model
 from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
+
+# No structure has a frequency beyond, Hz.
+HIGHEST = 1e30
 
 
 def modal(
@@ -45,9 +48,12 @@ def modal(
         If SLEPc does not converge or a residual is too large.
     """
     if not isinstance(model, Model):
-        raise TypeError(f"modal: model = {model!r} is not a Model")
+        raise TypeError(f"modal: model = {shown(model)} is not a Model")
     with collective(model.comm):
-        _check_request(model, count, band, auxiliary_tolerance, verify)
+        band = _checked_request(model, count, band, auxiliary_tolerance, verify)
+    agree(
+        model.comm, "modal", count=count, band=band, auxiliary_tolerance=auxiliary_tolerance, verify=verify
+    )
     if band is not None:
         return modes_in_band(model, *band, auxiliary_tolerance, verify)
     assert count is not None
@@ -56,7 +62,8 @@ def modal(
     return lowest_modes(model, count, auxiliary_tolerance, verify)
 
 
-def _check_request(model: Model, count, band, auxiliary_tolerance, verify) -> None:
+def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> tuple[float, float] | None:
+    """The band, if one was given."""
     real("modal", "auxiliary_tolerance", auxiliary_tolerance, least=0.0, below=1.0)
     flag("modal", "verify", verify)
     if (count is None) == (band is None):
@@ -65,12 +72,12 @@ def _check_request(model: Model, count, band, auxiliary_tolerance, verify) -> No
         integer("modal", "count", count)
         if not 1 <= count <= model.boundary_unknowns // 2:
             raise ValueError(
-                f"modal: count = {count} must be between 1 and half the number of boundary unknowns "
+                f"modal: count = {shown(count)} must be between 1 and half the number of boundary unknowns "
                 f"({model.boundary_unknowns // 2})"
             )
-        return
-    if not isinstance(band, (tuple, list)) or len(band) != 2:
-        raise ValueError(f"modal: band = {band!r} must be two frequencies 0 <= low < high in Hz")
-    low, high = (real("modal", f"band[{k}]", value, "Hz", least=0.0) for k, value in enumerate(band))
+        return None
+    wanted = "two frequencies 0 <= low < high in Hz"
+    low, high = numbers_of("modal", "band", band, 2, wanted, least=0.0, most=HIGHEST)
     if not low < high:
-        raise ValueError(f"modal: band = {band!r} must be two frequencies 0 <= low < high in Hz")
+        raise ValueError(f"modal: band = {shown(band)} must be {wanted}")
+    return low, high

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 
-from ..checks import choice, flag
+from ..checks import choice, flag, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, on_all_ranks
-from ..loads import as_loads
-from ..parallel import collective
+from ..loads import as_loads, separate
+from ..parallel import agree, collective
+from ..system.idle_loads import warn_of_idle_loads
 from ..system.equilibrium import equilibrium
 from ..system.model import Model
 from .static_result import Static
@@ -46,11 +48,14 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
         If the linear solve or the active set fails.
     """
     if not isinstance(model, Model):
-        raise TypeError(f"static: model = {model!r} is not a Model")
+        raise TypeError(f"static: model = {shown(model)} is not a Model")
     with collective(model.comm):
         flag("static", "contact", contact)
         solve = _METHODS[choice("static", "method", method, _METHODS)]
+        model.checked_loads(load)
+    agree(model.comm, "static", load=load, contact=contact, method=method)
     model.require_support("static")
+    warn_of_idle_loads("static", model, separate(load)[0])
     columns = model.load_columns([load])
     found = equilibrium(model, columns, contact, solve)
     _judge(found.residual)
@@ -74,7 +79,11 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
 
 def _judge(relative: float) -> None:
     """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
-    if not relative <= REFUSED:
+    if not math.isfinite(relative):
+        raise on_all_ranks(
+            SolveError("static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?")
+        )
+    if relative > REFUSED:
         raise on_all_ranks(
             SolveError(
                 f"static: the forces are in balance to {relative:.2g} of the load only: the stiffness is too "

@@ -9,6 +9,7 @@ import numpy as np
 from ..contact.complementarity import solve_complementarity
 from ..contact.marching import march, thin_factors
 from ..errors import SolveError, on_all_ranks
+from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Signal
 from .energy import Energy, Ledger, guard
@@ -55,7 +56,9 @@ class ReducedIntegrator:
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
         if not self.signals:
             return np.zeros((len(time), 0))
-        return np.stack([signal(time) for signal in self.signals], axis=-1)
+        with collective(self.comm):  # a user's function may fail on one rank alone
+            values = np.stack([signal(time) for signal in self.signals], axis=-1)
+        return values
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""

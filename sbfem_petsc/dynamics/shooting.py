@@ -18,7 +18,7 @@ from scipy import linalg
 from ..contact.marching import contact_forces, march, thin_factors
 from ..contact.tangent import ClosedSets, Derivative, exact_contacts, located_contacts
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc
+from ..petsc import PETSc, configure
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
 from .steps import step_coefficients
@@ -428,7 +428,7 @@ class _Newton:
             max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
-        snes.setFromOptions()
+        configure(snes)
         try:
             try:
                 snes.solve(None, x)

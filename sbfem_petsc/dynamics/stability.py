@@ -11,7 +11,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc, SLEPc
+from ..petsc import PETSc, SLEPc, configure
 from .shooting import WHOLE, DrivenPeriod, PeriodMotion
 
 PREFIX = "floquet_"
@@ -94,7 +94,7 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
     wanted = min(LARGEST, size)
     solver.setDimensions(wanted, min(size, SUBSPACE))
     solver.setTolerances(tol=1e-10, max_it=10000)
-    solver.setFromOptions()
+    configure(solver)
     try:
         solver.solve()
         found = solver.getConverged()

@@ -20,6 +20,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..loads import Load
+from ..parallel import collective
 from ..signals import Signal
 from ..system.equilibrium import equilibrium
 from ..system.model import Model
@@ -84,7 +85,9 @@ class UnreducedIntegrator:
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
         if not self.signals:
             return np.zeros((len(time), 0))
-        return np.stack([signal(time) for signal in self.signals], axis=-1)
+        with collective(self.comm):  # a user's function may fail on one rank alone
+            values = np.stack([signal(time) for signal in self.signals], axis=-1)
+        return values
 
     def first(self) -> Rows:
         """The row of t = 0."""

@@ -15,7 +15,7 @@ import numpy as np
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc
+from ..petsc import PETSc, configure, free, solving
 from ..signals import Harmonic
 from ..system.model import Model
 from ..system.modes import lowest_modes
@@ -179,9 +179,10 @@ class _UnreducedPeriod:
         norm = float(np.sqrt(self.march.summed(np.array([x.array_r @ x.array_r]))[0]))
         snes.setTolerances(rtol=RELATIVE, atol=1e-12 * max(norm, 1e-300), stol=0.0, max_it=ITERATIONS)
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
-        snes.setFromOptions()
+        configure(snes)
         try:
-            snes.solve(None, x)
+            with solving("periodic"):
+                snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:
                 raise on_all_ranks(
@@ -196,8 +197,7 @@ class _UnreducedPeriod:
                 )
             state, _, rows = self.run(x.array_r.copy(), record=True)
         finally:
-            for item in (snes, x, f, matrix):
-                item.destroy()
+            free(comm, snes, x, f, matrix)
         march = self.march
         # the last instant is the first one: the rows begin after it
         places, speeds, forces, gaps, intensities = (

@@ -25,7 +25,7 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.marching import contact_forces
 from ..errors import SolveError, on_all_ranks
 from ..loads import SupportMotion
-from ..petsc import MPI
+from ..petsc import MPI, free
 from ..system.model import Model
 from ..system.modes import Modal
 from ..system.pencil import CondensedSolve, Pencil
@@ -454,8 +454,7 @@ class UnreducedSteps:
 
     def release(self) -> None:
         """Free the PETSc objects."""
-        for item in (self.d, self.product, self.right):
-            item.destroy()
+        free(self.model.comm, self.d, self.product, self.right)
         self.solve.release()
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
-from ..petsc import MPI
+from ..petsc import MPI, free
 from ..system.model import Model
 from ..system.modes import Modal
 from .outputs import LinearOutput
@@ -160,8 +160,7 @@ class ReducedModel:
             static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
             owned = solution.array_r + found.shapes @ (q - static)
         finally:
-            right.destroy()
-            solution.destroy()
+            free(model.comm, right, solution)
         return model.nodal(owned)
 
     def __repr__(self) -> str:

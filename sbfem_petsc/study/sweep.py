@@ -12,7 +12,7 @@ import numpy as np
 
 from .. import indicators
 from ..errors import SolveError
-from ..parallel import collective
+from ..parallel import alone, collective
 from . import parameters as paths
 from . import rows as row_files
 from .case import Case, read_case
@@ -129,7 +129,8 @@ def sweep(
         finally:
             if folder is not None:
                 folder.close()
-            comm.Barrier()  # nobody's folder goes while others read it
+            if not alone(comm):
+                comm.Barrier()  # nobody's folder goes while others read it
 
 
 class _Sweeping:
@@ -167,7 +168,8 @@ class _Sweeping:
             for k in _shared(comm, self.group, len(pieces)):
                 self._piece(pieces[k], total)
         finally:
-            self.group.Free()
+            if not alone(comm):
+                self.group.Free()
         comm.Barrier()
         table: Sweep | None = None
         with collective(comm):
@@ -304,8 +306,6 @@ def _shared(comm: Any, group: Any, count: int) -> Iterator[int]:
             yield number
     finally:
         # an error on one rank alone ends the program; waiting for the others here would hide it
-        import sys
-
-        if sys.exc_info()[0] is None:
+        if not alone(comm):
             comm.Barrier()
             window.Free()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..loads import as_loads
-from ..petsc import PETSc
+from ..petsc import PETSc, free
 from ..selement.basis import tabulated
 from .assembly import Triples, block_triples
 
@@ -144,7 +144,7 @@ def load_columns(model, loads) -> LoadColumns:
             collected.append(forces.tip_forces)
             nodal.append(forces.nodal)
     finally:
-        vector.destroy()
+        free(model.comm, vector)
     tip_forces: dict[int, np.ndarray] = {}
     count, gap, tips = len(columns), model.gap_operator, model.tips
     gaps, intensities, flexibility = (

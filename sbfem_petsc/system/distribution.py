@@ -9,8 +9,9 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs
 
+from ..checks import shown
 from ..errors import UnknownName, listed
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..supports import Support
 from . import partition
@@ -81,11 +82,13 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
         If the mesh is none, or a support names something that does not exist; on all ranks.
     """
     everywhere = all(comm.allgather(mesh is not None))
+    if everywhere:
+        agree(comm, "Model", mesh=mesh)
     parts = None
     with collective(comm):
         if mesh is not None and not isinstance(mesh, BoundaryMesh):
             raise TypeError(
-                f"Model: mesh = {mesh!r} is not a BoundaryMesh; call its .mesh() or read_gmsh(path)"
+                f"Model: mesh = {shown(mesh)} is not a BoundaryMesh; call its .mesh() or read_gmsh(path)"
             )
         if comm.rank == 0 and mesh is None:
             raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")

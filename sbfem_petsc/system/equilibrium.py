@@ -9,6 +9,7 @@ import numpy as np
 
 from ..contact.complementarity import Complementarity, solve_complementarity
 from ..contact.law import RowLaws
+from ..petsc import free
 from .boundary import LoadColumns
 from .model import Model
 
@@ -81,5 +82,4 @@ def equilibrium(
         intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ force)
         return Equilibrium(owned, force, gap, active, intensities, iterations, relative)
     finally:
-        for item in (forces, solution, right, residual):
-            item.destroy()
+        free(model.comm, forces, solution, right, residual)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer, positive, real
+from ..checks import instance, integer, numbers_of, positive, real, shown
 from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed
 from ..material import Material, OrthotropicMaterial
-from ..parallel import collective
+from ..parallel import agree, alone, checked_communicator, collective
 from ..petsc import MPI
 from ..supports import as_supports
 from .distribution import declared_clamp
@@ -93,16 +93,28 @@ class Model(Structure):
         tip_modes: int = 4,
         contact_laws: ContactLaw | Mapping[str, ContactLaw] | None = None,
     ):
-        comm = MPI.COMM_WORLD if comm is None else comm
-        if clamped is _DECLARED:
-            clamped = declared_clamp(comm, mesh)
+        comm = checked_communicator("Model", comm)
         with collective(comm):
             terms = integer("Model", "continued_fraction", continued_fraction, least=0, most=20)
             self.damping = real("Model", "damping", damping, least=0.0, below=1.0)
             self.rayleigh = _rayleigh(rayleigh)
             thickness = positive("Model", "thickness", thickness, "m")
-            held = as_supports(clamped, supports)
             integer("Model", "tip_modes", tip_modes, least=0, most=12)
+            further = as_supports(None if clamped is _DECLARED else clamped, supports)
+        agree(
+            comm,
+            "Model",
+            material=material,
+            clamped="declared" if clamped is _DECLARED else clamped,
+            continued_fraction=terms,
+            damping=self.damping,
+            rayleigh=self.rayleigh,
+            thickness=thickness,
+            supports=further,
+            tip_modes=tip_modes,
+            contact_laws=contact_laws,
+        )
+        held = further if clamped is not _DECLARED else as_supports(declared_clamp(comm, mesh), ()) + further
         super().__init__(
             comm,
             mesh,
@@ -135,6 +147,7 @@ class Model(Structure):
 
     def modes(self, count: int) -> Modal:
         """The lowest modes by the defaults of `modal`, computed once for the largest count asked for. Collective."""
+        integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
             self._modes = lowest_modes(self, count)
         return self._modes.selected(np.arange(count))
@@ -147,6 +160,8 @@ class Model(Structure):
 
     def destroy(self) -> None:
         """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        if alone(self.comm):
+            return
         solver = self.__dict__.pop("solver", None)
         if solver is not None:
             solver.destroy()
@@ -195,14 +210,13 @@ def _materials(material, names: tuple[str, ...]) -> list[Material | OrthotropicM
         return [material] * len(names)
     if not isinstance(material, dict):
         raise TypeError(
-            f"Model: material = {material!r} must be a Material or a dict of material names to Materials"
+            f"Model: material = {shown(material)} must be a Material or a dict of material names to Materials"
         )
     missing = [n for n in names if n not in material]
     if missing:
         raise UnknownName(f"Model: no material is given for {listed(missing)}; the mesh has {listed(names)}")
     for name in names:
-        if not isinstance(material[name], kinds):
-            raise TypeError(f"Model: material[{name!r}] = {material[name]!r} is not a Material")
+        instance("Model", f"material[{name!r}]", material[name], kinds, "a Material")
     return [material[n] for n in names]
 
 
@@ -214,7 +228,7 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
         return {name: law for name in cracks}
     if not isinstance(laws, Mapping):
         raise TypeError(
-            f"Model: contact_laws = {laws!r} must be a contact law or a dict of crack names to contact laws, "
+            f"Model: contact_laws = {shown(laws)} must be a contact law or a dict of crack names to contact laws, "
             "{'crack1': Tied()}"
         )
     for name, law in laws.items():
@@ -227,7 +241,5 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
 
 
 def _rayleigh(value) -> tuple[float, float]:
-    if isinstance(value, str) or not hasattr(value, "__len__") or len(value) != 2:
-        raise TypeError(f"Model: rayleigh = {value!r} must be two numbers, a in 1/s and b in s of a M + b K")
-    a, b = (real("Model", f"rayleigh[{k}]", part, least=0.0) for k, part in enumerate(value))
+    a, b = numbers_of("Model", "rayleigh", value, 2, "two numbers, a in 1/s and b in s of a M + b K", least=0.0)
     return a, b

@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
-from ..petsc import MPI, PETSc, SLEPc, solver_name
+from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving
 from ..writing import write_table
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .structure import Structure
@@ -62,6 +63,7 @@ class Modal:
 
     def nodal(self, mode: int) -> np.ndarray:
         """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
+        integer("nodal", "mode", mode, least=0, most=len(self.frequencies) - 1)
         return self.model.nodal(self.shapes[:, mode])
 
     def to_csv(self, path: str) -> None:
@@ -175,6 +177,13 @@ def modes_in_band(
             expected = pencil.eigenvalues_below(ends[1]) - (
                 pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
             )
+            if expected > most:
+                raise on_all_ranks(
+                    ValueError(
+                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half of the "
+                        f"{pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or refine the mesh"
+                    )
+                )
             count = min(max(count, expected + 4), most)
         for attempt in range(12):
             found = _solve(pencil, min(count, most), middle, attempt)
@@ -226,8 +235,9 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         outer.setType(PETSc.KSP.Type.PREONLY)
         inner.setType(PETSc.PC.Type.PYTHON)
         inner.setPythonContext(solve)
-        eps.setFromOptions()
-        eps.solve()
+        configure(eps)
+        with solving("modal"):
+            eps.solve()
         converged = eps.getConverged()
         if converged < count:
             raise on_all_ranks(
@@ -244,8 +254,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         )
     finally:
         # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
-        for item in (inner, outer, st, eps):
-            item.destroy()
+        free(model.comm, inner, outer, st, eps)
         solve.release()
 
 

@@ -10,7 +10,8 @@ import math
 
 import numpy as np
 
-from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
+from ..parallel import alone
+from ..petsc import PETSc, check_ksp, configure, direct_solver, free, make_ksp, solving
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import assemble, block_triples, from_rows
 from .shapes import Group
@@ -148,19 +149,23 @@ class Pencil:
             factor = pc.getFactorMatrix()
             factor.setMumpsIcntl(24, 1)  # null pivots are looked for, which the count needs
             factor.setMumpsIcntl(13, 1)  # no ScaLAPACK at the root: its pivots would not be counted
-            pc.setFromOptions()
-            pc.setUp()
+            configure(pc)
+            with solving("modal"):
+                pc.setUp()
             negative = factor.getInertia()[0]
             factor.destroy()  # before its owner, which would otherwise leave MUMPS' memory behind
         finally:
-            pc.destroy()
-            matrix.destroy()
+            free(self.model.comm, pc, matrix)
         return int(negative) + self.model.comm.allreduce(int((self.auxiliary_diagonal(shift) < 0.0).sum()))
 
     def destroy(self) -> None:
         """Free the PETSc matrices."""
-        for matrix in [self.stiffness, self.mass] + ([self.coupling] if "coupling" in self.__dict__ else []):
-            matrix.destroy()
+        free(
+            self.model.comm,
+            self.stiffness,
+            self.mass,
+            *([self.coupling] if "coupling" in self.__dict__ else []),
+        )
 
 
 class _Piece:
@@ -269,10 +274,12 @@ class CondensedSolve:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of
         use.
         """
+        comm = self.pencil.model.comm
+        if alone(comm):
+            return
         if self.shift != 0.0:
             self.auxiliary.destroy()
-        for item in (self.ksp, self.right, self.left, self.matrix):
-            item.destroy()
+        free(comm, self.ksp, self.right, self.left, self.matrix)
         self.__dict__.clear()
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..petsc import PETSc, check_ksp, make_ksp, solver_name
+from ..petsc import PETSc, check_ksp, free, make_ksp, solver_name
 
 # Right-hand sides that are solved for at a time.
 BLOCK = 64
@@ -37,6 +37,7 @@ class StaticSolver:
         """K^-1 of (owned, k) columns, (owned, k)."""
         result = np.empty(right.shape, order="F")
         source, target = self.matrix.createVecs()
+        comm = self.matrix.comm.tompi4py()
         try:
             if not self._direct or right.shape[1] < 2:
                 for k in range(right.shape[1]):
@@ -56,11 +57,9 @@ class StaticSolver:
                 self.ksp.getPC().getFactorMatrix().matSolve(given, found)
                 return found.getDenseArray().copy(order="F")
             finally:
-                given.destroy()
-                found.destroy()
+                free(comm, given, found)
         finally:
-            source.destroy()
-            target.destroy()
+            free(comm, source, target)
 
     def destroy(self) -> None:
         """Free the factors."""

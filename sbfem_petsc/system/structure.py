@@ -11,7 +11,7 @@ from meshing.boundary_mesh import BoundaryMesh
 
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
-from ..parallel import collective
+from ..parallel import alone, collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
 from .assembly import Triples, assemble, block_triples
@@ -262,6 +262,8 @@ class Structure:
 
     def destroy(self) -> None:
         """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        if alone(self.comm):
+            return
         self._freed = True
         for name in ("_ghosts", "stiffness"):
             held = self.__dict__.pop(name, None)

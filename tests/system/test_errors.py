@@ -61,7 +61,7 @@ CASES = {
     "sb.OrthotropicMaterial(1.0, 1.0, 0.3, 0.4, 1.0, plane='strain', poisson_13=float('nan'))": "poisson_13",
     "sb.static(model, sb.PointForce('A', fy='1'))": "fy",
     "sb.static(model, sb.PointForce('A', fy=sb.Harmonic(1.0, 10.0)))": "signals",
-    "sb.static(model, sb.PointForce(['A'], fy=1.0))": "does not exist",
+    "sb.static(model, sb.PointForce(['A'], fy=1.0))": "must be a string",
     "read_gmsh('nowhere.msh')": "nowhere.msh",
     "check_output_folder('/proc/nowhere/out', comm)": "/proc/nowhere/out",
 }

@@ -1,0 +1,89 @@
+"""PETSc's options on the command line of any program: those that begin with a prefix of ours."""
+
+from __future__ import annotations
+
+import difflib
+import sys
+import warnings
+
+PREFIXES = {
+    "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
+    "-modal_st_pc_... (its linear solves)",
+    "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
+    "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
+    "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., "
+    "-shooting_pc_... (its linear solves)",
+    "floquet_": "Floquet multipliers: -floquet_eps_...",
+}
+# PETSc's own options for a whole run that no program of its own is likely to have.
+WHOLE_RUN = ("log_view", "options_left", "options_view", "options_file", "malloc_", "memory_view", "citations")
+# Share of equal letters from which a prefix is taken for a misspelt one of ours.
+ALIKE = 0.75
+
+
+class OptionWarning(UserWarning):
+    """An option of the command line looks like one of PETSc's with a misspelt prefix."""
+
+
+def start() -> None:
+    """Start PETSc with the options in `sys.argv` that are meant for it, unless the program has started it itself.
+
+    An option that no solve has asked for is named by PETSc at the end of the program.
+
+    Warns
+    -----
+    OptionWarning
+        If the prefix of an option is nearly one of ours.
+    """
+    if "petsc4py.PETSc" in sys.modules:
+        _complete(meant(sys.argv[1:]))
+        return
+    import petsc4py
+
+    words = meant(sys.argv[1:])
+    if words:
+        left = [] if any(word.startswith("-options_left") for word in words) else ["-options_left"]
+        petsc4py.init([sys.argv[0], *words, *left])
+
+
+def meant(words: list[str]) -> list[str]:
+    """The words of a command line that are for PETSc: options with one dash and one of our prefixes, with their values."""
+    found: list[str] = []
+    wanted = (*PREFIXES, *WHOLE_RUN)
+    for place, word in enumerate(words):
+        if is_option(word) and word[1:].startswith(wanted):
+            found.append(word)
+            if place + 1 < len(words) and not is_option(words[place + 1]):
+                found.append(words[place + 1])
+        elif is_option(word) and "_" in word:
+            prefix = word[1:].split("_")[0] + "_"
+            near = difflib.get_close_matches(prefix, PREFIXES, 1, ALIKE)
+            if near:
+                warnings.warn(
+                    f"option {word} belongs to no solve; is {near[0]!r} meant where it has {prefix!r}?",
+                    OptionWarning,
+                    stacklevel=2,
+                )
+    return found
+
+
+def is_option(word: str) -> bool:
+    """Whether a word is an option with one dash and no negative number."""
+    if not word.startswith("-") or word.startswith("--") or len(word) < 2:
+        return False
+    try:
+        float(word)
+    except ValueError:
+        return True
+    return False
+
+
+def _complete(words: list[str]) -> None:
+    """Add options to a PETSc that runs already; those that it has are left alone."""
+    from petsc4py import PETSc
+
+    options = PETSc.Options()
+    for place, word in enumerate(words):
+        if is_option(word) and not options.hasName(word[1:]):
+            value = words[place + 1] if place + 1 < len(words) and not is_option(words[place + 1]) else None
+            options.setValue(word[1:], value)

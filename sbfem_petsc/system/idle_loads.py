@@ -1,0 +1,56 @@
+"""Loads that act on nothing, because supports hold their directions."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterable
+
+import numpy as np
+
+from ..errors import LoadWarning, listed
+from ..loads import Load
+from .model import Model
+
+# Share of a load's nodal forces on free directions that rounding of normals leaves.
+ROUND_OFF = 1e-12
+
+
+def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
+    """Warn of unit loads whose whole force is on directions that are held fixed. Collective.
+
+    Warns
+    -----
+    LoadWarning
+        With the load and the supports at its place.
+    """
+    if not any(any(support.fixed) for support in model.supports):
+        return
+    for unit in units:
+        idle, supports = model.keep(("idle", unit), lambda unit=unit: _idle(model, unit))
+        if idle:
+            warnings.warn(
+                f"{owner}: {unit!r} has no effect, for its direction is held fixed there by {listed(supports)}; load "
+                "another place or direction, or free this one",
+                LoadWarning,
+                stacklevel=3,
+            )
+
+
+def _idle(model: Model, unit: Load) -> tuple[bool, list[str]]:
+    """Whether a unit load has no effect, and the supports that touch its nodes."""
+    columns = model.load_columns([unit])
+    loaded = np.abs(columns.nodal[..., 0]).max(axis=1, initial=0.0) > 0.0
+    local = [np.abs(columns.forces).max(initial=0.0), np.abs(columns.nodal).max(initial=0.0)]
+    free, given = np.max(model.comm.allgather(local), axis=0)
+    if free > ROUND_OFF * given or columns.gaps.any() or columns.tips.any():
+        return False, []
+    here = [support.where for support in model.supports if loaded[_nodes(model, support.where)].any()]
+    found = sorted({name for names in model.comm.allgather(here) for name in names})
+    return True, found
+
+
+def _nodes(model: Model, where: str) -> np.ndarray:
+    """This rank's numbers of the nodes of an edge set or a point."""
+    if where in model.edge_set_names:
+        return np.unique(model.part.edge_sets[where]).astype(int)
+    return np.flatnonzero(model.part.nodes == model.points[where][2])
