@@ -10,7 +10,7 @@ import numpy as np
 from ..parallel import collective
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
-from .rows import Rows
+from .rows import Rows, flat_entries
 from .shapes import Group
 
 
@@ -98,5 +98,5 @@ def tip_intensities(model) -> TipIntensities:
                 first = model.gap_operator.pairs + modes * number
                 contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
     exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))
-    gathered = Rows.gathered(model.comm, model.ranges, rows, 2 * len(tips))
+    gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
     return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns)
