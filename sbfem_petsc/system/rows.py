@@ -84,6 +84,12 @@ class Rows:
         shape = (len(self), len(used))
         return used, sparse.csr_matrix((self.matrix.data, places, self.matrix.indptr), shape=shape)
 
+    def lengths(self) -> np.ndarray:
+        """(rows,): sums of the moduli of the coefficients, on all ranks. Collective."""
+        result = np.asarray(abs(self.matrix).sum(axis=1)).ravel()
+        self.comm.Allreduce(MPI.IN_PLACE, result)
+        return result
+
     def local(self, owned: np.ndarray) -> np.ndarray:
         """This rank's share of the values of one field (owned,) or of n fields (owned, n)."""
         used, matrix = self._compact

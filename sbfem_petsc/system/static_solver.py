@@ -28,7 +28,7 @@ class StaticSolver:
         self.ksp = make_ksp(stiffness, "static_")
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
-        self._direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
+        self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
         self._checked = False
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
@@ -39,7 +39,7 @@ class StaticSolver:
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """K^-1 of (owned, k) columns, (owned, k)."""
         result = np.empty(right.shape, order="F")
-        if not self._direct or right.shape[1] < 2:
+        if not self.direct or right.shape[1] < 2:
             source, target = self.matrix.createVecs()
             try:
                 for k in range(right.shape[1]):
@@ -61,7 +61,7 @@ class StaticSolver:
 
     def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
         """K^-1 of the transposes of some rows, (owned, k)."""
-        if not (self._direct and self._sparse_right_sides):
+        if not (self.direct and self._sparse_right_sides):
             return self.columns(rows.columns(chosen), what)
         some = rows.matrix[chosen].tocsr()
         given = PETSc.Mat().createAIJ(

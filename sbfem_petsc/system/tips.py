@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -72,21 +72,26 @@ def tip_intensities(model) -> TipIntensities:
     contact = np.zeros((2 * len(tips), len(model.gap_operator)))
     tractions = {faces.number: faces for faces in model.tip_faces}
     rows, columns = {}, {}
+    shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
     with collective(model.comm):  # the rank that owns a tip must not fail alone
         for number, group, member in model.tip_places:
             tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
             material = model.materials[group.material]
-            try:
-                form = intensity_rows(
-                    group.solution.radial,
-                    group.shape,
-                    group.order,
-                    material.elasticity,
-                    rotation @ np.array(tip.axis),
-                    material.isotropic,
-                )
-            except SElementError as error:
-                raise SElementError(f"tip {tip.name}: {error}") from None
+            axis = rotation @ np.array(tip.axis)
+            key = (id(group), *np.round(axis, 12))
+            if key not in shared:
+                try:
+                    shared[key] = intensity_rows(
+                        group.solution.radial,
+                        group.shape,
+                        group.order,
+                        material.elasticity,
+                        axis,
+                        material.isotropic,
+                    )
+                except SElementError as error:
+                    raise SElementError(f"tip {tip.name}: {error}") from None
+            form = shared[key]
             placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
             rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
