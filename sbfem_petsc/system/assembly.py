@@ -50,7 +50,7 @@ def assemble(
     )
     rows, columns = rows.astype(np.int64, copy=False), columns.astype(np.int64, copy=False)
     if comm.size > 1:
-        rows, columns, values = _route(comm, ranges, rows, columns, values)
+        rows, columns, values = route(comm, ranges, rows, columns, values)
     first, last = ranges[comm.rank], ranges[comm.rank + 1]
     local = sparse.coo_matrix(
         (values, (rows - first, columns)), shape=(last - first, column_ranges[-1])
@@ -84,17 +84,24 @@ def from_rows(
     return matrix
 
 
-def _route(
-    comm: MPI.Comm, ranges: np.ndarray, rows: np.ndarray, columns: np.ndarray, values: np.ndarray
-) -> Triples:
-    """Bring each triple to the owner of its row."""
-    owner = np.searchsorted(ranges, rows, side="right") - 1
+def route(comm: MPI.Comm, ranges: np.ndarray, numbers: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:
+    """Bring global numbers, and what belongs to them, to the ranks that own them. Collective.
+
+    Parameters
+    ----------
+    ranges : (ranks + 1,) int array
+        Ownership.
+    numbers : (k,) int64 array
+    others : (k,) int64 or float arrays
+    """
+    owner = np.searchsorted(ranges, numbers, side="right") - 1
     order = np.argsort(owner, kind="stable")
     counts = np.bincount(owner, minlength=comm.size)
     received = np.array(comm.alltoall(counts.tolist()))
     result = []
-    for array, kind in ((rows, MPI.INT64_T), (columns, MPI.INT64_T), (values, MPI.DOUBLE)):
+    for array in (numbers, *others):
+        kind = MPI.DOUBLE if array.dtype == float else MPI.INT64_T
         incoming = np.empty(received.sum(), dtype=array.dtype)
         comm.Alltoallv([np.ascontiguousarray(array[order]), counts, kind], [incoming, received, kind])
         result.append(incoming)
-    return tuple(result)
+    return result

@@ -113,9 +113,9 @@ class NodalForces:
                 self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
 
     def inertia(self, acceleration: tuple[float, float]) -> None:
-        """Add the force -density * acceleration (m/s^2) on the whole body."""
+        """Add the force -density * acceleration (m/s^2) on the whole body. Collective."""
         model = self._model
-        for group in model.groups:
+        for group in model.moving_groups:
             steady = np.tile(acceleration, len(group.shape))
             forces = -model.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ steady)
             self._add(group.nodes, forces)

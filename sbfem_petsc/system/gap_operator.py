@@ -6,8 +6,11 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from ..contact.law import ContactLaw, RowLaws, Unilateral
+from ..petsc import MPI
+from .assembly import Triples
 from .rows import Rows
 
 
@@ -26,15 +29,15 @@ class GapOperator:
         G.
     initial : (c,) array
         Gaps of the undeformed faces, m; zero for tied rows.
-    flexibility : (c, c) array
-        m/N, the laws' compliance included; for node pairs there is no other.
+    flexibility : (c, c) sparse array
+        m/N, block-diagonal, the laws' compliance included; for node pairs there is no other.
     pairs : int
     laws : RowLaws
     """
 
     rows: Rows
     initial: np.ndarray
-    flexibility: np.ndarray
+    flexibility: sparse.csr_array
     pairs: int
     laws: RowLaws
 
@@ -45,28 +48,57 @@ class GapOperator:
 def gap_operator(model) -> GapOperator:
     """The contact rows of a model. Collective."""
     pairs, modes = len(model.pairs), model.tip_modes
-    count = pairs + modes * len(model.tip_elements)
-    rows = {}
+    inside = modes * len(model.tip_elements)
+    entries = []
     if model.comm.rank == 0:  # known to all: one rank gives them
-        for k, (unknowns, normal) in enumerate(zip(model.pair_unknowns, model.pairs.normal)):
-            rows[k] = (unknowns.ravel(), np.concatenate([normal, -normal]))
-    initial, flexibility = np.zeros(count), np.zeros((count, count))
+        signed = np.stack([model.pairs.normal, -model.pairs.normal], axis=1).reshape(pairs, 4)
+        entries.append(_entries(np.arange(pairs), model.pair_unknowns.reshape(pairs, 4), signed))
+    initial, blocks = np.zeros(pairs + inside), np.zeros((inside, modes))
     for faces in model.tip_faces:
-        first = pairs + modes * faces.number
+        first = modes * faces.number
         unknowns = model.part.unknowns[faces.group.nodes[faces.member]].ravel()
-        rows |= {first + k: (unknowns, row) for k, row in enumerate(faces.rows[:modes])}
-        initial[first : first + modes] = faces.initial_gap()
-        flexibility[first : first + modes, first : first + modes] = faces.flexibility[:modes, :modes]
-    initial, flexibility = (model.comm.allreduce(array) for array in (initial, flexibility))
+        numbers = pairs + first + np.arange(modes)
+        entries.append(_entries(numbers, np.tile(unknowns, (modes, 1)), faces.rows[:modes]))
+        initial[numbers] = faces.initial_gap()
+        blocks[first : first + modes] = faces.flexibility[:modes, :modes]
+    for array in (initial, blocks):
+        model.comm.Allreduce(MPI.IN_PLACE, array)
     initial[:pairs] = model.pairs.gap
     laws = RowLaws.of(_laws(model))
     return GapOperator(
-        Rows.gathered(model.comm, model.ranges, rows, count),
+        Rows.gathered(
+            model.comm,
+            model.ranges,
+            tuple(np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries)),
+            pairs + inside,
+        ),
         laws.rest(initial),
-        flexibility + np.diag(laws.compliance),
+        _own_flexibility(laws.compliance, pairs, blocks),
         pairs,
         laws,
     )
+
+
+_NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 1), dtype=np.int64), np.empty((0, 1)))
+
+
+def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> Triples:
+    """Flat entries of rows (k,) with unknowns and coefficients (k, n)."""
+    return np.repeat(numbers, unknowns.shape[1]), unknowns.ravel(), values.ravel()
+
+
+def _own_flexibility(compliance: np.ndarray, pairs: int, blocks: np.ndarray) -> sparse.csr_array:
+    """The laws' compliance on the diagonal and one block (modes, modes) for each tip element behind the pairs."""
+    inside, modes = blocks.shape
+    rows = pairs + np.repeat(np.arange(inside), modes)
+    tips = np.repeat(np.arange(inside // max(modes, 1)), modes * modes)
+    columns = pairs + modes * tips + np.tile(np.arange(modes), inside)
+    every = np.arange(len(compliance))
+    entries = (
+        np.concatenate([compliance, blocks.ravel()]),
+        (np.concatenate([every, rows]), np.concatenate([every, columns])),
+    )
+    return sparse.csr_array(sparse.coo_array(entries, shape=(len(compliance),) * 2))
 
 
 def _laws(model) -> Iterator[ContactLaw]:

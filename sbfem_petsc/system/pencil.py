@@ -46,7 +46,7 @@ class Pencil:
     def __init__(self, model: Structure, highest: float, tolerance: float):
         self.model = model
         self._pieces = [
-            piece for group in model.groups for piece in _pieces(model, group, highest, tolerance)
+            piece for group in model.moving_groups for piece in _pieces(model, group, highest, tolerance)
         ]
         local = sum(piece.auxiliary for piece in self._pieces)
         self.auxiliary_ranges = np.concatenate([[0], np.cumsum(model.comm.allgather(local))]).astype(np.int64)

@@ -11,7 +11,7 @@ from ..checks import real
 from ..parallel import collective
 from ..petsc import MPI
 from ..selement.points import TOLERANCE, Located, locate, point_operators
-from .rows import Rows
+from .rows import Rows, flat_entries
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +124,7 @@ def places(model, points: list[tuple[float, float]]) -> Places:
                 )
                 table[first : first + 2 + kind] = columns
     for kind in (0, 1):
-        rows = Rows.gathered(comm, model.ranges, local[kind], (2 + kind) * count)
+        rows = Rows.gathered(comm, model.ranges, flat_entries(local[kind]), (2 + kind) * count)
         kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind]))
     return Places(*kinds)
 

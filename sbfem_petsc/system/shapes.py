@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -11,8 +13,12 @@ from ..parallel import collective
 from ..petsc import MPI
 from ..selement.coefficients import SElementError
 from ..selement.congruence import placements, same_shape, shape_key
+from ..selement.inertia import Inertia
 from ..selement.solution import SElement, solve_selement
 from .partition import Part
+
+# S-elements that are placed at a time.
+_BATCH = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +84,7 @@ class Group:
 
 @dataclass(frozen=True, eq=False)
 class _Request:
+    key: bytes
     shape: np.ndarray
     closed: bool
     material: int
@@ -85,48 +92,23 @@ class _Request:
     label: str
 
 
-def solve_groups(comm: MPI.Comm, part: Part, order: int, materials, terms: int) -> tuple[list[Group], int]:
-    """Group the rank's S-elements by shape and solve each shape once on one of the ranks.
+def solve_groups(comm: MPI.Comm, part: Part, order: int, materials) -> tuple[list[Group], Solutions]:
+    """Group the rank's S-elements by shape and compute the stiffness of each shape once on one of the ranks.
 
     Returns
     -------
     groups : list of Group
-    shapes : int
-        Number of different shapes over all ranks.
+    solutions : Solutions
 
     Raises
     ------
     SElementError
         On all ranks, naming the element and its scaling centre.
     """
-    members: dict[bytes, list[list]] = {}
-    batches: dict[tuple, list[int]] = {}
-    for i, chain in enumerate(part.chains):
-        batches.setdefault((len(chain), bool(part.closed[i]), int(part.materials[i])), []).append(i)
-    noise = 8.0 * np.finfo(float).eps * (np.abs(part.coordinates).max() if len(part.coordinates) else 0.0)
-    for (_, closed, material), elements in batches.items():
-        outlines = np.stack([part.coordinates[part.chains[i]] - part.centres[i] for i in elements])
-        for i, placement in zip(elements, placements(outlines, order, closed, materials[material].isotropic)):
-            tolerance = 1e-11 + noise / placement.size
-            key = shape_key(placement.shape) + bytes((closed,)) + material.to_bytes(4, "little")
-            for bucket in members.setdefault(key, []):
-                if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
-                    break
-            else:
-                label = (
-                    f"S-element {part.elements[i]} around ({part.centres[i][0]:.6g}, "
-                    f"{part.centres[i][1]:.6g}) m"
-                )
-                bucket = [_Request(placement.shape, closed, material, tolerance, label)]
-                members[key].append(bucket)
-            bucket.append((i, placement))
-    buckets = [(key, bucket) for key, group in members.items() for bucket in group]
-    solutions, shapes = _solve_once(
-        comm, [(key, bucket[0]) for key, bucket in buckets], order, materials, terms
-    )
+    buckets = _similar(part, order, materials)
+    solutions = Solutions(comm, [bucket[0] for bucket in buckets], order, materials)
     groups = []
-    for (_, bucket), solution in zip(buckets, solutions):
-        request, placed = bucket[0], bucket[1:]
+    for (request, *placed), solution in zip(buckets, solutions.stiffness()):
         elements = np.array([i for i, _ in placed])
         groups.append(
             Group(
@@ -141,52 +123,117 @@ def solve_groups(comm: MPI.Comm, part: Part, order: int, materials, terms: int) 
                 np.stack([p.rotation for _, p in placed]),
             )
         )
-    return groups, shapes
+    return groups, solutions
 
 
-def _solve_once(
-    comm: MPI.Comm, requests: list[tuple[bytes, _Request]], order: int, materials, terms: int
-) -> tuple[list[SElement], int]:
-    """Send each request to the rank its key points to, solve different shapes once there, send the solutions
-    back.
-    """
-    owners = [zlib.crc32(key) % comm.size for key, _ in requests]
-    outgoing = [[] for _ in range(comm.size)]
-    for (key, request), owner in zip(requests, owners):
-        outgoing[owner].append((key, request))
-    incoming = comm.alltoall(outgoing) if comm.size > 1 else outgoing
-    solved: dict[bytes, list[tuple[_Request, SElement]]] = {}
-    answers = []
-    with collective(comm):
-        for batch in incoming:
-            answer = []
-            for key, request in batch:
-                known = solved.setdefault(key, [])
-                solution = next(
-                    (
-                        s
-                        for r, s in known
-                        if same_shape(r.shape, request.shape, max(r.tolerance, request.tolerance))
-                    ),
-                    None,
+def _similar(part: Part, order: int, materials) -> list[list]:
+    """The rank's S-elements by shape: of each a request, then (row, placement) of those that have it."""
+    members: dict[bytes, list[list]] = {}
+    kinds: dict[tuple, list[int]] = {}
+    for i, chain in enumerate(part.chains):
+        kinds.setdefault((len(chain), bool(part.closed[i]), int(part.materials[i])), []).append(i)
+    noise = 8.0 * np.finfo(float).eps * (np.abs(part.coordinates).max() if len(part.coordinates) else 0.0)
+    # a batch at a time: every outline is turned to each of its vertices
+    batches = [
+        (closed, material, rows[first : first + _BATCH])
+        for (_, closed, material), rows in kinds.items()
+        for first in range(0, len(rows), _BATCH)
+    ]
+    for closed, material, rows in batches:
+        outlines = part.coordinates[np.stack([part.chains[i] for i in rows])] - part.centres[rows][:, None]
+        for i, placement in zip(rows, placements(outlines, order, closed, materials[material].isotropic)):
+            tolerance = 1e-11 + noise / placement.size
+            key = shape_key(placement.shape) + bytes((closed,)) + material.to_bytes(4, "little")
+            for bucket in members.setdefault(key, []):
+                if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
+                    break
+            else:
+                label = (
+                    f"S-element {part.elements[i]} around ({part.centres[i][0]:.6g}, "
+                    f"{part.centres[i][1]:.6g}) m"
                 )
-                if solution is None:
-                    material = materials[request.material]
-                    try:
-                        solution = solve_selement(
-                            request.shape,
-                            order,
-                            request.closed,
-                            material.elasticity,
-                            terms,
-                            material.isotropic,
-                        )
-                    except SElementError as error:
-                        raise SElementError(f"{request.label}: {error}") from None
-                    known.append((request, solution))
-                answer.append(solution)
-            answers.append(answer)
-    returned = comm.alltoall(answers) if comm.size > 1 else answers
-    queues = [iter(batch) for batch in returned]
-    count = sum(len(known) for known in solved.values())
-    return [next(queues[owner]) for owner in owners], comm.allreduce(count)
+                bucket = [_Request(key, placement.shape, closed, material, tolerance, label)]
+                members[key].append(bucket)
+            bucket.append((i, placement))
+    return [bucket for group in members.values() for bucket in group]
+
+
+class Solutions:
+    """Different shapes over the ranks of a communicator, each solved by the rank that its key points to.
+
+    Parameters
+    ----------
+    comm : Comm
+    requests : list of _Request
+        This rank's shapes.
+    order : int
+    materials : sequence of Material
+
+    Attributes
+    ----------
+    count : int
+        Number of different shapes over all ranks.
+    """
+
+    def __init__(self, comm: MPI.Comm, requests: list[_Request], order: int, materials):
+        self.comm, self.order, self.materials = comm, order, materials
+        self._owners = [zlib.crc32(request.key) % comm.size for request in requests]
+        outgoing: list[list[_Request]] = [[] for _ in range(comm.size)]
+        for request, owner in zip(requests, self._owners):
+            outgoing[owner].append(request)
+        incoming = comm.alltoall(outgoing) if comm.size > 1 else outgoing
+        # the different shapes that this rank solves, and which of them each rank has asked for
+        self._shapes: list[_Request] = []
+        self._solved: list[SElement] = []
+        self._known: dict[bytes, list[int]] = {}
+        self._asked = [[self._number(request) for request in batch] for batch in incoming]
+        self.count = comm.allreduce(len(self._shapes))
+
+    def _number(self, request: _Request) -> int:
+        """Row of the shape among those of this rank, a new one if it is met for the first time."""
+        known = self._known.setdefault(request.key, [])
+        for number in known:
+            shape = self._shapes[number]
+            if same_shape(shape.shape, request.shape, max(shape.tolerance, request.tolerance)):
+                return number
+        known.append(len(self._shapes))
+        self._shapes.append(request)
+        return known[-1]
+
+    def stiffness(self) -> list[SElement]:
+        """The S-element of each of this rank's requests, without inertia. Collective."""
+
+        def solve(number: int) -> SElement:
+            request = self._shapes[number]
+            material = self.materials[request.material]
+            return solve_selement(
+                request.shape, self.order, request.closed, material.elasticity, isotropic=material.isotropic
+            )
+
+        self._solved = self._each(solve)
+        return self._sent_back(self._solved)
+
+    def inertia(self, terms: int) -> list[Inertia]:
+        """Mass and continued fraction of each of this rank's requests. Collective."""
+
+        def solve(number: int) -> Inertia:
+            return self._solved[number].with_inertia(terms).dynamics
+
+        return self._sent_back(self._each(solve))
+
+    def _each(self, solve: Callable[[int], Any]) -> list:
+        """`solve` of each of this rank's shapes; what it raises names the S-element, on all ranks."""
+        found = []
+        with collective(self.comm):
+            for number, request in enumerate(self._shapes):
+                try:
+                    found.append(solve(number))
+                except SElementError as error:
+                    raise SElementError(f"{request.label}: {error}") from None
+        return found
+
+    def _sent_back(self, found: list) -> list:
+        """Answers to this rank's requests, from what each rank has found for its own shapes."""
+        answers = [[found[number] for number in batch] for batch in self._asked]
+        queues = [iter(batch) for batch in (self.comm.alltoall(answers) if self.comm.size > 1 else answers)]
+        return [next(queues[owner]) for owner in self._owners]

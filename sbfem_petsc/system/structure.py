@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -84,8 +85,10 @@ class Structure:
                 raise ValueError(
                     f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
                 )
-        self.groups, self.shapes = solve_groups(comm, self.part, self.order, self.materials, terms)
-        auxiliary = sum(g.solution.inertia.size * len(g.sizes) for g in self.groups)
+        self.groups, self._solutions = solve_groups(comm, self.part, self.order, self.materials)
+        self.shapes = self._solutions.count
+        # a term of the continued fraction has as many unknowns as the S-element's boundary
+        auxiliary = terms * sum(2 * group.nodes.size for group in self.groups)
         self.unknowns = self.boundary_unknowns + comm.allreduce(auxiliary)
 
     @property
@@ -94,6 +97,15 @@ class Structure:
         return slice(int(self.ranges[self.comm.rank]), int(self.ranges[self.comm.rank + 1]))
 
     # ------------------------------------------------------------------ matrices
+    @functools.cached_property
+    def moving_groups(self) -> list[Group]:
+        """The groups with mass and continued fraction, computed when the first analysis asks. Collective."""
+        found = self._solutions.inertia(self.continued_fraction)
+        return [
+            replace(group, solution=replace(group.solution, dynamics=inertia))
+            for group, inertia in zip(self.groups, found)
+        ]
+
     def unknowns_of(self, group: Group) -> np.ndarray:
         """(k, n) unknowns of the S-elements of a group, -1 where held fixed."""
         return self.part.unknowns[group.nodes].reshape(len(group.sizes), -1)

@@ -94,26 +94,32 @@ class TipFaces:
 def tip_faces(model) -> list[TipFaces]:
     """Those of the tip elements that this rank holds. Collective."""
     found: list[TipFaces] = []
+    shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
     if not model.tip_modes:
         return found
     with collective(model.comm):
         for place in model.tip_places:
             group, material = place.group, model.materials[place.group.material]
-            directions = np.concatenate(
-                [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
-            )
-            try:
-                tractions = face_tractions(
-                    group.shape,
-                    group.order,
-                    material.elasticity,
-                    stiffness=group.solution.stiffness,
-                    radial=group.solution.radial,
-                    directions=directions,
-                    modes=model.tip_modes,
-                )
-            except SElementError as error:
-                raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
-            stiffness = material.modulus * model.thickness
+            if id(group) not in shared:
+                try:
+                    shared[id(group)] = _tractions(group, material, model.tip_modes)
+                except SElementError as error:
+                    raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
+            tractions, stiffness = shared[id(group)], material.modulus * model.thickness
             found.append(TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness))
     return found
+
+
+def _tractions(group: Group, material, modes: int) -> FaceTractions:
+    directions = np.concatenate(
+        [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
+    )
+    return face_tractions(
+        group.shape,
+        group.order,
+        material.elasticity,
+        stiffness=group.solution.stiffness,
+        radial=group.solution.radial,
+        directions=directions,
+        modes=modes,
+    )

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..parallel import collective
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
-from .rows import Rows
+from .rows import Rows, flat_entries
 from .shapes import Group
 
 
@@ -72,21 +72,26 @@ def tip_intensities(model) -> TipIntensities:
     contact = np.zeros((2 * len(tips), len(model.gap_operator)))
     tractions = {faces.number: faces for faces in model.tip_faces}
     rows, columns = {}, {}
+    shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
     with collective(model.comm):  # the rank that owns a tip must not fail alone
         for number, group, member in model.tip_places:
             tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
             material = model.materials[group.material]
-            try:
-                form = intensity_rows(
-                    group.solution.radial,
-                    group.shape,
-                    group.order,
-                    material.elasticity,
-                    rotation @ np.array(tip.axis),
-                    material.isotropic,
-                )
-            except SElementError as error:
-                raise SElementError(f"tip {tip.name}: {error}") from None
+            axis = rotation @ np.array(tip.axis)
+            key = (id(group), *np.round(axis, 12))
+            if key not in shared:
+                try:
+                    shared[key] = intensity_rows(
+                        group.solution.radial,
+                        group.shape,
+                        group.order,
+                        material.elasticity,
+                        axis,
+                        material.isotropic,
+                    )
+                except SElementError as error:
+                    raise SElementError(f"tip {tip.name}: {error}") from None
+            form = shared[key]
             placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
             rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
@@ -98,5 +103,5 @@ def tip_intensities(model) -> TipIntensities:
                 first = model.gap_operator.pairs + modes * number
                 contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
     exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))
-    gathered = Rows.gathered(model.comm, model.ranges, rows, 2 * len(tips))
+    gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
     return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns)
