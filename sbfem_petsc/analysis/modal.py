@@ -6,6 +6,7 @@ from ..checks import flag, integer, real
 from ..parallel import collective
 from ..system.model import Model
 from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
+from ..system.resolution import warn_of_modes
 
 
 def modal(
@@ -43,17 +44,24 @@ def modal(
         If neither or both are given, or a value makes no sense.
     SolveError
         If SLEPc does not converge or a residual is too large.
+
+    Warns
+    -----
+    MeshWarning
+        If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves.
     """
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {model!r} is not a Model")
     with collective(model.comm):
         _check_request(model, count, band, auxiliary_tolerance, verify)
     if band is not None:
-        return modes_in_band(model, *band, auxiliary_tolerance, verify)
-    assert count is not None
-    if auxiliary_tolerance == TOLERANCE and verify:
-        return model.modes(count)
-    return lowest_modes(model, count, auxiliary_tolerance, verify)
+        found = modes_in_band(model, *band, auxiliary_tolerance, verify)
+    else:
+        assert count is not None
+        usual = auxiliary_tolerance == TOLERANCE and verify
+        found = model.modes(count) if usual else lowest_modes(model, count, auxiliary_tolerance, verify)
+    warn_of_modes("modal", found)
+    return found
 
 
 def _check_request(model: Model, count, band, auxiliary_tolerance, verify) -> None:
