@@ -28,6 +28,7 @@ _HOME = {
     "UnknownName": "errors",
     "Model": "system.model",
     "rayleigh_factors": "system.model",
+    "MeshWarning": "system.resolution",
     "modal": "analysis.modal",
     "Modal": "system.modes",
     "static": "analysis.static",

@@ -6,6 +6,7 @@ from ..checks import flag, integer, numbers_of, real, shown
 from ..parallel import agree, collective
 from ..system.model import Model
 from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
+from ..system.resolution import warn_of_modes
 
 # No structure has a frequency beyond, Hz.
 HIGHEST = 1e30
@@ -46,6 +47,11 @@ def modal(
         If neither or both are given, or a value makes no sense.
     SolveError
         If SLEPc does not converge or a residual is too large.
+
+    Warns
+    -----
+    MeshWarning
+        If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves.
     """
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {shown(model)} is not a Model")
@@ -55,11 +61,13 @@ def modal(
         model.comm, "modal", count=count, band=band, auxiliary_tolerance=auxiliary_tolerance, verify=verify
     )
     if band is not None:
-        return modes_in_band(model, *band, auxiliary_tolerance, verify)
-    assert count is not None
-    if auxiliary_tolerance == TOLERANCE and verify:
-        return model.modes(count)
-    return lowest_modes(model, count, auxiliary_tolerance, verify)
+        found = modes_in_band(model, *band, auxiliary_tolerance, verify)
+    else:
+        assert count is not None
+        usual = auxiliary_tolerance == TOLERANCE and verify
+        found = model.modes(count) if usual else lowest_modes(model, count, auxiliary_tolerance, verify)
+    warn_of_modes("modal", found)
+    return found
 
 
 def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> tuple[float, float] | None:

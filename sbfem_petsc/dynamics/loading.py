@@ -15,6 +15,7 @@ from ..reduction.build import default_modes, reduced
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Constant, Signal, as_signal
 from ..system.model import Model
+from ..system.resolution import warn_of_band
 
 
 def communicator(system: Model | ReducedModel) -> MPI.Comm:
@@ -130,4 +131,7 @@ def serving(
         if modes is not None:
             integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
-    return reduced(system, loads.units, modes or default_modes(system, highest))
+    result = reduced(system, loads.units, modes or default_modes(system, highest))
+    assert result.modal is not None
+    warn_of_band(owner, result.modal, result.damping, highest)
+    return result
