@@ -127,7 +127,9 @@ def _at_exit() -> None:
         others = [rank for rank in others if not world.Iprobe(source=rank, tag=LEAVING)]
         time.sleep(0.01)
     if others:
-        sys.stderr.write(f"rank {world.rank} of {world.size} has left by sys.exit({status!r}): all ranks are stopped\n")
+        sys.stderr.write(
+            f"rank {world.rank} of {world.size} has left by sys.exit({status!r}): all ranks are stopped\n"
+        )
         _stop(world, status if isinstance(status, int) else 1)
     del requests
 

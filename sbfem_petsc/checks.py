@@ -134,7 +134,9 @@ def instance(owner: str, name: str, value: Any, kinds: type | tuple[type, ...], 
     return value
 
 
-def numbers_of(owner: str, name: str, value: Any, count: int, what: str, **bounds: float) -> tuple[float, ...]:
+def numbers_of(
+    owner: str, name: str, value: Any, count: int, what: str, **bounds: float
+) -> tuple[float, ...]:
     """`value` as so many finite floats; TypeError or ValueError otherwise.
 
     Parameters
@@ -144,7 +146,11 @@ def numbers_of(owner: str, name: str, value: Any, count: int, what: str, **bound
     bounds
         See `real`.
     """
-    if not isinstance(value, (Sequence, np.ndarray)) or isinstance(value, (str, bytes)) or np.ndim(value) != 1:
+    if (
+        not isinstance(value, (Sequence, np.ndarray))
+        or isinstance(value, (str, bytes))
+        or np.ndim(value) != 1
+    ):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be {what}")
     if len(value) != count:
         raise ValueError(f"{owner}: {name} = {shown(value)} must be {what}")

@@ -170,4 +170,3 @@ def _rank() -> int:
     from mpi4py import MPI
 
     return MPI.COMM_WORLD.rank
-

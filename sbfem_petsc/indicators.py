@@ -61,7 +61,9 @@ def _tones(owner: str, frequencies, step: float, zero: bool = False) -> np.ndarr
     one = not isinstance(frequencies, (list, tuple, np.ndarray))
     tones = real_array(owner, "frequencies", frequencies, 0 if one else 1, "Hz").reshape(-1)
     if not tones.size:
-        raise ValueError(f"{owner}: frequencies = {shown(frequencies)} must be a number or a sequence of numbers, in Hz")
+        raise ValueError(
+            f"{owner}: frequencies = {shown(frequencies)} must be a number or a sequence of numbers, in Hz"
+        )
     for tone in tones:
         if not (np.isfinite(tone) and (tone > 0.0 or zero and tone == 0.0)):
             raise ValueError(
@@ -420,7 +422,10 @@ class Subharmonics:
 def subharmonics(time, values, frequency: float, divisor: int = 2, count: int = 3) -> Subharmonics:
     """Lines at k frequency / divisor up to harmonic `count` of the driving `frequency` (Hz)."""
     t, u, step = _record("subharmonics", time, values)
-    divisor, count = integer("subharmonics", "divisor", divisor, least=2), integer("subharmonics", "count", count, least=1)
+    divisor, count = (
+        integer("subharmonics", "divisor", divisor, least=2),
+        integer("subharmonics", "count", count, least=1),
+    )
     drive = positive("subharmonics", "frequency", frequency, "Hz")
     lines = _tones("subharmonics", drive / divisor * np.arange(divisor * count + 1), step, zero=True)
     return Subharmonics(drive, divisor, _fit("subharmonics", t, u, step, lines))

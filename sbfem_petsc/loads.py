@@ -203,7 +203,9 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
         elif isinstance(item, Load):
             flat.append(item)
         else:
-            raise TypeError(f"load = {shown(item)} is neither a PointForce nor an EdgeLoad nor a SupportMotion")
+            raise TypeError(
+                f"load = {shown(item)} is neither a PointForce nor an EdgeLoad nor a SupportMotion"
+            )
     return Loads(tuple(flat))
 
 

@@ -128,9 +128,13 @@ def checked_communicator(owner: str, comm: Any) -> MPI.Comm:
     if comm is None:
         return MPI.COMM_WORLD
     if not isinstance(comm, MPI.Intracomm):
-        raise TypeError(f"{owner}: comm = {shown(comm)} must be a communicator of mpi4py, such as MPI.COMM_WORLD")
+        raise TypeError(
+            f"{owner}: comm = {shown(comm)} must be a communicator of mpi4py, such as MPI.COMM_WORLD"
+        )
     if comm == MPI.COMM_NULL:
-        raise ValueError(f"{owner}: comm = MPI.COMM_NULL has no ranks; leave the model to the ranks that have one")
+        raise ValueError(
+            f"{owner}: comm = MPI.COMM_NULL has no ranks; leave the model to the ranks that have one"
+        )
     return comm
 
 

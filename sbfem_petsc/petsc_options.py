@@ -16,7 +16,15 @@ PREFIXES = {
     "floquet_": "Floquet multipliers: -floquet_eps_...",
 }
 # PETSc's own options for a whole run that no program of its own is likely to have.
-WHOLE_RUN = ("log_view", "options_left", "options_view", "options_file", "malloc_", "memory_view", "citations")
+WHOLE_RUN = (
+    "log_view",
+    "options_left",
+    "options_view",
+    "options_file",
+    "malloc_",
+    "memory_view",
+    "citations",
+)
 # Share of equal letters from which a prefix is taken for a misspelt one of ours.
 ALIKE = 0.75
 

@@ -28,7 +28,9 @@ class Support:
 
     def __post_init__(self) -> None:
         if not isinstance(self.where, str):
-            raise TypeError(f"Support: where = {shown(self.where)} must be the name of an edge set or a point")
+            raise TypeError(
+                f"Support: where = {shown(self.where)} must be the name of an edge set or a point"
+            )
         for name in ("x", "y"):
             value = getattr(self, name)
             if type(value).__name__ in ("bool", "bool_"):

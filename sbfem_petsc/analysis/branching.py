@@ -48,7 +48,7 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     norm = np.linalg.norm(bifurcation.state)
 
     def conditions(value: float) -> tuple[float, float]:
-        return (value, 1.0) if branch.parameter == "frequency" else (branch.fixed_frequency, value)
+        return branch.conditions(value)
 
     for share in SIZES if size is None else (size,):
         target = direction @ bifurcation.state + share * norm

@@ -162,7 +162,11 @@ def estimate(
         model_options = {name: number + 1 for name, number in model_options.items()}
     error = _last_error(done)
     result = Estimate(
-        done[-1].value, error, _difference(done[0].value, done[-1].value) + error, error <= accuracy, tuple(done)
+        done[-1].value,
+        error,
+        _difference(done[0].value, done[-1].value) + error,
+        error <= accuracy,
+        tuple(done),
     )
     if not result.converged:
         warnings.warn(
@@ -236,11 +240,15 @@ def _difference(one: Any, other: Any) -> float:
     worst = 0.0
     for name, exact in second.items():
         scale = np.abs(exact)
-        ascending = exact.ndim == 1 and np.isrealobj(exact) and (exact > 0).all() and (np.diff(exact) >= 0).all()
+        ascending = (
+            exact.ndim == 1 and np.isrealobj(exact) and (exact > 0).all() and (np.diff(exact) >= 0).all()
+        )
         if not ascending:
             scale = np.full(exact.shape, scale.max(initial=0.0))
         change = np.abs(first[name] - exact)
-        worst = max(worst, float(np.divide(change, scale, out=1.0 * (change > 0), where=scale > 0).max(initial=0.0)))
+        worst = max(
+            worst, float(np.divide(change, scale, out=1.0 * (change > 0), where=scale > 0).max(initial=0.0))
+        )
     return worst
 
 
@@ -252,4 +260,8 @@ def _last_error(done: list[Level]) -> float:
     if len(changes) == 1:
         return changes[-1]
     ratio = changes[-1] / max(changes[-2], 1e-300)
-    return changes[-1] * min(max(ratio, FASTEST), 0.5) / (1.0 - min(max(ratio, FASTEST), 0.5)) if ratio < 1 else changes[-1]
+    return (
+        changes[-1] * min(max(ratio, FASTEST), 0.5) / (1.0 - min(max(ratio, FASTEST), 0.5))
+        if ratio < 1
+        else changes[-1]
+    )

@@ -57,9 +57,7 @@ def modal(
         raise TypeError(f"modal: model = {shown(model)} is not a Model")
     with collective(model.comm):
         band = _checked_request(model, count, band, auxiliary_tolerance, verify)
-    agree(
-        model.comm, "modal", count=count, band=band, auxiliary_tolerance=auxiliary_tolerance, verify=verify
-    )
+    agree(model.comm, "modal", count=count, band=band, auxiliary_tolerance=auxiliary_tolerance, verify=verify)
     if band is not None:
         found = modes_in_band(model, *band, auxiliary_tolerance, verify)
     else:

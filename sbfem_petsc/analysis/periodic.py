@@ -148,7 +148,7 @@ def _refined(task: _Task, settings: PeriodSettings, start: Orbit | None, toleran
             np.concatenate([orbit.displacement(point)[::stride] for point in found.points])
             for orbit, stride in ((found, 1), (finer, 2))
         )
-        error = float(np.linalg.norm(one - other) / max(np.linalg.norm(other), 1e-300))
+        error = float(np.linalg.norm(one - other) / max(float(np.linalg.norm(other)), 1e-300))
         found = replace(finer, step_error=error)
         if error < tolerance:
             return found

@@ -235,7 +235,12 @@ def _amplitudes_only(what: str, load) -> None:
     values = load if isinstance(load, (list, tuple)) else (load,)
     named = [("load", value) for value in values if isinstance(value, Signal)]
     if not named and not all(isinstance(value, (int, float)) for value in values):
-        named = [pair for item in as_loads(load).parts for pair in item.components.items()]
+        named = [
+            (name, value)
+            for item in as_loads(load).parts
+            for name, value in item.components.items()
+            if isinstance(value, Signal)
+        ]
     for name, value in named:
         if isinstance(value, Signal) and not isinstance(value, Constant):
             raise ValueError(

@@ -81,7 +81,9 @@ def _judge(relative: float) -> None:
     """Warn or refuse where round-off in K, of a slender or softly held structure, reaches the loads."""
     if not math.isfinite(relative):
         raise on_all_ranks(
-            SolveError("static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?")
+            SolveError(
+                "static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?"
+            )
         )
     if relative > REFUSED:
         raise on_all_ranks(

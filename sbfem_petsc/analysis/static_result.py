@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from dataclasses import field as attribute
 
 import numpy as np
 
@@ -63,8 +64,8 @@ class Static:
     stress_intensity: dict[str, tuple[float, float]]
     load: Loads
     model: Model
-    columns: LoadColumns = field(repr=False)
-    equilibrium: Equilibrium = field(repr=False)
+    columns: LoadColumns = attribute(repr=False)
+    equilibrium: Equilibrium = attribute(repr=False)
 
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
         """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
@@ -92,7 +93,7 @@ class Static:
             m, m and Pa.
         """
         ends = np.array([checked_place("along", start), checked_place("along", end)])
-        line = np.linspace(*ends, integer("along", "count", count, least=2))
+        line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2))
         points = [(float(x), float(y)) for x, y in line]
         return line, self._at("displacement", points), self._at("stress", points)
 

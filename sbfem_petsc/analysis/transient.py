@@ -249,7 +249,7 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
 
     def distance(one: History, other: History) -> float:
         found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
-        return float(np.linalg.norm(found - exact) / max(np.linalg.norm(exact), 1e-300))
+        return float(np.linalg.norm(found - exact) / max(float(np.linalg.norm(exact)), 1e-300))
 
     return ErrorEstimate(distance(history, halved), distance(halved, richer))
 

@@ -57,7 +57,7 @@ def between(
     continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint, fraction: float
 ) -> ContinuationPoint:
     """A point of the branch in the plane across the chord of two others."""
-    size = max(np.linalg.norm(one.fixed.state), np.linalg.norm(other.fixed.state), 1e-300)
+    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
     chord = np.append(
         (other.fixed.state - one.fixed.state) / size,
         (other.value - one.value) / continuation.parameter.extent,

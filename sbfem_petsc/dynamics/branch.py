@@ -152,19 +152,16 @@ class Branch:
 
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""
-        driven = self._driven(float(self.value[k]))
+        driven = self.period.at(*self.conditions(float(self.value[k])))
         motion = driven.run(self.states[k])
         fixed = FixedPoint(
             self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
         )
         return make_orbit(fixed, self.multipliers[k], float(self.multiplier_error[k]), "point of a curve")
 
-    def _driven(self, value: float):
-        return (
-            self.period.at(value)
-            if self.parameter == "frequency"
-            else self.period.at(self.fixed_frequency, value)
-        )
+    def conditions(self, value: float) -> tuple[float, float]:
+        """Forcing frequency (Hz) and load factor of a value of the parameter."""
+        return (value, 1.0) if self.fixed_frequency is None else (self.fixed_frequency, value)
 
     def _index(self, point: str) -> int:
         if point not in self.points:

@@ -180,7 +180,8 @@ class PointRows:
 
     def __init__(self, period: Period, stability: bool):
         self.period, self.stability = period, stability
-        self.rows, self.found = [], []
+        self.rows: list[tuple] = []
+        self.found: list[Multipliers | None] = []
 
     def add(self, point: ContinuationPoint, place: int | None = None) -> None:
         """Note a point, at the end or before another one."""

@@ -173,7 +173,7 @@ class Continuation:
         self.points = [first]
         # where a branch starts from rest its state has no size of its own
         ends = (parameter.at(period, value) for value in (parameter.lower, parameter.upper))
-        self.least = 1e-3 * max(np.linalg.norm(end.linear_state) for end in ends)
+        self.least = 1e-3 * max(float(np.linalg.norm(end.linear_state)) for end in ends)
         self.length, self.reason = FIRST, ""
         self.sign: float | None = None
         # the fewest forcing periods after which the first motion repeats itself; a branch of several has ended

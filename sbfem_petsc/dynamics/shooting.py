@@ -77,7 +77,7 @@ class Period:
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self.phases = excitation.phases(steps)
-        self._prepared = {}
+        self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
 
     def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
         """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
@@ -387,7 +387,8 @@ class _Newton:
     ):
         self.iterations = ITERATIONS if iterations is None else iterations
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
-        self.residuals, self.key = [], None
+        self.residuals: list[float] = []
+        self.key: bytes | None = None
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
@@ -395,7 +396,7 @@ class _Newton:
         # all unknowns of one order
         self.driven, self.first = driven, values
         self.scale = (
-            max(np.linalg.norm(state), np.linalg.norm(driven(values).linear_state), 1e-300)
+            max(float(np.linalg.norm(state)), float(np.linalg.norm(driven(values).linear_state)), 1e-300)
             / max(abs(float(values[0])), 1e-300)
             if len(values)
             else 1.0
@@ -423,7 +424,7 @@ class _Newton:
         size_of_state = np.linalg.norm(driven(values).linear_state)
         snes.setTolerances(
             rtol=RELATIVE,
-            atol=ROUND_OFF * max(size_of_state, np.linalg.norm(state), 1e-300),
+            atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
             stol=0.0,
             max_it=self.iterations,
         )

@@ -172,7 +172,7 @@ class _Attempts:
             except SolveError as error:  # a contact problem that was not solved
                 self.notes.append(str(error))
                 return None, done, change, repeat
-            norm = max(np.linalg.norm(past[-1]), size, 1e-300)
+            norm = max(float(np.linalg.norm(past[-1])), size, 1e-300)
             changes = [np.linalg.norm(past[-1] - past[-1 - n]) / norm for n in range(1, len(past))]
             change = changes[0]
             # a failed attempt takes as long as some hundreds of periods

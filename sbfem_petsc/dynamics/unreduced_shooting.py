@@ -85,7 +85,8 @@ class _UnreducedPeriod:
         self.amplitudes = (excitation.phases(count) @ excitation.amplitudes).real
         # displacements are weighed with the forcing frequency to be velocities
         self.weight, self.size = 2.0 * np.pi * frequency, march.u.size
-        self.products, self.residuals, self.key = 0, [], None
+        self.products, self.residuals = 0, list[float]()
+        self.key: np.ndarray | None = None
 
     def run(self, state: np.ndarray, record: bool = False):
         """x(T) of x(0) = (weight u, v), this rank's part; the pairs that touch in each step; with `record`
@@ -206,8 +207,13 @@ class _UnreducedPeriod:
         # the mean of the accelerations of the two steps beside an instant
         slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
         names, tips = march.model.points, march.model.tips.names
+        at_places, at_speeds, at_slopes = (
+            {name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)
+        )
         states = SampledStates(
-            *({name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)),
+            at_places,
+            at_speeds,
+            at_slopes,
             forces,
             gaps,
             march.model.gap_operator.pairs,

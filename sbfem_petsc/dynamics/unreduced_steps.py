@@ -157,6 +157,7 @@ class UnreducedSteps:
         # in the step after
         self.share = 1.0 if scheme == "paper" else 2.0
         self.flexibility = 0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility
+        self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
         self.work, self.active, self.carried, self.slope = (
             np.zeros(3),
             np.zeros(self.pairs, dtype=bool),

@@ -126,6 +126,7 @@ class NodalForces:
         np.add.at(self.nodal, nodes, forces)
         unknowns, values = self._model.part.unknowns[nodes].ravel(), forces.ravel()
         keep = unknowns >= 0
+        assert self._vector is not None
         self._vector.setValues(unknowns[keep].astype(PETSc.IntType), values[keep], addv=True)
 
 
@@ -136,13 +137,13 @@ def load_columns(model, loads) -> LoadColumns:
     try:
         for load in loads:
             vector.set(0.0)
-            forces = NodalForces(model, vector)
+            assembler = NodalForces(model, vector)
             for item in as_loads(load).parts:
-                item.assemble(forces)
+                item.assemble(assembler)
             vector.assemble()
             columns.append(vector.array_r.copy())
-            collected.append(forces.tip_forces)
-            nodal.append(forces.nodal)
+            collected.append(assembler.tip_forces)
+            nodal.append(assembler.nodal)
     finally:
         free(model.comm, vector)
     tip_forces: dict[int, np.ndarray] = {}

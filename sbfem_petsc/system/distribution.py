@@ -84,7 +84,7 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
     everywhere = all(comm.allgather(mesh is not None))
     if everywhere:
         agree(comm, "Model", mesh=mesh)
-    parts = None
+    parts: list = []
     with collective(comm):
         if mesh is not None and not isinstance(mesh, BoundaryMesh):
             raise TypeError(
@@ -97,7 +97,7 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
             facts = _facts(mesh, numbering)
             wanted = [comm.rank] if everywhere else range(comm.size)
             parts = [(facts, partition.extract(mesh, numbering, rank)) for rank in wanted]
-    facts, part = parts[0] if everywhere and parts else comm.scatter(parts)
+    facts, part = parts[0] if everywhere else comm.scatter(parts if comm.rank == 0 else None)  # type: ignore[arg-type]
     return Distribution(**facts, part=part)
 
 

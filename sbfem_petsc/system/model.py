@@ -241,5 +241,7 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
 
 
 def _rayleigh(value) -> tuple[float, float]:
-    a, b = numbers_of("Model", "rayleigh", value, 2, "two numbers, a in 1/s and b in s of a M + b K", least=0.0)
+    a, b = numbers_of(
+        "Model", "rayleigh", value, 2, "two numbers, a in 1/s and b in s of a M + b K", least=0.0
+    )
     return a, b

@@ -32,7 +32,8 @@ def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.nd
             "kij,kj->ki", group.turned_both(group.solution.stiffness), moved
         )
         np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
-    result, taken = {}, np.zeros(part.unknowns.shape, dtype=bool)
+    result: dict[str, np.ndarray] = {}
+    taken = np.zeros(part.unknowns.shape, dtype=bool)
     for support in model.supports:
         nodes = _nodes_of(model, support.where)
         held = np.zeros_like(taken)
@@ -41,7 +42,7 @@ def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.nd
         taken |= held
         total = np.where(held, forces, 0.0).sum(axis=0) - _spring_force(model, support, field)
         model.comm.Allreduce(MPI.IN_PLACE, total)
-        result[support.where] = result.get(support.where, 0.0) + total
+        result[support.where] = result.get(support.where, np.zeros(2)) + total
     return result
 
 

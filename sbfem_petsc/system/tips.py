@@ -71,7 +71,8 @@ def tip_intensities(model) -> TipIntensities:
     exponents = np.zeros((len(tips), 2))
     contact = np.zeros((2 * len(tips), len(model.gap_operator)))
     tractions = {faces.number: faces for faces in model.tip_faces}
-    rows, columns = {}, {}
+    rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    columns: dict[int, np.ndarray] = {}
     shared: dict[tuple, Any] = {}  # similar tip elements with the same axis have the same forms
     with collective(model.comm):  # the rank that owns a tip must not fail alone
         for number, group, member in model.tip_places:
