@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from ..dynamics.several_periods import minimal_periods
+from ..dynamics.several_periods import minimal_periods, passes_shorter
 from ..errors import SolveError
 from .shooting import Period, Shot, shoot_along
 
@@ -158,6 +158,8 @@ class Trace:
         while length >= SMALLEST:
             station = self._step(heading, length)
             if station is None and length < CORNER:
+                if self.fallen:  # turning about there would be going back
+                    break
                 station = self._around(heading, length)
             if station is not None:
                 self.stations.append(station)
@@ -225,10 +227,10 @@ class Trace:
         except (SolveError, ValueError):
             return None
         station = Station(shot, end if outside else float(shot.parameters[0]))
-        if self.periods > 1 and minimal_periods(shot) < self.periods:
+        fewer = passes_shorter(last.shot, shot) if self.periods > 1 else 0
+        if fewer:
             self.fallen = (
-                f"the branch of {self.periods} periods falls onto a motion of {minimal_periods(shot)} at "
-                f"{station.value:.8g}"
+                f"the branch of {self.periods} periods falls onto a motion of {fewer} at {station.value:.8g}"
             )
             return None
         chord = self._secant(last, station)

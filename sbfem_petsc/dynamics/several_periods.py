@@ -51,6 +51,23 @@ def minimal_periods(shot: Shot) -> int:
     return shot.driven.period.drive.periods
 
 
+def passes_shorter(one: Shot, other: Shot) -> int:
+    """Periods of the shorter motion on which a branch of several has landed, or through which it has passed
+    between two points to its own motions begun half a period later; 0 if neither.
+    """
+    periods = other.driven.period.drive.periods
+    fewer = minimal_periods(other)
+    if fewer < periods:
+        return fewer
+    if periods % 2 or periods // 2 not in distances(other.driven, other.motion):
+        return 0
+    halves = []
+    for shot in (one, other):
+        p = shot.driven.period
+        halves.append(_difference(p, shot.motion, p.steps // 2) - _difference(p, shot.motion, 0))
+    return periods // 2 if halves[0] @ halves[1] < 0.0 else 0
+
+
 def lead_away(trace: Trace) -> None:
     """Let a branch of several periods begin in the direction in which it parts from shorter motions.
 
