@@ -83,7 +83,7 @@ def lead_away(trace: Trace) -> None:
     trace.sign = None
     driven = trace.driven(first.value + AHEAD * unit * heading[-1])
     after = distances(driven, driven.run(first.shot.state + AHEAD * size * heading[:-1]))
-    nearest = min(before, key=before.get)
+    nearest = min(before, key=lambda fewer: before[fewer])
     if after[nearest] >= before[nearest]:
         return
     reach = max(EXCURSION * abs(first.value), trace.range)
