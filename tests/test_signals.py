@@ -289,7 +289,10 @@ CASES = {
     "Samples([0, 1], [0, np.inf])": (ValueError, "value[1] = inf must be finite"),
     "Samples([0, 1], ['a', 'b'])": (TypeError, "value = ['a', 'b'] must be an array of real numbers"),
     "Samples([[0, 1]], [[0, 1]])": (ValueError, "time has 2 dimensions, 1 are expected"),
-    "Samples([0, 1], [0, 1], 'quintic')": (ValueError, "interpolation = 'quintic' must be one of 'linear', 'cubic'"),
+    "Samples([0, 1], [0, 1], 'quintic')": (
+        ValueError,
+        "interpolation = 'quintic' must be one of 'linear', 'cubic'",
+    ),
     "Samples.from_csv('x.csv', time_scale=0.0)": (ValueError, "time_scale = 0.0"),
     "Custom(5.0)": (TypeError, "Custom: function = 5.0 cannot be called"),
     "Custom(lambda t: 1.0 if t < 1 else 0.0)": (ValueError, "must take an array, as numpy.vectorize"),

@@ -202,12 +202,13 @@ def backbone(
     if steps is None:
         steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
     system = FreeSystem(reduction, mode - 1, steps)
+    passed: tuple[tuple[float, float], ...] = ()
     try:
         first = first_motion(system, start)
     except SolveError as error:
         raise on_all_ranks(error) from None
     if not reduction.initial_gap.any():
-        motions, reason, passed = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J", ()
+        motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
     else:
         branch = FreeBranch(
             system,
@@ -224,12 +225,12 @@ def backbone(
         motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
     result = replace(_collect(system, motions, reason, refine, stability, damping, stop), passed=passed)
     if not result.complete:
-        error = SolveError(
+        failure = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
             f"points, before {stop:.6g} J: {reason}; raise points, take more steps a period or fewer modes"
         )
-        error.backbone = result
-        raise on_all_ranks(error)
+        failure.backbone = result
+        raise on_all_ranks(failure)
     return result
 
 

@@ -170,7 +170,7 @@ def quasi_periodic(
         loads = loading("quasi_periodic", model, load, _tone)
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
-        drives = _drives(list(loads.signals), ordered)
+        drives = _drives(loads.signals, ordered)
     if modes is None and start is not None and isinstance(model, Model):
         modes = start.states.shape[1] // 2
     reduced = serving("quasi_periodic", model, loads, modes, _highest(drives, ordered))

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError
-from .several_periods import minimal_periods
+from .several_periods import minimal_periods, passes_shorter
 from .shooting import DrivenPeriod, FixedPoint, Period, shoot_along
 
 # Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as
@@ -238,6 +238,8 @@ class Continuation:
         while length >= SMALLEST:
             point = self._step(heading, length)
             if point is None and length < CORNER:
+                if self.fallen:  # turning about there would be going back
+                    break
                 point = self._around(heading, length)
             if point is not None:
                 self.points.append(point)
@@ -307,10 +309,10 @@ class Continuation:
         except (SolveError, ValueError):
             return None
         point = ContinuationPoint(fixed, end if outside else float(fixed.parameters[0]))
-        if self.periods > 1 and minimal_periods(fixed) < self.periods:
+        fewer = passes_shorter(last.fixed, fixed) if self.periods > 1 else 0
+        if fewer:
             self.fallen = (
-                f"the branch of {self.periods} periods falls onto a motion of {minimal_periods(fixed)} at "
-                f"{point.value:.8g}"
+                f"the branch of {self.periods} periods falls onto a motion of {fewer} at {point.value:.8g}"
             )
             return None
         chord = self._secant(last, point)

@@ -38,3 +38,20 @@ def minimal_periods(fixed: FixedPoint) -> int:
         if change < SAME:
             return fewer
     return fixed.driven.period.excitation.periods
+
+
+def passes_shorter(one: FixedPoint, other: FixedPoint) -> int:
+    """Periods of the shorter motion on which a branch of several has landed, or through which it has passed
+    between two points to its own motions begun half a period later; 0 if neither.
+    """
+    periods = other.driven.period.excitation.periods
+    fewer = minimal_periods(other)
+    if fewer < periods:
+        return fewer
+    if periods % 2 or periods // 2 not in distances(other.driven, other.motion):
+        return 0
+    halves = []
+    for fixed in (one, other):
+        p = fixed.driven.period
+        halves.append(_difference(p, fixed.motion, p.steps // 2) - _difference(p, fixed.motion, 0))
+    return periods // 2 if halves[0] @ halves[1] < 0.0 else 0

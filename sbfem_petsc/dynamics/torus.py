@@ -229,7 +229,11 @@ class _Linear:
         self.torus, self.derivatives = torus, derivatives
         mean, unit = derivatives.mean(axis=0), np.eye(derivatives.shape[1])
         self.half = torus.samples // 2 + 1
-        self.inverses = np.linalg.inv(mean - torus.shift[: self.half, None, None] * unit)
+        self.inverses = np.zeros((self.half, *mean.shape), dtype=complex)
+        mine = slice(torus.comm.rank, None, torus.comm.size)
+        shift = torus.shift[: self.half][mine]
+        self.inverses[mine] = np.linalg.inv(mean - shift[:, None, None] * unit)
+        torus.comm.Allreduce(MPI.IN_PLACE, self.inverses)
 
     def _apply(self, vector: np.ndarray) -> np.ndarray:
         states = vector.reshape(self.torus.samples, -1)

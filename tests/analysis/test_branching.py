@@ -2,6 +2,8 @@
 03).
 """
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,25 +94,38 @@ def test_its_branch_can_be_followed(reduction, orbit):
     assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()
 
 
-def test_a_branch_that_falls_onto_a_shorter_one(reduction, orbit):
-    """Back to the period doubling: the branch ends there and says so; none of its points is a motion of one
-    period.
+def test_a_branch_that_falls_onto_a_shorter_one():
+    """A mass whose spring is four times as stiff on one side, driven at twice its own frequency: upwards the
+    motion of two periods shrinks into that of one. The branch ends there and says so; it goes on neither as
+    its own motion begun a period later nor as one of a single period.
     """
-    away = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
-    last = away.orbit(-1)
-    with pytest.raises(sb.SolveError, match="of 2 periods falls onto a motion of 1 at 0.1175") as caught:
-        sb.frequency_response(reduction, [0.1], last.frequency, 0.73 / TURN, first=last, stability=False)
-    back = caught.value.branch
-    assert (np.abs(back.subharmonics("second")[:, 1]) > 1e-6).all() and not back.complete
-    assert back.frequency[-1] * TURN == pytest.approx(0.7385, abs=1e-3)
-    assert minimal_periods(_fixed(last)) == 2 and minimal_periods(_fixed(back.orbit(-1))) == 2
-
-
-def _fixed(orbit):
-    """The orbit's state as a fixed point of its map."""
-    drive = Excitation.of([sb.Harmonic(0.1, orbit.frequency)], orbit.frequency, 2, 64)
-    driven = Period(orbit.reduced, drive, len(orbit.time)).at(orbit.frequency)
-    return FixedPoint(orbit.state, np.zeros(0), driven, driven.run(orbit.state), ())
+    reduction = sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[1.0]]),
+        np.zeros(1),
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
+        damping=0.1,
+        compliance=np.array([1.0 / 3.0]),
+    )
+    frequency = 2.0 * (4.0 / 3.0) / TURN
+    history = sb.transient(
+        reduction, [sb.Harmonic(1.0, frequency)], 200.0 / frequency, step=1.0 / (512 * frequency)
+    )
+    state = np.concatenate([history.states.q[-1], history.states.v[-1]])
+    guess = replace(sb.periodic(reduction, [1.0], frequency, periods=2, stability=False), state=state)
+    first = sb.periodic(reduction, [1.0], frequency, periods=2, start=guess)
+    assert first.stable and np.abs(first.subharmonics("x")[1]) > 0.5
+    with pytest.raises(sb.SolveError, match="of 2 periods falls onto a motion of 1 at 0.545") as caught:
+        sb.frequency_response(reduction, [1.0], frequency, 1.6 * frequency, first=first)
+    branch = caught.value.branch
+    half = np.abs(branch.subharmonics("x")[:, 1])
+    assert (np.diff(half) < 0.0).all() and half[-1] < 0.02 * half[0] and not branch.complete
+    # one period is stable beyond and unstable before
+    for factor, stable in ((0.995, False), (1.005, True)):
+        beyond = sb.periodic(reduction, [1.0], factor * branch.frequency[-1])
+        assert beyond.stable == stable
 
 
 def test_a_motion_of_one_period_over_two(reduction):

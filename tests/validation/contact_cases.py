@@ -40,9 +40,23 @@ def pressed_rings() -> Iterator[Row]:
     found = sb.static(model, sb.EdgeLoad("outside", pressure=1e6))
     _, pressure = found.contact_pressure()
     exact = 1e6 / (1 - 0.04) * (1 - 0.04 / 0.36)
-    yield Row("resultant over the arc, as pressure, Pa", exact, found.contact_resultant / (0.3 * math.pi), 1e-5)
-    yield Row("largest contact pressure, Pa", exact, float(pressure.max()), 5e-3, note="pairs at nodes of curved edges")
-    yield Row("least contact pressure, Pa", exact, float(pressure.min()), 5e-3, note="pairs at nodes of curved edges")
+    yield Row(
+        "resultant over the arc, as pressure, Pa", exact, found.contact_resultant / (0.3 * math.pi), 1e-5
+    )
+    yield Row(
+        "largest contact pressure, Pa",
+        exact,
+        float(pressure.max()),
+        5e-3,
+        note="pairs at nodes of curved edges",
+    )
+    yield Row(
+        "least contact pressure, Pa",
+        exact,
+        float(pressure.min()),
+        5e-3,
+        note="pairs at nodes of curved edges",
+    )
     # Two rings in contact all round are one ring.
     outer = -1e6 / 1e9 * ((1 + 0.04) / (1 - 0.04) - 0.2)
     yield Row("radial displacement outside, m", outer, float(found.displacement("P")[0]), 1e-5)
@@ -95,7 +109,9 @@ def uniform_compression() -> Iterator[Row]:
         corner = np.abs(found.displacement("P") - strain * SIDE).max()
         k = np.abs(list(found.stress_intensity.values())).max()
         limit = 1e-9 if name in EXACT else 1e-3
-        yield Row(f"{name}: displacement of the corner, m", 0.0, float(corner), limit, scale=abs(strain * SIDE))
+        yield Row(
+            f"{name}: displacement of the corner, m", 0.0, float(corner), limit, scale=abs(strain * SIDE)
+        )
         yield Row(f"{name}: largest |K|, Pa m^1/2", 0.0, float(k), limit, scale=scale)
         model.destroy()
 
@@ -131,7 +147,9 @@ def far_compression() -> Iterator[Row]:
     "what is applied.",
 )
 def through_crack() -> Iterator[Row]:
-    mesh = Plate(SQUARE, cracks=[CrackLine([(0, 0.04), (0.1, 0.06)], name="c")]).mesh(points={"P": (SIDE, SIDE)})
+    mesh = Plate(SQUARE, cracks=[CrackLine([(0, 0.04), (0.1, 0.06)], name="c")]).mesh(
+        points={"P": (SIDE, SIDE)}
+    )
     held = [sb.Support("edge1"), sb.Support("edge2", x=True, y=False), sb.Support("edge3", x=1.0, y=1.0)]
     model = sb.Model(mesh, sb.Material(70e9, 0.3, 2700), clamped=None, supports=held)
     found = sb.static(model, sb.EdgeLoad("edge3", pressure=PRESSURE))

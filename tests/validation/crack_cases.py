@@ -13,7 +13,9 @@ from meshing import CrackLine, Hole, Plate
 from tests.validation.page import Row, case
 
 
-def pulled(plate: Plate, material: sb.Material, stress: float = 1.0, *, contact: bool = True, **options) -> sb.Static:
+def pulled(
+    plate: Plate, material: sb.Material, stress: float = 1.0, *, contact: bool = True, **options
+) -> sb.Static:
     """A plate under tension on its lower and upper edge (the outline's sides 1 and 3)."""
     mesh = plate.mesh(points={"O": plate.outline[0], "X": plate.outline[1]}, **options)
     supports = [sb.Support("O"), sb.Support("X", x=False, y=True)]
@@ -46,13 +48,16 @@ def inclined_crack() -> Iterator[Row]:
 
 
 @case(
-    "Edge crack", "code_aster SSLP101: W = 100, H = 500, a = 37.5 mm, 1 MPa, E = 2e5 MPa (in N and mm); to 5e-3."
+    "Edge crack",
+    "code_aster SSLP101: W = 100, H = 500, a = 37.5 mm, 1 MPa, E = 2e5 MPa (in N and mm); to 5e-3.",
 )
 def edge_crack() -> Iterator[Row]:
     plate = Plate([(0, -250), (100, -250), (100, 250), (0, 250)], cracks=[CrackLine([(0, 0), (37.5, 0)])])
     found = pulled(plate, sb.Material(2e5, 0.3, 7.8e-9))
     yield Row("K_I, MPa mm^1/2", 21.491, found.stress_intensity["crack1"][0], 5e-3)
-    yield Row("G, N/mm", 2.3093e-3, found.energy_release_rate["crack1"], 1e-2, note="twice the difference of K_I")
+    yield Row(
+        "G, N/mm", 2.3093e-3, found.energy_release_rate["crack1"], 1e-2, note="twice the difference of K_I"
+    )
 
 
 @case(
@@ -135,7 +140,9 @@ def cracks_at_a_hole() -> Iterator[Row]:
         lines = [CrackLine([(1, 0), (1 + length, 0)]), CrackLine([(-1, 0), (-1 - length, 0)])]
         plate = Plate(square(60), holes=[Hole(0, 0, 2.0)], cracks=lines)
         found = pulled(plate, sb.Material(1.0, 0.3, 1.0), size=25).stress_intensity["crack1"][0]
-        yield Row(f"F at L = {length:g} R", factor, found / math.sqrt(math.pi * length), 2e-2, note="two decimals")
+        yield Row(
+            f"F at L = {length:g} R", factor, found / math.sqrt(math.pi * length), 2e-2, note="two decimals"
+        )
 
 
 @case(
@@ -158,6 +165,9 @@ def step_wave() -> Iterator[Row]:
         near = np.abs(found.time - multiple * arrival) < 0.1 * arrival
         curve = exact * np.sqrt((found.time[near] / arrival - 1) / (multiple - 1))
         yield Row(
-            f"K_I / (sigma sqrt(H)) at {multiple:g} t_c", exact, exact * float((k[near] / curve).mean()), 2e-2,
+            f"K_I / (sigma sqrt(H)) at {multiple:g} t_c",
+            exact,
+            exact * float((k[near] / curve).mean()),
+            2e-2,
             note="mean over 0.2 t_c; 300 modes",
         )

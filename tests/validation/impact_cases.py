@@ -70,11 +70,15 @@ RIPPLE = "relative to the fall; what modes left out change at a jump of the velo
 def bouncing_bar() -> Iterator[Row]:
     bar = Bar(10.0, 900.0, 1.0, 5.0, gravity=10.0, elements=800, modes=400)
     found = bar.run(0.0, 5.0, 1e-4)
-    yield Row("first contact, s", 1.0, float(found.time[_begin(found, 0.0)]), 1e-3, note="to 1/4 of the force")
+    yield Row(
+        "first contact, s", 1.0, float(found.time[_begin(found, 0.0)]), 1e-3, note="to 1/4 of the force"
+    )
     yield Row("end of first contact, s", 5 / 3, float(found.time[_end(found, 1.0, 2.5)]), 1e-3)
     for at, height in {1.91667: 1.1458333, 2.16667: 2.9166667, 2.66667: 3.8888889}.items():
         here = 5.0 + np.interp(at, found.time, found.displacement("0")[:, 1])
-        yield Row(f"height of the lower end at {at:g} s, m", height, float(here), 5e-3, scale=5.0, note=RIPPLE)
+        yield Row(
+            f"height of the lower end at {at:g} s, m", height, float(here), 5e-3, scale=5.0, note=RIPPLE
+        )
     during = (found.time > 1.05) & (found.time < 1.6)
     mean = float(found.contact_resultant[during].mean())
     yield Row("mean contact force from 1.05 to 1.6 s, N", 30.0 * (10.0 + 10.0 * 0.325), mean, 1e-3)
@@ -124,9 +128,7 @@ def two_rods() -> Iterator[Row]:
     )
     # The function cannot tell the two faces apart: the free rod's own end starts at rest.
     start = (None, lambda x, y: (np.where(x > 1.0 + 1e-9, -1.0, 0.0), 0.0 * x))
-    found = sb.transient(
-        model, sb.EdgeLoad("edge2", tx=1e-30), 1.2e-3, 1e-6, modes=160, start=start
-    )
+    found = sb.transient(model, sb.EdgeLoad("edge2", tx=1e-30), 1.2e-3, 1e-6, modes=160, start=start)
     force = 0.5 * math.sqrt(2e11 * 7800) * section
     period = 4.0 / math.sqrt(2e11 / 7800)
     during = (found.time > 0.1 * period) & (found.time < 0.9 * period)

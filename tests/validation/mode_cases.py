@@ -40,7 +40,10 @@ def one_sided_stop() -> Iterator[Row]:
         near = int(np.argmin(np.abs(np.log(branch.energy / energy))))
         exact = mass_with_stop(float(branch.energy[near]))
         yield Row(
-            f"frequency at {branch.energy[near]:.4g} J, Hz", exact, float(branch.frequency[near]), 1e-5,
+            f"frequency at {branch.energy[near]:.4g} J, Hz",
+            exact,
+            float(branch.frequency[near]),
+            1e-5,
         )
         del at
 
@@ -101,11 +104,17 @@ def deep_beam() -> Iterator[Row]:
     yield Row("third bending frequency, Hz", 283.47, float(across[1]), 2e-2, note=BEAM)
     second = modes.frequencies[(modes.frequencies > 120) & (modes.frequencies < 180)]
     yield Row(
-        "second bending frequency, Hz", 148.15, float(second[np.argmin(np.abs(second - 148.15))]), 2e-2, note=BEAM
+        "second bending frequency, Hz",
+        148.15,
+        float(second[np.argmin(np.abs(second - 148.15))]),
+        2e-2,
+        note=BEAM,
     )
     load = sb.EdgeLoad("top", ty=-1e6 / 2.0)
     static = sb.static(model, load)
-    yield Row("static deflection at midspan, m", 0.538e-3, -float(static.displacement("M")[1]), 2e-2, note=BEAM)
+    yield Row(
+        "static deflection at midspan, m", 0.538e-3, -float(static.displacement("M")[1]), 2e-2, note=BEAM
+    )
     frequency = float(across[0])
     orbit = sb.periodic(model, load, frequency=frequency)
     yield Row(
@@ -113,9 +122,7 @@ def deep_beam() -> Iterator[Row]:
     )
     history = sb.transient(model, load, 0.03, 2e-5)
     peak = history.displacement("M")[:, 1].argmin()
-    yield Row(
-        "peak after a step, m", 1.043e-3, -float(history.displacement("M")[peak, 1]), 2e-2, note=BEAM
-    )
+    yield Row("peak after a step, m", 1.043e-3, -float(history.displacement("M")[peak, 1]), 2e-2, note=BEAM)
     yield Row("its time, s", 0.0117, float(history.time[peak]), 2e-2, note=BEAM)
 
 
