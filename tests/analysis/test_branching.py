@@ -174,6 +174,6 @@ def test_orbit_file(orbit, tmp_path):
     np.testing.assert_array_equal(again.multipliers, orbit.multipliers)
     assert again.stable == orbit.stable and again.periods == 2 and repr(again) == repr(orbit)
     with pytest.raises(ValueError, match="HDF5 file of another kind"):
-        sb.read_curve(path)
+        sb.read_branch(path)
     with pytest.raises(ValueError, match="orbit file .* does not exist"):
         sb.read_orbit(str(tmp_path / "none.h5"))
