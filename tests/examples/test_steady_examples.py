@@ -120,7 +120,7 @@ def test_frequency_response(tmp_path):
     assert rows["0.005", "300"]["unstable_Hz"] == "" and float(
         rows["0.005", "300"]["peak_Hz"]
     ) == pytest.approx(14153.0, abs=0.5)
-    curve = sb.read_curve(str(tmp_path / "curve_300N_damping_0.002.h5"))
+    curve = sb.read_branch(str(tmp_path / "curve_300N_damping_0.002.h5"))
     assert curve.complete and [item.kind for item in curve.bifurcations] == 2 * ["Neimark-Sacker"]
     assert 0 < (~curve.stable).sum() < 15 and column(
         tmp_path / "curve_300N_damping_0.002.csv", "frequency_Hz"
@@ -153,7 +153,7 @@ def test_hole(tmp_path):
 @pytest.mark.parametrize(
     "name, options, sentence",
     [
-        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be a positive"),
+        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be finite and above 0 (Hz)"),
         ("frequency_response", ("--start", "14000", "--stop", "14000"), "start and stop are both 14000 Hz"),
         ("hole", ("--steps", "3"), "steps = 3 must be at least 48"),
         ("frequency_response", ("--damping", "-1"), "damping"),
