@@ -7,6 +7,7 @@ from dataclasses import fields, replace
 import h5py
 import numpy as np
 
+from ..contact.law import RowLaws
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .hdf5 import put, put_texts
@@ -43,6 +44,10 @@ def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
         put_texts(part, "names", output.names)
         for share, of in _SHARES.items():
             put(part, share, getattr(output, share), "SI", f"{description}, share {of}")
+    laws = group.create_group("contact_laws")
+    put(laws, "tied", reduced.contact_laws.tied, "1", "whether the force of a contact row may be tension")
+    put(laws, "compliance", reduced.contact_laws.compliance, "m/N", "of the contact rows, part of the gap's")
+    laws.attrs["dissipative"] = reduced.contact_laws.dissipative
     group.attrs["pairs"] = reduced.pairs
     put_texts(group, "loads", [repr(load) for load in reduced.loads])
 
@@ -56,7 +61,10 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
         for name in _OUTPUTS
     }
     arrays = {name: group[name][()] for name in _ARRAYS}
-    return ReducedModel(pairs=int(group.attrs["pairs"]), **arrays, **outputs)  # type: ignore[arg-type]
+    part = group["contact_laws"]
+    laws = RowLaws(part["tied"][()], part["compliance"][()], bool(part.attrs["dissipative"]))
+    pairs = int(group.attrs["pairs"])
+    return ReducedModel(pairs=pairs, contact_laws=laws, **arrays, **outputs)  # type: ignore[arg-type]
 
 
 def in_rows(reduced: ReducedModel) -> ReducedModel:
@@ -94,6 +102,9 @@ def difference(one: ReducedModel, other: ReducedModel) -> str:
         return (
             f"frequency {worst + 1} is {one.frequencies[worst]:.7g} Hz, not {other.frequencies[worst]:.7g} Hz"
         )
+    laws = one.contact_laws, other.contact_laws
+    if not np.array_equal(laws[0].tied, laws[1].tied) or laws[0].dissipative != laws[1].dissipative:
+        return "its contact laws differ"
     if not close(one.damping, other.damping):
         return "its damping differs"
     # static compliances, modes and residual together: the same whatever the signs of the modes

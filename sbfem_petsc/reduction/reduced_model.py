@@ -101,9 +101,9 @@ class ReducedModel:
             If it has no model; on all ranks.
         """
         model = self._model(kind)
-        return model.keep(
-            ("output", kind, place, self.loads, len(self.omega)), lambda: self._output_at(kind, place)
-        )
+        # one from a file may have other signs of its modes
+        modes = self.translation.tobytes(), self.load_modes.tobytes()
+        return model.keep(("output", kind, place, self.loads, modes), lambda: self._output_at(kind, place))
 
     def _output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
         model, found = self._model(kind), self.modal

@@ -295,7 +295,7 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
                 "the same with all auxiliary unknowns of the continued fraction",
             )
             _put(group, "shapes", model.shapes, "1", "different shapes of S-elements")
-            for name, (at, _) in model.points.items():
+            for name, (at, *_) in model.points.items():
                 _put(
                     group.require_group("points"),
                     name.replace("/", "_"),

@@ -3,6 +3,7 @@ meshes named, with what a finer mesh changes.
 """
 
 import csv
+import re
 
 import numpy as np
 import pytest
@@ -47,10 +48,9 @@ def test_harmonics(tmp_path):
             and orbit.iterations <= 6
             and abs(orbit.harmonics("A")[1]) == pytest.approx(first, rel=1e-3)
         )
-    assert (
-        text.count("1 N: largest of harmonics") == 2
-        and text.count("differs from that without contact by 0.00e+00") == 2
-    )
+    # one newton does not close the crack: rounding alone is left
+    apart = re.findall(r" 1 N: largest of harmonics .*? differs from that without contact by (\S+)", text)
+    assert len(apart) == 2 and all(float(value) < 1e-14 for value in apart)
     assert float(cells(lines, "2")[3]) == pytest.approx(9.570e-7, rel=1e-3)
     for name in ("figure_8.png", "figure_9.png", "orbit_3000Hz.png", "multipliers_20140Hz.png"):
         assert (tmp_path / name).stat().st_size > 20000
@@ -85,9 +85,7 @@ def test_harmonics_on_two_ranks(tmp_path):
 
 @pytest.mark.long
 def test_frequency_response(tmp_path):
-    """Fig. 11 at 300 N over two damping ratios, on the default mesh (26 pairs; single motions every 2 Hz have
-    their peak of 22.15 nm/N between 14166 and 14170 Hz).
-    """
+    """Fig. 11 at 300 N over two damping ratios, on a mesh of 71 pairs."""
     lines, text = example(
         "frequency_response",
         tmp_path,
@@ -119,8 +117,8 @@ def test_frequency_response(tmp_path):
     assert rows["0.002", "300"]["neimark_sacker"] == "2" and rows["0.002", "300"]["folds"] == "0"
     assert rows["0.005", "300"]["unstable_Hz"] == "" and float(
         rows["0.005", "300"]["peak_Hz"]
-    ) == pytest.approx(14153.0, abs=0.5)
-    curve = sb.read_curve(str(tmp_path / "curve_300N_damping_0.002.h5"))
+    ) == pytest.approx(14153.5, abs=0.5)
+    curve = sb.read_branch(str(tmp_path / "curve_300N_damping_0.002.h5"))
     assert curve.complete and [item.kind for item in curve.bifurcations] == 2 * ["Neimark-Sacker"]
     assert 0 < (~curve.stable).sum() < 15 and column(
         tmp_path / "curve_300N_damping_0.002.csv", "frequency_Hz"
@@ -153,7 +151,7 @@ def test_hole(tmp_path):
 @pytest.mark.parametrize(
     "name, options, sentence",
     [
-        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be a positive"),
+        ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be finite and above 0 (Hz)"),
         ("frequency_response", ("--start", "14000", "--stop", "14000"), "start and stop are both 14000 Hz"),
         ("hole", ("--steps", "3"), "steps = 3 must be at least 48"),
         ("frequency_response", ("--damping", "-1"), "damping"),

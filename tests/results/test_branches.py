@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.recording import branch_file as module
 from sbfem_petsc.results.branches import IncompleteBranch, read_branch, save_branch
@@ -30,6 +31,32 @@ def two_masses(damping=0.03, compliance=0.01, force=1.0):
         damping=damping * stiffness,
         compliance=np.array([compliance]),
     )
+
+
+def test_contact_laws_are_kept(tmp_path):
+    """A tied row stays tied in the file, and a branch of it is another model's."""
+    systems = {
+        name: sb.reduce_matrices(
+            np.eye(2),
+            np.array([[1.0, -1.0], [-1.0, 2.0]]),
+            np.array([[1.0, 0.0]]),
+            np.array([1.0]),
+            loads=np.array([[0.0], [1.0]]),
+            sensors={"1": 0, "2": 1},
+            damping=0.03,
+            compliance=np.array([0.01]),
+            contact_laws=law,
+        )
+        for name, law in (("free", Unilateral()), ("tied", Tied()))
+    }
+    path = str(tmp_path / "tied.h5")
+    run = {"start": 0.1, "stop": 0.11, "steps": 256, "points": 50, "file": path}
+    branch = sb.frequency_response(systems["tied"], [0.1], **run)
+    found = read_branch(path)
+    assert found.reduced.contact_laws.tied.all() and branch.contact_peak.max() > 0.0
+    np.testing.assert_array_equal(found.orbit(2).displacement("2"), branch.orbit(2).displacement("2"))
+    with pytest.raises(ValueError, match="another model .its (contact laws|initial gaps) differ"):
+        sb.frequency_response(systems["free"], [0.1], **run, resume=True)
 
 
 def follow(**options):
