@@ -29,6 +29,8 @@ _HOME = {
     "Modal": "system.modes",
     "static": "analysis.static",
     "Static": "analysis.static_result",
+    "estimate": "analysis.estimate",
+    "Estimate": "analysis.estimate",
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",

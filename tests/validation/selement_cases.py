@@ -76,13 +76,51 @@ def two_node_mesh(nodes, cells, centres, closed, edge_sets, points) -> BoundaryM
 
 @case(
     "Edge-cracked rectangle of six S-elements",
-    BOOK + "example 3.6: 0.4 x 0.6 m, crack of 0.1 m, E = 10 GPa, nu = 0.25, base fixed, 1 MPa on top, two-node edges.",
+    BOOK + "example 3.6: 0.4 x 0.6 m, crack of 0.1 m, E = 10 GPa, nu = 0.25, base fixed, 1 MPa on top, "
+    "two-node edges.",
 )
 def cracked_rectangle() -> Iterator[Row]:
     # In units of 0.1 m; the crack's mouth is node 0 (lower face) and node 16 (upper one).
-    nodes = [(0, 0), (0, -0.5), (0, -1), (0.5, -1), (1, -1), (1.5, -1), (2, -1), (2, -0.5), (2, 0), (2, 0.5), (2, 1)]
-    nodes += [(1.5, 1), (1, 1), (0.5, 1), (0, 1), (0, 0.5), (0, 0), (0, -2), (0, -3), (1, -3), (2, -3), (2, -2)]
-    nodes += [(3, -3), (4, -3), (4, -2), (4, -1), (3, -1), (4, 0), (4, 1), (3, 1), (4, 2), (4, 3), (3, 3), (2, 3)]
+    nodes = [
+        (0, 0),
+        (0, -0.5),
+        (0, -1),
+        (0.5, -1),
+        (1, -1),
+        (1.5, -1),
+        (2, -1),
+        (2, -0.5),
+        (2, 0),
+        (2, 0.5),
+        (2, 1),
+    ]
+    nodes += [
+        (1.5, 1),
+        (1, 1),
+        (0.5, 1),
+        (0, 1),
+        (0, 0.5),
+        (0, 0),
+        (0, -2),
+        (0, -3),
+        (1, -3),
+        (2, -3),
+        (2, -2),
+    ]
+    nodes += [
+        (3, -3),
+        (4, -3),
+        (4, -2),
+        (4, -1),
+        (3, -1),
+        (4, 0),
+        (4, 1),
+        (3, 1),
+        (4, 2),
+        (4, 3),
+        (3, 3),
+        (2, 3),
+    ]
     nodes += [(2, 2), (1, 3), (0, 3), (0, 2)]
     cells = [
         list(range(17)),
@@ -105,20 +143,21 @@ def cracked_rectangle() -> Iterator[Row]:
     found = sb.static(model, sb.EdgeLoad("top", ty=1e6))
     opening = found.displacement("upper") - found.displacement("lower")
     yield Row("opening across the crack, m", 0.7827e-4, float(opening[1]), 1e-4, note=PRINTED)
-    yield Row("opening along the crack, m", -0.0046e-4, float(opening[0]), 1e-4, scale=0.7827e-4, note=PRINTED)
+    yield Row(
+        "opening along the crack, m", -0.0046e-4, float(opening[0]), 1e-4, scale=0.7827e-4, note=PRINTED
+    )
 
 
 @case(
     "Edge-cracked disc of one S-element",
-    BOOK + "example 3.9: crack of 0.75 R, radial tension p, nu = 0.25, 16 two-node edges, the nodal forces p R pi / 8.",
+    BOOK + "example 3.9: crack of 0.75 R, radial tension p, nu = 0.25, 16 two-node edges, "
+    "nodal forces p R pi / 8.",
 )
 def cracked_disc() -> Iterator[Row]:
     count = 16
     angle = np.linspace(-np.pi, np.pi, count + 1)
     nodes = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    element = solve_selement(
-        nodes - [-0.25, 0.0], 1, False, sb.Material(1.0, 0.25, 1.0).elasticity
-    )
+    element = solve_selement(nodes - [-0.25, 0.0], 1, False, sb.Material(1.0, 0.25, 1.0).elasticity)
     share = np.full(count + 1, 2 * np.pi / count)
     share[[0, -1]] *= 0.5
     force = (share[:, None] * nodes).ravel()
@@ -128,4 +167,6 @@ def cracked_disc() -> Iterator[Row]:
     u = np.zeros(2 * (count + 1))
     u[free] = np.linalg.solve(element.stiffness[np.ix_(free, free)], force[free])
     opening = abs(u[-1] - u[1])
-    yield Row("opening at the mouth times E / (p R)", 11.2226, float(opening), 1e-5, note="six digits are printed")
+    yield Row(
+        "opening at the mouth times E / (p R)", 11.2226, float(opening), 1e-5, note="six digits are printed"
+    )

@@ -17,4 +17,6 @@ def test_published(key):
     printed = section(case.title)
     assert len(printed) == len(rows), "VALIDATION.md is out of date: python -m tests.validation"
     for line, row in zip(printed, rows):
-        assert agrees(line, row), f"VALIDATION.md says {line}, found {row.cells()}: python -m tests.validation"
+        assert agrees(line, row), (
+            f"VALIDATION.md says {line}, found {row.cells()}: python -m tests.validation"
+        )
