@@ -35,6 +35,8 @@ _HOME = {
     "Static": "analysis.static_result",
     "load_history": "analysis.load_history",
     "LoadHistory": "analysis.load_history",
+    "estimate": "analysis.estimate",
+    "Estimate": "analysis.estimate",
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",

@@ -15,10 +15,10 @@ from ..errors import SolveError, on_all_ranks
 from ..system.model import Model
 from ..system.resolution import MeshWarning
 
-# From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor of
-# the edges along faces.
+# From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
+# of the edges along faces.
 ORDERS, CELLS, TIPS, FACES = 2, 0.75, 0.4, 1.5
-# Differences of successive levels fall at most so fast, as far as the error of the last one is concerned.
+# Changes are taken to fall no faster than to this part of the one before.
 FASTEST = 0.3
 
 
@@ -62,10 +62,10 @@ class Estimate:
     value : float, array or dict of these
         Of the finest level.
     error : float
-        Estimate of its relative error: the last change, less what the changes' decrease admits.
+        Estimate of its relative error: the last change, or less where changes fall fast.
     first_error : float
-        That of the first level, which is the default mesh unless `start` says otherwise: its distance from the
-        finest one.
+        That of the first level, which is the default mesh unless `start` says otherwise: its distance from
+        the finest one.
     converged : bool
         Whether `error` is not larger than the accuracy asked for.
     levels : tuple of Level
@@ -105,9 +105,9 @@ def estimate(
             accuracy=1e-5,
         )
 
-    From each level to the next the order rises by two, cells shrink by a quarter, the elements on crack tips to
-    0.4 of their size with rings around them, the faces of cracks get half as many edges and pairs again, and the
-    continued fraction and the pressure modes at tips a term more.
+    From each level to the next the order rises by two, cells shrink by a quarter, the elements on crack tips
+    to 0.4 of their size with rings around them, the faces of cracks get half as many edges and pairs again,
+    and the continued fraction and the pressure modes at tips a term more.
 
     Parameters
     ----------
@@ -116,14 +116,14 @@ def estimate(
         face_edges, as `Beam.mesh`, `Plate.mesh` and `read_gmsh` take them) and the keyword arguments
         continued_fraction and tip_modes of `Model`. The models are destroyed afterwards.
     quantity : callable
-        What is wanted of a model: a number, an array (frequencies, displacements, K), or a dict of these. Arrays
-        must keep their shape: things at fixed places, not at pairs or nodes.
+        What is wanted of a model: a number, an array (frequencies, displacements, K), or a dict of these.
+        Arrays must keep their shape: things at fixed places, not at pairs or nodes.
     accuracy : float
         Relative error asked for.
     levels : int
         Most levels, 2 to 8.
     start : dict, optional
-        Options of the first mesh, such as ``{"order": 4, "size": 0.01}``; default: those of the mesh, order 5.
+        Options of the first mesh, such as ``{"order": 4, "size": 0.01}``; default: the mesh's own, order 5.
     continued_fraction, tip_modes : int
         Of the first level.
 
@@ -170,8 +170,8 @@ def estimate(
     )
     if not result.converged:
         warnings.warn(
-            f"estimate: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a quantity "
-            "without a limit, such as a stress at a corner or the displacement under a point force, has none",
+            f"estimate: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a "
+            "quantity without a limit, such as a stress at a corner or the displacement under a point force, has none",
             MeshWarning,
             stacklevel=2,
         )
@@ -209,7 +209,9 @@ def _finer(mesh: dict[str, Any], cells: float, tips: float) -> dict[str, Any]:
 
 
 def _sizes(model: Model) -> tuple[float, float]:
-    """The longest straight edge, and the least reach of an S-element on a tip; inf without one. Collective."""
+    """The longest straight edge, and the least reach of an S-element on a tip; inf without one.
+    Collective.
+    """
     part, order = model.part, model.order
     longest, reach = 0.0, math.inf
     for chain, closed, centre in zip(part.chains, part.closed, part.centres):
@@ -233,8 +235,8 @@ def _difference(one: Any, other: Any) -> float:
     if {n: a.shape for n, a in first.items()} != {n: a.shape for n, a in second.items()}:
         raise on_all_ranks(
             SolveError(
-                "estimate: the quantity has another shape on a finer mesh; ask for values at fixed points, crack "
-                "tips or modes, not at pairs or nodes"
+                "estimate: the quantity has another shape on a finer mesh; ask for values at fixed points, "
+                "crack tips or modes, not at pairs or nodes"
             )
         )
     worst = 0.0
@@ -253,15 +255,9 @@ def _difference(one: Any, other: Any) -> float:
 
 
 def _last_error(done: list[Level]) -> float:
-    """Error of the last level: its change times r / (1 - r), r being the ratio of the last two changes."""
-    if len(done) < 2:
-        return math.inf
+    """Error of the last level: what further levels would add if changes kept falling as they do."""
     changes = [level.change for level in done[1:]]
-    if len(changes) == 1:
-        return changes[-1]
-    ratio = changes[-1] / max(changes[-2], 1e-300)
-    return (
-        changes[-1] * min(max(ratio, FASTEST), 0.5) / (1.0 - min(max(ratio, FASTEST), 0.5))
-        if ratio < 1
-        else changes[-1]
-    )
+    if len(changes) < 2:
+        return changes[0] if changes else math.inf
+    ratio = max(changes[-1] / max(changes[-2], 1e-300), FASTEST)
+    return changes[-1] * ratio / (1.0 - ratio) if ratio < 0.5 else changes[-1]

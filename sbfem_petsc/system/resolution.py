@@ -24,12 +24,12 @@ MORE_ORDERS, MORE_TERMS = 2, 1
 FURTHER = 1.4
 # Relative error of a frequency beyond which the user is warned: errors of 1e-3 are not missed.
 WARNED = 7e-4
-# Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode is
-# looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
+# Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode
+# is looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
 WARNED_AMPLITUDE, LEAST_DAMPING = 1e-2, 1e-3
-# Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for orders
-# 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at 0.05,
-# 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
+# Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for
+# orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
+# 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
 SAFE = (0.0, 0.0, 0.03, 0.25, 0.8, 1.5, 2.0)
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
@@ -42,9 +42,10 @@ class MeshWarning(UserWarning):
 def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     """Estimated relative errors of natural frequencies, which are too high. Collective.
 
-    The dynamic stiffness of each S-element is taken with two orders and one term of the continued fraction more:
-    what the modes' energy loses by them as they are, and by the two further polynomials on each edge, one edge
-    by itself. Small cells next to tips and corners are left out: this is about waves, not about singularities.
+    The dynamic stiffness of each S-element is taken with two orders and one term of the continued fraction
+    more: what the modes' energy loses by them as they are, and by the two further polynomials on each edge,
+    one edge by itself. Small cells next to tips and corners are left out: this is about waves, not about
+    singularities.
 
     Parameters
     ----------
@@ -87,8 +88,8 @@ def warn_of_modes(owner: str, found: Modal) -> None:
 
 
 def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -> None:
-    """Warn if errors of the modes next to the highest frequency of a load (Hz) change amplitudes there by more
-    than `WARNED_AMPLITUDE`, or the computed modes end close above it. Collective.
+    """Warn if errors of the modes next to the highest frequency of a load (Hz) change amplitudes there by
+    more than `WARNED_AMPLITUDE`, or the computed modes end close above it. Collective.
     """
     if highest <= 0.0:
         return
@@ -138,7 +139,8 @@ def _warn(what: str, model: Structure, frequency: float) -> None:
     terms = model.continued_fraction
     warnings.warn(
         f"{what}: the largest cell is {cells_in_waves(model, frequency) / (2.0 * np.pi):.2g} wavelengths of "
-        f"shear long there, too long for order {model.order} and {terms} term{'s' * (terms != 1)} of the continued "
+        f"shear long there, too long for order {model.order} and {terms} term{'s' * (terms != 1)} of the "
+        f"continued "
         "fraction; make cells smaller (size), the order higher, or both",
         MeshWarning,
         stacklevel=_outside(),
@@ -232,7 +234,9 @@ def _prolongation(nodes: int, order: int, closed: bool) -> np.ndarray:
 
 
 def _bubbles(nodes: int, order: int, closed: bool) -> np.ndarray:
-    """(nodes of the higher order, edges * MORE_ORDERS): further polynomials on the edges, zero at their ends."""
+    """(nodes of the higher order, edges * MORE_ORDERS): further polynomials on the edges, zero at their
+    ends.
+    """
     higher = order + MORE_ORDERS
     degrees = range(order + 1, higher + 1)
     at = gll_nodes(higher)

@@ -26,7 +26,8 @@ def mass_with_stop(energy: float) -> float:
 
 @case(
     "Mass with a one-sided stop",
-    "code_aster SDND122: m = 1, k = 10, stop of stiffness 50 at 0.01 m. Closed form of the frequency over the energy; "
+    "code_aster SDND122: m = 1, k = 10, stop of stiffness 50 at 0.01 m. Closed form of the frequency over "
+    "the energy; "
     "the manual's computed 0.6466939 Hz at 6.50108e-3 J agrees with it.",
 )
 def one_sided_stop() -> Iterator[Row]:
@@ -36,21 +37,15 @@ def one_sided_stop() -> Iterator[Row]:
     )
     branch = sb.backbone(system, 1, 1e-4, 1.0)
     for energy in (1e-3, 0.00650108331626, 1.0):
-        at = float(np.interp(math.log(energy), np.log(branch.energy), branch.frequency))
         near = int(np.argmin(np.abs(np.log(branch.energy / energy))))
         exact = mass_with_stop(float(branch.energy[near]))
-        yield Row(
-            f"frequency at {branch.energy[near]:.4g} J, Hz",
-            exact,
-            float(branch.frequency[near]),
-            1e-5,
-        )
-        del at
+        yield Row(f"frequency at {branch.energy[near]:.4g} J, Hz", exact, float(branch.frequency[near]), 1e-5)
 
 
 @case(
     "Two masses with stops on both sides",
-    "code_aster SDND123: m = (1, 1), k = (1, 1), stops of stiffness 30 at +-1 of the first mass: second mode. The "
+    "code_aster SDND123: m = (1, 1), k = (1, 1), stops of stiffness 30 at +-1 of the first mass: second "
+    "mode. The "
     "manual regularises the stops.",
 )
 def two_sided_stops() -> Iterator[Row]:
@@ -67,7 +62,7 @@ def two_sided_stops() -> Iterator[Row]:
     branch = sb.backbone(system, 2, 0.5, 1.5)
     order = np.argsort(branch.energy)
     at = float(np.interp(1.19768, branch.energy[order], branch.frequency[order]))
-    yield Row("frequency at 1.19768 J, Hz", 0.257905285, at, None, note="stops exact here, regularised there")
+    yield Row("frequency at 1.19768 J, Hz", 0.257905285, at, 3e-3, note="stops exact here, regularised there")
 
 
 def simply_supported(**options) -> sb.Model:
@@ -92,7 +87,8 @@ BEAM = "plane stress against the book's beam"
 
 @case(
     "Deep simply supported beam",
-    "NAFEMS, Selected Benchmarks for Forced Vibration, tests 5, 5H, 5T: 10 x 2 x 2 m, E = 200 GPa, rho = 8000, "
+    "NAFEMS, Selected Benchmarks for Forced Vibration, tests 5, 5H, 5T: 10 x 2 x 2 m, E = 200 GPa, rho = "
+    "8000, "
     "1e6 N/m, 2 % damping: beam with shear.",
 )
 def deep_beam() -> Iterator[Row]:
@@ -128,7 +124,8 @@ def deep_beam() -> Iterator[Row]:
 
 @case(
     "Axial mode of the deep beam",
-    "NAFEMS, tests 5: 10 m, E = 200 GPa, rho = 8000: c / (4 L). The upper half with rollers along its lower edge.",
+    "NAFEMS, tests 5: 10 m, E = 200 GPa, rho = 8000: c / (4 L). The upper half with rollers along its lower "
+    "edge.",
 )
 def axial_mode() -> Iterator[Row]:
     outline = [(0, 0), (10, 0), (10, 1), (0, 1)]
@@ -142,7 +139,8 @@ def axial_mode() -> Iterator[Row]:
 
 @case(
     "Cracked cantilever",
-    "Rizos, Aspragathos, Dimarogonas, J. Sound Vib. 138:381 (1990), known second hand: 300 x 20 x 20 mm, steel, crack "
+    "Rizos, Aspragathos, Dimarogonas, J. Sound Vib. 138:381 (1990), known second hand: 300 x 20 x 20 mm, "
+    "steel, crack "
     "at 140 mm, depth 10 mm. Nothing is held: ratios of cracked to uncracked frequencies of an open crack.",
 )
 def rizos() -> Iterator[Row]:

@@ -14,20 +14,23 @@ ROUND_OFF = 1e-8
 
 HEAD = """# Published problems
 
-Written by `python -m tests.validation`; the tests hold each line (`pytest tests/validation`, and `-m long` for the
-long ones). *published* is what the source prints, or its closed form evaluated; *difference* is relative to it, or
-to the scale named in the line where zero is published. *held* is what the test allows.
+Written by `python -m tests.validation`; the tests hold each line (`pytest tests/validation`). *published* is
+what the source prints, or its closed form evaluated; *difference* is relative to it, or to the scale named
+in the line where zero is published. *held* is what the test allows.
 """
 
 NOT_COVERED = """## Not covered
 
-- **Roller on a block (Hertz; code_aster SSNP154)**: pairs of nodes need two faces that coincide up to a gap along one
-  line. Two bodies with different curvatures, whose faces part from each other beside the contact, cannot be drawn.
-- **Pressed rings as whole rings**: a crack that closes on itself has no ends; the rings are computed as quarters.
-- **Friction and growth** (SDND100, SSLP320, sslp315a, sslp322a; contact under far compression with friction): faces
+- **Roller on a block (Hertz; code_aster SSNP154)**: pairs of nodes need two faces that coincide up to a gap
+along one
+  line. Two bodies with different curvatures, whose faces part from each other beside the contact, cannot be
+  drawn.
+- **Pressed rings as whole rings**: a crack that closes on itself has no ends; the rings are computed as
+quarters. - **Friction and growth** (SDND100, SSLP320, sslp315a, sslp322a; contact under far compression with
+friction): faces
   are frictionless and cracks do not grow.
-- **Cracked beam of Rizos et al. (1990)**: its figures are known second hand only; see the line below, which nothing
-  is held against.
+- **Cracked beam of Rizos et al. (1990)**: its figures are known second hand only; the lines above hold
+nothing.
 """
 
 

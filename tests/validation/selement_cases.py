@@ -76,8 +76,8 @@ def two_node_mesh(nodes, cells, centres, closed, edge_sets, points) -> BoundaryM
 
 @case(
     "Edge-cracked rectangle of six S-elements",
-    BOOK
-    + "example 3.6: 0.4 x 0.6 m, crack of 0.1 m, E = 10 GPa, nu = 0.25, base fixed, 1 MPa on top, two-node edges.",
+    BOOK + "example 3.6: 0.4 x 0.6 m, crack of 0.1 m, E = 10 GPa, nu = 0.25, base fixed, 1 MPa on top, "
+    "two-node edges.",
 )
 def cracked_rectangle() -> Iterator[Row]:
     # In units of 0.1 m; the crack's mouth is node 0 (lower face) and node 16 (upper one).
@@ -150,8 +150,8 @@ def cracked_rectangle() -> Iterator[Row]:
 
 @case(
     "Edge-cracked disc of one S-element",
-    BOOK
-    + "example 3.9: crack of 0.75 R, radial tension p, nu = 0.25, 16 two-node edges, the nodal forces p R pi / 8.",
+    BOOK + "example 3.9: crack of 0.75 R, radial tension p, nu = 0.25, 16 two-node edges, "
+    "nodal forces p R pi / 8.",
 )
 def cracked_disc() -> Iterator[Row]:
     count = 16
