@@ -18,7 +18,8 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
 
-from .checks import choice, path as checked_path, positive, real, real_array, shown
+from .checks import choice, positive, real, real_array, shown
+from .checks import path as checked_path
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999

@@ -10,8 +10,8 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import agree, collective
-from ..system.idle_loads import warn_of_idle_loads
 from ..system.equilibrium import equilibrium
+from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from .static_result import Static
 

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
 
-from ..checks import integer
-from ..errors import on_all_ranks
+from ..checks import integer, shown
+from ..errors import BandWarning, on_all_ranks
 from ..loads import Load, separate
 from ..parallel import collective
 from ..petsc import MPI
@@ -26,7 +27,7 @@ def communicator(system: Model | ReducedModel) -> MPI.Comm:
         If it is neither a model nor a reduced one.
     """
     if not isinstance(system, (Model, ReducedModel)):
-        raise TypeError(f"model = {system!r} must be a Model or a ReducedModel")
+        raise TypeError(f"model = {shown(system)} must be a Model or a ReducedModel")
     return system.comm
 
 
@@ -86,7 +87,7 @@ def loading(
         return Loading(system.loads, given)
     if system.model is None:
         raise TypeError(
-            f"{owner}: load = {load!r} must be a number or signal for each of the {count} unit loads"
+            f"{owner}: load = {shown(load)} must be a number or signal for each of the {count} unit loads"
         )
     system.model.checked_loads(load, constant=False)
     units, signals = separate(load, number)
@@ -130,4 +131,12 @@ def serving(
         if modes is not None:
             integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
-    return reduced(system, loads.units, modes or default_modes(system, highest))
+    found = reduced(system, loads.units, modes or default_modes(system, highest))
+    if modes is not None and found.frequencies[-1] < highest:
+        warnings.warn(
+            f"{owner}: modes = {modes} end at {found.frequencies[-1]:.6g} Hz, below the loads' highest frequency "
+            f"{highest:.6g} Hz; keep more modes",
+            BandWarning,
+            stacklevel=3,
+        )
+    return found
