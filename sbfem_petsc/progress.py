@@ -6,6 +6,8 @@ import contextlib
 import sys
 from collections.abc import Callable
 
+from .checks import progress as check_progress
+
 
 @contextlib.contextmanager
 def progress_bar(comm, text: str, progress: Callable[[float], None] | str | None = "auto"):
@@ -21,14 +23,12 @@ def progress_bar(comm, text: str, progress: Callable[[float], None] | str | None
 
     Raises
     ------
-    ValueError
+    TypeError, ValueError
         For another value.
     """
-    if progress is None or callable(progress):
+    if check_progress(text, progress) != "auto":
         yield progress
         return
-    if progress != "auto":
-        raise ValueError(f"progress = {progress!r} must be 'auto', None or a callable")
     if comm.rank > 0 or not sys.stderr.isatty():
         yield None
         return

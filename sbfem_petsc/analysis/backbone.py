@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import numbers
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..checks import positive
+from ..checks import flag, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.free import FreeMotion, FreeSystem
 from ..dynamics.free_branch import FreeBranch
@@ -18,7 +17,7 @@ from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import CONTACT_STEP
 from ..dynamics.shooting import FixedPoint
 from ..errors import SolveError, at_point, on_all_ranks
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -190,6 +189,31 @@ def backbone(
     """
     with collective(communicator(model)):
         _check(mode, start, stop, modes, steps, points, largest_step)
+        for name, value in (("damping", damping), ("refine", refine), ("stability", stability)):
+            flag("backbone", name, value)
+        if isinstance(model, ReducedModel) and modes is not None:
+            raise ValueError(
+                f"backbone: modes = {modes} has no meaning beside a reduced model; reduce it to so many"
+            )
+        if isinstance(model, Model) and (modes or 3 * mode + MODES) > model.boundary_unknowns // 2:
+            raise ValueError(
+                f"backbone: {modes or 3 * mode + MODES} modes are more than half of the {model.boundary_unknowns} unknowns; "
+                "give fewer modes, or refine the mesh"
+            )
+    agree(
+        communicator(model),
+        "backbone",
+        mode=mode,
+        start=start,
+        stop=stop,
+        damping=damping,
+        modes=modes,
+        steps=steps,
+        points=points,
+        largest_step=largest_step,
+        refine=refine,
+        stability=stability,
+    )
     reduction = model if isinstance(model, ReducedModel) else reduced(model, (), modes or 3 * mode + MODES)
     with collective(communicator(model)):
         if mode > len(reduction.omega) or reduction.omega[mode - 1] == 0.0:
@@ -243,10 +267,7 @@ def _check(mode, start, stop, modes, steps, points, largest_step) -> None:
     ):
         if value is None and name in ("modes", "steps"):
             continue
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-            raise TypeError(f"backbone: {name} = {value!r} must be an integer")
-        if value < least:
-            raise ValueError(f"backbone: {name} = {value!r} must be at least {least}")
+        integer("backbone", name, value, least=least)
     for name, value, unit in (
         ("start", start, "J"),
         ("stop", stop, "J"),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..checks import instance, positive
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
@@ -37,6 +38,10 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     SolveError
         If no motion of twice the period is found at any size.
     """
+    instance("switch_branch", "branch", branch, Branch, "a Branch")
+    instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
+    if size is not None:
+        positive("switch_branch", "size", size, "relative")
     if bifurcation.kind != "period doubling":
         raise ValueError(
             f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "

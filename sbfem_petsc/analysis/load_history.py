@@ -11,8 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..loads import Loads, as_loads
-from ..parallel import collective
+from ..checks import flag, instance, real_array
+from ..loads import Loads
+from ..parallel import agree, collective
 from ..signals import Signal
 from ..system.model import Model
 from .static import Static, static
@@ -93,24 +94,19 @@ def load_history(
     SolveError
         If the linear solve or the active set fails.
     """
+    instance("load_history", "model", model, Model, "a Model")
     with collective(model.comm):
         times = _checked(time)
-        loads = as_loads(load)
-    return LoadHistory(times, tuple(static(model, _at(loads, t), contact=contact) for t in times))
+        loads = model.checked_loads(load, constant=False)
+        flag("load_history", "contact", contact)
+    agree(model.comm, "load_history", load=load, time=times, contact=contact)
+    return LoadHistory(times, tuple(static(model, _at(loads, float(t)), contact=contact) for t in times))
 
 
 def _checked(time) -> np.ndarray:
-    try:
-        times = np.array(time, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(f"load_history: time = {time!r} must be a sequence of numbers, s") from None
-    if times.ndim != 1 or len(times) == 0:
-        raise ValueError(
-            f"load_history: time has shape {times.shape}; one or more times in a row are expected"
-        )
-    if not np.isfinite(times).all():
-        first = int(np.flatnonzero(~np.isfinite(times))[0])
-        raise ValueError(f"load_history: time[{first}] = {times[first]} must be finite, s")
+    times = real_array("load_history", "time", time, 1, "s")
+    if len(times) == 0:
+        raise ValueError("load_history: time is empty; one or more times are expected")
     return times
 
 

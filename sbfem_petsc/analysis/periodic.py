@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, positive
+from ..checks import flag, instance, positive
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
-from ..dynamics.preparation import LONGEST, PeriodSettings, prepare
+from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, prepare
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 
@@ -91,15 +91,22 @@ def periodic(
     with collective(communicator(model)):
         flag("periodic", "stability", stability)
         settings.check("periodic")
-        if reduction is not None and reduction != "modes":
-            raise TypeError(
-                f"periodic: reduction = {reduction!r} must be 'modes' or None; a reduced model is given in the place "
-                "of the model"
-            )
+        check_reduction("periodic", reduction)
+        positive("periodic", "frequency", frequency, "Hz")
+        if search is not None:
+            instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:
             positive("periodic", "tolerance", tolerance, "relative")
         if reduction is None:
             _check_unreduced(model, settings, start, tolerance)
+    agree(
+        communicator(model),
+        "periodic",
+        reduction=reduction,
+        stability=stability,
+        tolerance=tolerance,
+        search=search,
+    )
     if reduction is None:
         assert isinstance(model, Model)
         return unreduced_periodic(model, load, frequency, settings=settings)

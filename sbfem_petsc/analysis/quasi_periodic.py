@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..checks import positive
+from ..checks import flag, instance, integer, numbers_of
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.orbit import axis_number
 from ..dynamics.preparation import CONTACT_STEP
 from ..dynamics.torus import Curve, Torus
 from ..errors import SolveError, at_point, on_all_ranks
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Constant, Harmonic, Signal, Sum, as_signal
@@ -167,10 +167,24 @@ def quasi_periodic(
     comm = communicator(model)
     with collective(comm):
         frequencies = _checked(frequencies, samples, steps, modes)
+        flag("quasi_periodic", "stability", stability)
+        if start is not None:
+            instance("quasi_periodic", "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
         loads = loading("quasi_periodic", model, load, _tone)
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         drives = _drives(loads.signals, ordered)
+    agree(
+        comm,
+        "quasi_periodic",
+        load=load,
+        frequencies=frequencies,
+        samples=samples,
+        steps=steps,
+        modes=modes,
+        start=None if start is None else (start.frequencies, start.samples),
+        stability=stability,
+    )
     if modes is None and start is not None and isinstance(model, Model):
         modes = start.states.shape[1] // 2
     reduced = serving("quasi_periodic", model, loads, modes, _highest(drives, ordered))
@@ -206,23 +220,15 @@ def _tone(value) -> Signal:
 
 
 def _checked(frequencies, samples, steps, modes) -> tuple[float, float]:
-    try:
-        first, second = frequencies
-    except (TypeError, ValueError):
-        raise TypeError(
-            f"quasi_periodic: frequencies = {frequencies!r} must be two numbers, (f1, f2), Hz"
-        ) from None
-    pair = tuple(positive("quasi_periodic", "frequencies", f, "Hz") for f in (first, second))
+    wanted = "two numbers, (f1, f2), Hz"
+    pair = numbers_of("quasi_periodic", "frequencies", frequencies, 2, wanted, above=0.0)
     if pair[0] == pair[1]:
         raise ValueError(f"quasi_periodic: both frequencies are {pair[0]:g} Hz; use periodic for one tone")
     for name, value, least in (("samples", samples, 3), ("steps", steps, 48), ("modes", modes, 1)):
         if value is None and name != "samples":
             continue
-        if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-            raise TypeError(f"quasi_periodic: {name} = {value!r} must be an integer")
-        if value < least:
-            raise ValueError(f"quasi_periodic: {name} = {value!r} must be at least {least}")
-    return pair
+        integer("quasi_periodic", name, value, least=least)
+    return pair[0], pair[1]
 
 
 def _drives(signals: list[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
@@ -273,8 +279,6 @@ def _guess(start, samples: int, reduced: ReducedModel, rotation: float) -> np.nd
     """The start's curve at the phases wanted."""
     if start is None:
         return None
-    if not isinstance(start, QuasiPeriodic):
-        raise TypeError(f"quasi_periodic: start = {start!r} must be an earlier result of quasi_periodic")
     modes = len(reduced.omega)
     same = start.reduced is reduced or (reduced.model is not None and start.reduced.model is reduced.model)
     if not same or start.states.shape[1] != 2 * modes:

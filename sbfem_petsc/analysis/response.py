@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import flag, integer, positive, real
+from ..checks import flag, instance, integer, path, positive, real
+from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
 from ..dynamics.branch_following import follow, linear_branch
 from ..dynamics.continuation import ContinuationSettings, ParameterRange
@@ -19,7 +20,7 @@ from ..dynamics.preparation import PeriodSettings, prepare
 from ..dynamics.shooting import Period, shoot
 from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.branch_file import BranchFile
@@ -101,9 +102,11 @@ def frequency_response(
         if not contact and (file is not None or first is not None):
             raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor first")
         settings = _checked(what, points, largest_step, stability, contact, first, start, file, resume)
+        check_progress(what, progress)
         _amplitudes_only(what, load)
         if first is not None and periods not in (None, first.periods):
             raise ValueError(f"{what}: first takes {first.periods} forcing periods, not periods = {periods}")
+    agree(comm, what, start=start, stop=stop, contact=contact, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)
     highest = max(start, stop)
     shooting = PeriodSettings(periods, steps, modes, contact)
@@ -157,7 +160,10 @@ def load_response(
         )
         if start == stop:
             raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")
+        check_progress(what, progress)
+        positive(what, "frequency", frequency, "Hz")
         settings = _checked(what, points, largest_step, stability, True, first, frequency, file, resume)
+    agree(comm, what, start=start, stop=stop, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)
     shooting = PeriodSettings(periods, steps, modes)
 
@@ -214,16 +220,17 @@ def _checked(
     resume: bool,
 ) -> ContinuationSettings:
     integer(what, "points", points, least=2)
-    if largest_step != math.inf:
+    if not (isinstance(largest_step, float) and largest_step == math.inf):
         positive(what, "largest_step", largest_step)
+    if file is not None:
+        path(what, "file", file)
     flag(what, "stability", stability)
     flag(what, "contact", contact)
     flag(what, "resume", resume)
     if resume and file is None:
         raise ValueError(f"{what}: resume = True needs the file to continue, file = 'branch.h5'")
     if first is not None:
-        if not isinstance(first, Orbit):
-            raise TypeError(f"{what}: first = {first!r} must be an Orbit")
+        instance(what, "first", first, Orbit, "an Orbit")
         if abs(first.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {frequency:g} Hz")
     leave = first is not None and first.path == DOUBLED

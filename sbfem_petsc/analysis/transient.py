@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import choice, flag, integer, positive
+from ..checks import choice, flag, instance, integer, path, positive, real_array, shown
+from ..checks import progress as check_progress
 from ..dynamics.history import History
 from ..dynamics.initial import modal_start
 from ..dynamics.integration import Steps, integrate, row_size
 from ..dynamics.loading import Loading, communicator, loading, serving
+from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..parallel import collective
+from ..errors import on_all_ranks
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.capacity import KEPT, default_decimation, require_disk, require_memory
@@ -37,6 +40,9 @@ STEPS_A_PERIOD = 320
 CONTACT_STEP = 0.8
 # Fewer steps a period than this, and the user is warned.
 COARSE = 20
+
+# More steps than this are refused.
+MOST_STEPS = 1e9
 
 
 class StepWarning(UserWarning):
@@ -125,7 +131,10 @@ def transient(
     with collective(comm):
         loads = loading("transient", model, load)
         _check(duration, step, modes, contact, scheme, start, decimation)
-        _check_reduction(model, reduction)
+        check_reduction("transient", reduction)
+        check_progress("transient", progress)
+        if file is not None:
+            path("transient", "file", file)
         unreduced = reduction is None or scheme == "paper"
         if unreduced and isinstance(model, ReducedModel):
             raise ValueError(
@@ -143,6 +152,22 @@ def transient(
             raise ValueError(
                 "transient: start in modal coordinates is for the reduced model; give functions of x and y"
             )
+    agree(
+        comm,
+        "transient",
+        load=load,
+        duration=duration,
+        step=step,
+        modes=modes,
+        contact=contact,
+        scheme=scheme,
+        start=start,
+        decimation=decimation,
+        reduction=reduction,
+        file=file,
+        restart=restart,
+        in_memory=in_memory,
+    )
     highest = loads.highest_frequency
     with contextlib.ExitStack() as stack:
         record = None
@@ -234,6 +259,10 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
     ValueError
         If the history is that of an unreduced model.
     """
+    instance("estimate_error", "model", model, (Model, ReducedModel), "a Model")
+    instance("estimate_error", "history", history, History, "a History")
+    if len(history.time) < 2:
+        raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
     if history.reduced is None:
         raise ValueError(
             "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
@@ -266,16 +295,16 @@ def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
         integer("transient", "decimation", decimation, least=1)
     flag("transient", "contact", contact)
     choice("transient", "scheme", scheme, ("exact", "newmark", "paper"))
-    if not (isinstance(start, tuple) and len(start) == 2):
+    if not isinstance(start, tuple):
         choice("transient", "start", start, ("rest", "equilibrium"))
-
-
-def _check_reduction(model, reduction) -> None:
-    if reduction is not None and reduction != "modes":
-        raise TypeError(
-            f"transient: reduction = {reduction!r} must be 'modes' or None; a reduced model is given in the place of "
-            "the model"
-        )
+    elif len(start) != 2:
+        raise ValueError(f"transient: start = {shown(start)} must be two functions or two arrays")
+    elif not _by_functions(start):
+        sizes = [len(real_array("transient", f"start[{k}]", part, 1)) for k, part in enumerate(start)]
+        if sizes[0] != sizes[1]:
+            raise ValueError(
+                f"transient: start has {sizes[0]} modal coordinates and {sizes[1]} velocities; give as many"
+            )
 
 
 def _by_functions(start: tuple) -> bool:
@@ -299,7 +328,21 @@ def _plan(
         if step is None or _multiple(former.count * former.step / step, decimation) == former.count:
             return _multiple(duration / former.step, decimation), former.step, decimation
     assert step is not None
+    if not duration / step < MOST_STEPS:
+        raise on_all_ranks(
+            ValueError(
+                f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, would take at "
+                f"least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a larger step or loads of lower "
+                "frequency"
+            )
+        )
     count = _multiple(duration / step, 1)
+    if decimation is not None and decimation > count:
+        raise on_all_ranks(
+            ValueError(
+                f"transient: decimation = {decimation} is more than the {count} steps there are; give fewer"
+            )
+        )
     decimation = default_decimation(count, row) if decimation is None else decimation
     count = _multiple(count, decimation)
     return count, duration / count, decimation

@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Harmonic, Signal, Sum
+from ..signals import Chirp, Custom, Harmonic, Samples, Signal, Step, Sum, ToneBurst
 
 # Harmonics of a load below this share of its largest one are rounding.
 ROUND_OFF = 1e-12
@@ -17,6 +17,8 @@ ROUND_OFF = 1e-12
 SAME = 1e-9
 # Harmonics of f that are kept of a signal whose band is not known.
 UNKNOWN_BAND = 128
+# Most instants at which loads are sampled over a common period, and the last period in which they are compared.
+INSTANTS, LATEST = 2**24, 4000
 # An undamped mode this near to a harmonic of the load, relative, is at resonance.
 RESONANCE = 1e-9
 
@@ -62,6 +64,8 @@ class Excitation:
         tones = [
             part.frequency for signal in signals for part in _parts(signal) if isinstance(part, Harmonic)
         ]
+        for signal in signals:
+            _refuse_passing(signal)
         if periods is None:
             periods = next(
                 (n for n in range(1, bound + 1) if all(_whole(n * tone / frequency) for tone in tones)), None
@@ -77,18 +81,26 @@ class Excitation:
                 )
         bands = [s.highest_frequency for s in signals]
         highest = UNKNOWN_BAND * frequency if None in bands else max(bands, default=0.0)
-        count = 2 ** math.ceil(math.log2(max(128.0, 8.0 * periods * highest / frequency)))
+        instants = max(128.0, 8.0 * periods * highest / frequency)
+        if not instants <= INSTANTS:
+            raise ValueError(
+                f"periodic: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to {highest:g} Hz take "
+                f"{instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods or frequencies nearer to each other"
+            )
+        count = 2 ** math.ceil(math.log2(instants))
         time = np.arange(2 * count) * (periods / frequency / count)
         values = np.array([s(time) for s in signals]).reshape(len(signals), 2 * count)
         first, second = values[:, :count], values[:, count:]
         if np.abs(second - first).max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
             worst = int(np.argmax(np.abs(second - first).max(axis=1)))
-            raise ValueError(
-                f"periodic: the signal {signals[worst]!r} does not repeat after {periods} "
-                f"period{'s' * (periods > 1)} of {frequency:g} Hz; give a periodic signal, or use transient"
-            )
+            raise ValueError(_not_periodic(signals[worst], periods, frequency))
+        for signal, row in zip(signals, first):
+            if not _repeats(signal, row, periods / frequency):
+                raise ValueError(_not_periodic(signal, periods, frequency))
         found = np.fft.rfft(first, axis=1).T * (2.0 / count)
         found[0] *= 0.5
+        if not np.isfinite(found).all():
+            raise ValueError("periodic: the loads leave the range of numbers; give them in N and Pa")
         noise = ROUND_OFF * np.abs(found).max(initial=0.0)
         found = np.where(np.abs(found.real) > noise, found.real, 0.0) + 1j * np.where(
             np.abs(found.imag) > noise, found.imag, 0.0
@@ -162,6 +174,42 @@ def one_sided(values: np.ndarray) -> np.ndarray:
 
 def _parts(signal: Signal):
     return signal.parts if isinstance(signal, Sum) else (signal,)
+
+
+def _refuse_passing(signal: Signal) -> None:
+    """Refuse signals that begin and end, which no period repeats."""
+    for part in _parts(signal):
+        if isinstance(part, (Step, ToneBurst, Chirp, Samples)):
+            kind = type(part).__name__
+            instead = (
+                "Constant for what it settles at" if kind == "Step" else "periodic signal (Harmonic, Custom)"
+            )
+            raise ValueError(f"periodic: {part!r} is not periodic; give a {instead}, or use transient")
+
+
+def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
+    """Whether a signal is the same in later periods as in the first one, whose values are given: in the next ones one
+    by one, then ever further apart. Of a signal whose formula is not known only what is sampled is known.
+    """
+    if not any(
+        isinstance(part, Custom) or type(part).__module__ != Custom.__module__ for part in _parts(signal)
+    ):
+        return True
+    stride = max(1, len(row) // 64)
+    expected, size = row[::stride], float(np.abs(row).max(initial=0.0))
+    later = np.unique(np.concatenate([np.arange(2, 32), np.geomspace(32, LATEST, 64).astype(int)]))
+    time = period * (later[:, None] + np.arange(len(expected)) * stride / len(row))
+    values = np.asarray(signal(time.ravel())).reshape(time.shape)
+    # the times themselves are rounded, by their own size
+    slack = 1e-6 * max(size, float(np.abs(values).max(initial=0.0)))
+    return bool(np.abs(values - expected).max(initial=0.0) <= slack)
+
+
+def _not_periodic(signal: Signal, periods: int, frequency: float) -> str:
+    return (
+        f"periodic: the signal {signal!r} does not repeat after {periods} "
+        f"period{'s' * (periods > 1)} of {frequency:g} Hz; give a periodic signal, or use transient"
+    )
 
 
 def _whole(value: float) -> bool:

@@ -28,10 +28,16 @@ def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarra
     if function is None:
         return field
     with collective(model.comm):
-        values = function(places[:, 0].copy(), places[:, 1].copy())
         try:
+            values = function(places[:, 0].copy(), places[:, 1].copy())
+        except Exception as error:  # whatever a user's function does
+            raise ValueError(
+                f"transient: the {what} of start failed as a function of arrays x and y: {type(error).__name__}: {error}"
+            ) from error
+        try:
+            right = not any(np.iscomplexobj(value) for value in values)
             field[:, 0], field[:, 1] = values
-            right = bool(np.isfinite(field).all())
+            right = right and bool(np.isfinite(field).all())
         except (TypeError, ValueError):
             right = False
         if not right:

@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
 from .history import History
 
@@ -112,6 +113,7 @@ def integrate(
     while done < steps.count:
         size = min(integrator.chunk, steps.count - done)
         rows = integrator.advance(done, size, steps.decimation)
+        _require_finite(rows)
         done += size
         filled = _fill(kept, rows, filled)
         if recorder is not None:
@@ -122,6 +124,19 @@ def integrate(
         assert recorder is not None
         kept = recorder.recorded()
     return integrator.history(kept)
+
+
+def _require_finite(rows: Rows) -> None:
+    """Raise SolveError where a motion has left the range of numbers."""
+    for name, values in rows.items():
+        if not np.isfinite(values).all():
+            first = int(np.argwhere(~np.isfinite(values))[0][0])
+            raise on_all_ranks(
+                SolveError(
+                    f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = {rows['time'][first]:.6g} "
+                    "s; are the loads of usual size, in N and Pa?"
+                )
+            )
 
 
 def _fill(kept: Rows | None, rows: Rows, first: int) -> int:

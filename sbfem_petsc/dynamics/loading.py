@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
 
-from ..checks import integer
+from ..checks import integer, shown
 from ..errors import on_all_ranks
 from ..loads import Load, separate
 from ..parallel import collective
@@ -27,7 +27,7 @@ def communicator(system: Model | ReducedModel) -> MPI.Comm:
         If it is neither a model nor a reduced one.
     """
     if not isinstance(system, (Model, ReducedModel)):
-        raise TypeError(f"model = {system!r} must be a Model or a ReducedModel")
+        raise TypeError(f"model = {shown(system)} must be a Model or a ReducedModel")
     return system.comm
 
 
@@ -87,7 +87,7 @@ def loading(
         return Loading(system.loads, given)
     if system.model is None:
         raise TypeError(
-            f"{owner}: load = {load!r} must be a number or signal for each of the {count} unit loads"
+            f"{owner}: load = {shown(load)} must be a number or signal for each of the {count} unit loads"
         )
     system.model.checked_loads(load, constant=False)
     units, signals = separate(load, number)

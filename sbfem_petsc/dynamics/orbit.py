@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ..checks import choice
-from ..errors import SolveError
+from ..errors import SolveError, on_all_ranks
 from .excitation import one_sided
 from .history import Motion
 from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot, shoot_nearby
@@ -169,6 +169,12 @@ def make_orbit(fixed: FixedPoint, values: np.ndarray, uncertainty: float, path: 
     q, v = modal_motion(driven, motion)
     forces = np.zeros((p.steps, len(p.reduced.initial_gap)))
     forces[:, : p.pairs] = motion.forces[:-1]
+    if not (np.isfinite(q).all() and np.isfinite(forces).all()):
+        raise on_all_ranks(
+            SolveError(
+                "periodic: the motion leaves the range of numbers; are the loads of usual size, in N and Pa?"
+            )
+        )
     return Orbit(
         np.arange(p.steps) * driven.step,
         ModalStates(q[:-1], v[:-1], driven.loads[:-1], forces, p.reduced),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..checks import choice, flag, integer, positive
+from ..checks import choice, flag, instance, integer, positive, shown
 from ..errors import on_all_ranks
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Harmonic
 from ..system.model import Model
@@ -84,8 +84,18 @@ def prepare(
     with collective(communicator(system)):
         positive(owner, "frequency", frequency, "Hz")
         settings.check(owner)
+        if first is not None:
+            instance(owner, "start", first, Orbit, "an Orbit, the motion to start from")
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+    agree(
+        communicator(system),
+        owner,
+        load=load,
+        frequency=frequency,
+        settings=settings,
+        first=None if first is None else (first.frequency, first.periods),
+    )
     highest = float(excitation.orders.max(initial=0)) / excitation.periods * (band or frequency)
     modes = settings.modes
     if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
@@ -111,10 +121,17 @@ def prepare(
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 
 
+def check_reduction(owner: str, reduction: object) -> None:
+    """Raise TypeError unless it is "modes" or None."""
+    if reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
+        raise TypeError(
+            f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in the place of "
+            "the model"
+        )
+
+
 def _check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
     """A motion's state has a meaning in the modes of its own model alone."""
-    if not isinstance(first, Orbit):
-        raise TypeError(f"{owner}: the motion to start from is {first!r}, an Orbit was expected")
     if first.reduced is None:
         raise ValueError(f"{owner}: the motion to start from is that of an unreduced model")
     same = first.reduced is reduced or (

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 import numpy as np
 
-from ..checks import integer, positive
+from ..checks import integer, positive, shown
+from ..errors import BandWarning
 from ..loads import Load, SupportMotion, separate
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..petsc import MPI
+from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.modes import Modal
 from ..system.static_solver import BLOCK
@@ -47,7 +50,7 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
         For input that makes no sense; on all ranks.
     """
     if not isinstance(model, Model):
-        raise TypeError(f"reduce: model = {model!r} is not a Model; for matrices use reduce_matrices")
+        raise TypeError(f"reduce: model = {shown(model)} is not a Model; for matrices use reduce_matrices")
     most = model.boundary_unknowns // 2
     with collective(model.comm):
         model.checked_loads(load, constant=False)
@@ -57,6 +60,7 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
             integer("reduce", "modes", modes, least=1, most=most)
         if band is not None:
             positive("reduce", "band", band, "Hz")
+    agree(model.comm, "reduce", load=load, modes=modes, band=band)
     model.require_support("the reduction")
     if modes is None:
         modes = modes_up_to(model, band, 1) if band is not None else default_modes(model, 0.0)
@@ -74,6 +78,14 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
     count = min(max(least, 8), most) if least < 8 else min(least, most)
     while count < most and model.modes(count).frequencies[-1] < frequency:
         count = min(math.ceil(1.5 * count), most)
+    top = float(model.modes(count).frequencies[-1])
+    if count == most and top < frequency:
+        warnings.warn(
+            f"the {count} modes that the mesh is good for end at {top:.6g} Hz, below the {frequency:.6g} Hz that were "
+            f"wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, or choose modes",
+            BandWarning,
+            stacklevel=2,
+        )
     if least < 8:
         count = max(1, int((model.modes(count).frequencies <= frequency).sum()))
     return count
@@ -81,6 +93,7 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
 
 def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
     """The reduced model for some unit loads and a number of modes, made once. Collective."""
+    warn_of_idle_loads("reduce", model, units)
     return model.keep(("reduced", units, modes), lambda: _reduce(model, units, model.modes(modes)))
 
 

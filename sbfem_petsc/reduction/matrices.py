@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from ..checks import integer, real
+from ..checks import integer, real, real_array, shown
 from ..contact.law import ContactLaw, row_laws
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
@@ -140,17 +140,7 @@ def reduce_matrices(
 
 def _array(name: str, value: Any, dimensions: int) -> np.ndarray:
     """A finite real array of so many dimensions."""
-    array = np.asarray(value)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(
-            f"reduce_matrices: {name} has values of type {array.dtype}; real numbers are expected"
-        )
-    if array.ndim != dimensions:
-        raise ValueError(f"reduce_matrices: {name} has {array.ndim} dimensions, {dimensions} were expected")
-    array = array.astype(float)
-    if not np.isfinite(array).all():
-        raise ValueError(f"reduce_matrices: {name} has values that are not finite")
-    return array
+    return real_array("reduce_matrices", name, value, dimensions)
 
 
 def _check_symmetric(name: str, matrix: np.ndarray) -> None:
@@ -163,7 +153,7 @@ def _places(sensors: Any, count: int) -> list[int]:
     """Numbers of the sensors' unknowns."""
     if not isinstance(sensors, Mapping):
         raise TypeError(
-            f"reduce_matrices: sensors = {sensors!r} must be a dict of names to unknowns, {{'tip': 3}}"
+            f"reduce_matrices: sensors = {shown(sensors)} must be a dict of names to unknowns, {{'tip': 3}}"
         )
     for name in sensors:
         if not isinstance(name, str):
