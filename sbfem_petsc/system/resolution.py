@@ -62,7 +62,7 @@ def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     omega = 2.0 * np.pi * found.frequencies[modes]
     shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
     lost, edges = np.zeros(len(modes)), _Edges(model, len(modes))
-    for group in model.groups:
+    for group in model.moving_groups:
         rows = np.flatnonzero(group.sizes * omega.max() / _shear_speed(model, group) >= _least(model.order))
         if len(rows):
             lost += _add_group(model, group.select(rows), omega, shapes, edges)
