@@ -89,10 +89,10 @@ def main():
             )
 
     write_results(os.path.join(folder, "beam_notch.h5"), model, modal=modes, static=pushes)
-    write_vtu(os.path.join(folder, "static_300N.vtu"), model, {"displacement": pushes["300 N"].field})
+    write_vtu(os.path.join(folder, "static_300N.vtu"), model, {"displacement": pushes["300 N"]})
     write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if not own.no_pictures:
-        regions = {name: pushes[name].field for name in ("1 N", "100 N")}
+        regions = {name: pushes[name] for name in ("1 N", "100 N")}
         for name, drawing in (
             ("discretisation", plot_discretisation(mesh, comm=comm)),
             ("modes", plot_modes(modes, range(8))),

@@ -70,13 +70,13 @@ def main():
     out.print(convergence_table(measured))
 
     write_results(os.path.join(folder, "gmsh_bracket.h5"), model, modal=modes, static=cases)
-    write_vtu(os.path.join(folder, "static.vtu"), model, {name: case.field for name, case in cases.items()})
+    write_vtu(os.path.join(folder, "static.vtu"), model, cases)
     write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if not own.no_pictures:
         for name, drawing in (
             ("discretisation", plot_discretisation(mesh, comm=comm)),
             ("modes", plot_modes(modes, range(6), columns=3)),
-            ("crack", plot_crack(model, {name: case.field for name, case in cases.items()})),
+            ("crack", plot_crack(model, cases)),
             ("contact", plot_contact({"closing": cases["closing"]})),
         ):
             save_picture(drawing, os.path.join(folder, f"{name}.png"))

@@ -17,6 +17,7 @@ from ..system.fracture import contact_nodal_forces, contact_pressure, energy_rel
 from ..system.model import Model
 from ..system.places import checked_place
 from ..system.reactions import reactions
+from ..system.sampling import Field
 from ..writing import write_table
 
 
@@ -103,6 +104,19 @@ class Static:
         found = self.equilibrium
         direct = forms.direct(self.model, self.columns.tip_forces, 1)[:, 0]
         return (forms.rows(found.owned) + forms.contact @ found.force + direct).reshape(len(points), -1)
+
+    @property
+    def interior(self) -> Field:
+        """What determines displacement and stress inside the S-elements of this rank."""
+        forces = {}
+        for faces in self.model.tip_faces:
+            first = self.model.gap_operator.pairs + faces.modes * faces.number
+            total = np.zeros(len(faces.tractions.powers))
+            total[: faces.modes] = self.equilibrium.force[first : first + faces.modes]
+            if faces.number in self.columns.tip_forces:
+                total += self.columns.tip_forces[faces.number][:, 0]
+            forces[faces.number] = total
+        return Field(self.field, forces)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure (Pa).

@@ -6,6 +6,7 @@ Rank 0 draws; the other ranks send sampled outlines.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -132,7 +133,7 @@ def _opening(pieces: list[Piece], field: int) -> float:
 # ---------------------------------------------------------------------- crack region
 def plot_crack(
     model: Model,
-    fields: Mapping[str, np.ndarray],
+    fields: Mapping[str, Any],
     crack: int = 0,
     *,
     colour: str = "von_mises",
@@ -148,8 +149,9 @@ def plot_crack(
     Parameters
     ----------
     model : Model
-    fields : dict of str to (m, 2) array
-        Displacements of this rank's nodes, m, one row of the picture each: ``{"100 N": push.field}``.
+    fields : dict of str to Static or (m, 2) array
+        One row of the picture each: ``{"100 N": push}``. An array holds displacements of this rank's nodes, m;
+        what contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
     crack : int
         Number of the crack, from 0.
     colour : {"von_mises", "displacement"}

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..petsc import MPI
 from ..selement.basis import shape_functions, tabulated
 from ..system.model import Model
-from ..system.sampling import outline_edges, point_grid_cells, sample
+from ..system.sampling import as_field, outline_edges, point_grid_cells, sample
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,15 +36,13 @@ class Piece:
     displacements: np.ndarray
 
 
-def gather_outline(
-    model: Model, fields: list[np.ndarray], subdivisions: int | None = None
-) -> list[Piece] | None:
+def gather_outline(model: Model, fields: list[Any], subdivisions: int | None = None) -> list[Piece] | None:
     """Outline of the structure, crack faces included, with displacement fields, on rank 0. Collective.
 
     Parameters
     ----------
     model : Model
-    fields : list of (m, 2) arrays
+    fields : list of Static, Field or (m, 2) array
         Displacements of this rank's nodes.
     subdivisions : int, optional
         Straight pieces an edge; default: the order.
@@ -55,7 +54,7 @@ def gather_outline(
     part, pieces = model.part, {}
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     values, _ = shape_functions(model.order, at)
-    stacked = np.stack([part.coordinates, *fields])
+    stacked = np.stack([part.coordinates, *(as_field(state).nodal for state in fields)])
     for chain in range(len(part.chains)):
         for nodes in outline_edges(model, chain):
             ends = (int(part.nodes[nodes[0]]), int(part.nodes[nodes[-1]]))
@@ -77,7 +76,7 @@ def gather_outline(
     return list(outer.values())
 
 
-def _open_faces(model: Model, fields: list[np.ndarray]) -> list[Piece]:
+def _open_faces(model: Model, fields: list[Any]) -> list[Piece]:
     """The two faces of each open S-element, from the end of its chain over the scaling centre to the
     start.
     """
@@ -132,7 +131,7 @@ class Region:
     triangles: np.ndarray
 
 
-def gather_region(model: Model, field: np.ndarray, centre: np.ndarray, half: float) -> Region | None:
+def gather_region(model: Model, field: Any, centre: np.ndarray, half: float) -> Region | None:
     """Interior of the S-elements that reach into the square window ``centre`` +- ``half``, on rank 0.
     Collective.
     """

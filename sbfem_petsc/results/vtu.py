@@ -6,6 +6,7 @@ import contextlib
 import os
 import xml.etree.ElementTree as xml
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -24,7 +25,7 @@ _MODES_UNIT = "/sqrt(kg)"
 def write_vtu(
     path: str,
     model: Model,
-    fields: Mapping[str, np.ndarray],
+    fields: Mapping[str, Any],
     *,
     stress: bool = True,
     subdivisions: int | None = None,
@@ -40,8 +41,9 @@ def write_vtu(
         Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces:
         _0.vtu, _1.vtu ...).
     model : Model
-    fields : dict of str to (m, 2) array
-        Displacements of this rank's nodes, m: `Static.field`, `Motion.field(time)`; modes by `write_modes`.
+    fields : dict of str to Static or (m, 2) array
+        An array holds displacements of this rank's nodes, m: `Motion.field(time)`; modes by `write_modes`. What
+        contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
     stress : bool
         Write stresses too: stress_xx, stress_yy, stress_xy, von_mises.
     subdivisions : int, optional
@@ -104,7 +106,7 @@ def write_modes(
 def _write(
     path: str,
     model: Model,
-    fields: Mapping[str, np.ndarray],
+    fields: Mapping[str, Any],
     stress: bool,
     subdivisions: int | None,
     per: str,

@@ -78,7 +78,7 @@ def _modal(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 
 def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     for crack in range(min(len(model.cracks), MOST_CRACKS)):
-        axes = plot.plot_crack(model, {name: result.field}, crack)
+        axes = plot.plot_crack(model, {name: result}, crack)
         _save(axes, f"{stem}_crack{crack + 1}.png", model.comm)
         if result.contact_resultant > 0.0:
             axes = plot.plot_contact({name: result}, crack)
@@ -114,6 +114,6 @@ def _branch(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:
     """Write modes or static displacements for ParaView. Collective."""
     if kind == "static":
-        write_vtu(f"{stem}.vtu", model, {"displacement": result.field})
+        write_vtu(f"{stem}.vtu", model, {"displacement": result})
     elif kind == "modal":
         write_modes(f"{stem}.vtu", result)

@@ -2,19 +2,46 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from ..material import Material
 from ..selement.coefficients import edge_nodes
+from ..selement.face_tractions import FaceTractions
 from ..selement.interior import InteriorSampler
+from .shapes import Group
 from .structure import Structure
 
 # xi of the innermost ring of points. The stress shown at the scaling centre is that at xi = CENTRE: at a
 # crack tip, where it has no bound, the innermost ring's; elsewhere all directions agree there within a
 # percent of its variation.
 INNERMOST_CLOSED, INNERMOST_OPEN, CENTRE = 0.25, 0.01, 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """A displacement field: what determines it inside the S-elements of this rank.
+
+    Attributes
+    ----------
+    nodal : (m, 2) array
+        Displacements of this rank's nodes, m.
+    tip_forces : dict of int to (modes,) array
+        Forces of all traction modes on the faces inside tip elements, N, by the tip's number; without
+        an entry these faces are free.
+    """
+
+    nodal: np.ndarray
+    tip_forces: Mapping[int, np.ndarray] = field(default_factory=dict)
+
+
+def as_field(state: Any) -> Field:
+    """Of a `Field`, a result that has one as `.interior`, or nodal displacements."""
+    state = getattr(state, "interior", state)
+    return state if isinstance(state, Field) else Field(np.asarray(state, dtype=float))
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +96,7 @@ def graded_levels(closed: bool, finest: float, refine: int = 1) -> np.ndarray:
 
 def sample(
     model: Structure,
-    fields: dict[str, np.ndarray],
+    fields: Mapping[str, Any],
     subdivisions: int | None = None,
     stress: bool = True,
     keep: np.ndarray | None = None,
@@ -80,8 +107,8 @@ def sample(
     Parameters
     ----------
     model : Structure
-    fields : dict of str to (m, 2) array
-        Displacements of this rank's nodes, m (rows as in ``model.part.nodes``).
+    fields : dict of str to Static, Field or (m, 2) array
+        An array holds displacements of this rank's nodes, m (rows as in ``model.part.nodes``).
     subdivisions : int, optional
         Straight pieces an edge is drawn with; default: the order of the edges.
     stress : bool
@@ -91,10 +118,11 @@ def sample(
     refine : int
         Levels of open S-elements for each default one.
     """
-    for name, values in fields.items():
-        if np.shape(values) != model.part.coordinates.shape:
+    states = {name: as_field(state) for name, state in fields.items()}
+    for name, state in states.items():
+        if state.nodal.shape != model.part.coordinates.shape:
             raise ValueError(
-                f"field {name!r} has shape {np.shape(values)}; displacements of this rank's nodes have shape "
+                f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have shape "
                 f"{model.part.coordinates.shape}"
             )
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
@@ -116,13 +144,14 @@ def sample(
         sizes, rotations = group.sizes, group.rotations
         positions = sampler.positions(with_centre, model.part.centres[group.elements], sizes, rotations)
         displacements, stresses = {}, {}
-        for name, values in fields.items():
+        for name, state in states.items():
+            faces = None if group.closed else _loaded_faces(model, group, state)
             radial = sampler.radial_fields(
-                np.asarray(values, dtype=float)[group.nodes], rotations, np.append(near_centre, 0.0)
+                state.nodal[group.nodes], rotations, np.append(near_centre, 0.0), faces
             )
             displacements[name] = sampler.displacement(np.delete(radial, -2, axis=1), rotations)
             if stress:
-                plane = sampler.stress(radial[:, :-1], near_centre, rotations, sizes, material.modulus)
+                plane = sampler.stress(radial[:, :-1], near_centre, rotations, sizes, material.modulus, faces)
                 stresses[name] = np.concatenate([plane, von_mises(plane, material)[..., None]], axis=-1)
         patches.append(
             Patches(
@@ -135,6 +164,24 @@ def sample(
             )
         )
     return patches
+
+
+def _loaded_faces(model: Structure, group: Group, state: Field) -> tuple[FaceTractions, np.ndarray] | None:
+    """Traction modes on the faces of open S-elements of one shape, and their forces (modes, k) over E and
+    the thickness, m.
+    """
+    if not state.tip_forces:
+        return None
+    rows = {int(element): k for k, element in enumerate(group.elements)}
+    forces, tractions = None, None
+    for faces in model.tip_faces:
+        k = rows.get(int(faces.group.elements[faces.member]))
+        if k is None or faces.number not in state.tip_forces:
+            continue
+        if forces is None:
+            tractions, forces = faces.tractions, np.zeros((len(faces.tractions.powers), len(rows)))
+        forces[:, k] = state.tip_forces[faces.number] / faces.stiffness
+    return None if tractions is None or forces is None else (tractions, forces)
 
 
 def von_mises(stress: np.ndarray, material) -> np.ndarray:

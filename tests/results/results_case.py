@@ -42,10 +42,10 @@ def write_all(folder: str) -> None:
     folder = check_output_folder(folder, MPI.COMM_WORLD)
     mesh, model, modes, cases = build()
     write_results(f"{folder}/results.h5", model, modes, cases, LOADS)
-    write_vtu(f"{folder}/fields.vtu", model, {"closing": cases["closing"].field, "mode 2": modes.nodal(1)})
+    write_vtu(f"{folder}/fields.vtu", model, {"closing": cases["closing"], "mode 2": modes.nodal(1)})
     save_picture(plot_discretisation(mesh if model.comm.rank == 0 else None), f"{folder}/mesh.png")
     save_picture(plot_modes(modes), f"{folder}/modes.png")
-    save_picture(plot_crack(model, {name: case.field for name, case in cases.items()}), f"{folder}/crack.png")
+    save_picture(plot_crack(model, cases), f"{folder}/crack.png")
     save_picture(plot_contact(cases), f"{folder}/contact.png")
 
 

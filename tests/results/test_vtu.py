@@ -10,7 +10,7 @@ import pytest
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.results.vtu import write_modes, write_vtu
-from sbfem_petsc.system.sampling import normal_stress_row, von_mises
+from sbfem_petsc.system.sampling import normal_stress_row, sample, von_mises
 
 GRADIENT = np.array([[1.0e-4, 4.0e-5], [-2.0e-5, -3.0e-5]])
 
@@ -45,6 +45,24 @@ def test_patch_test(solved, tmp_path):
         np.testing.assert_allclose(
             found.point_data[f"u {name} (Pa)"][inside], value, atol=1e-7 * np.abs(stress).max(), rtol=0.0
         )
+
+
+def test_contact_inside_the_tip_element_is_part_of_the_field(solved):
+    """At points inside the tip element the field is the one that `displacement` and `stress` give by forms of
+    their own, and without the forces there it is not.
+    """
+    _, model, _, cases = solved
+    push = cases["closing"]
+    with_forces, without = (
+        next(patch for patch in sample(model, {"u": state}, keep=~model.part.closed))
+        for state in (push, push.field)
+    )
+    index = 0, 3, 1, 2  # a point inside of an edge's sector
+    place = tuple(with_forces.positions[index])
+    np.testing.assert_allclose(with_forces.displacements["u"][index], push.displacement(place), rtol=1e-9)
+    found, exact = with_forces.stresses["u"][index][:3], push.stress(place)
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e-7 * np.abs(exact).max())
+    assert np.abs(without.stresses["u"][index][:3] - exact).max() > 1e-3 * np.abs(exact).max()
 
 
 def test_cells_cover_the_structure(solved, tmp_path):
