@@ -10,7 +10,7 @@ import numpy as np
 from ..loads import as_loads
 from ..petsc import PETSc
 from ..selement.basis import tabulated
-from .assembly import Triples, block_triples
+from .assembly import ElementBlocks
 
 
 def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -170,9 +170,9 @@ def load_columns(model, loads) -> LoadColumns:
     return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces)
 
 
-def spring_triples(model) -> list[Triples]:
-    """Entries of the elastic supports."""
-    triples = []
+def spring_blocks(model) -> list[ElementBlocks]:
+    """Blocks of the elastic supports."""
+    blocks = []
     part, order = model.part, model.order
     values, _, weights = tabulated(order, order + 2)
     for support in model.supports:
@@ -194,13 +194,14 @@ def spring_triples(model) -> list[Triples]:
                 np.eye(2),
             )
             unknowns = part.unknowns[edges].reshape(len(edges), -1)
-            triples.append(
-                block_triples(unknowns, unknowns, stiffness.reshape(len(edges), unknowns.shape[1], -1))
-            )
+            stiffness = stiffness.reshape(len(edges), unknowns.shape[1], -1)
         elif model.comm.rank == 0:
             unknowns = np.array(model.points[support.where][1])[None, :]
-            triples.append(block_triples(unknowns, unknowns, np.diag(springs)[None]))
-    return triples
+            stiffness = np.diag(springs)[None]
+        else:
+            continue
+        blocks.append(ElementBlocks(unknowns, unknowns, stiffness.__getitem__))
+    return blocks
 
 
 def is_supported(model) -> bool:

@@ -15,8 +15,8 @@ from ..loads import Loads, as_loads
 from ..parallel import collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
-from .assembly import Triples, assemble, block_triples
-from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_triples
+from .assembly import ElementBlocks, assemble
+from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_blocks
 from .distribution import distribute
 from .gap_operator import GapOperator, gap_operator
 from .places import Places, places
@@ -124,20 +124,23 @@ class Structure:
             raise SolveError("Model: it has been destroyed; make it again, or use it inside its `with` block")
         free = self.part.unknowns >= 0
         blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
-        triples = [self._stiffness_triples(group) for group in self.groups] + self.spring_triples()
-        matrix = assemble(self.comm, self.ranges, triples, block_size=2 if blocks else 1)
+        elements = [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()
+        matrix = assemble(self.comm, self.ranges, elements, block_size=2 if blocks else 1)
         if blocks:
             self._attach_rigid_motions(matrix, free)
         return matrix
 
-    def _stiffness_triples(self, group: Group) -> Triples:
-        unknowns = self.unknowns_of(group)
-        scaled = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
-        return block_triples(unknowns, unknowns, scaled)
+    def _stiffness_blocks(self, group: Group) -> ElementBlocks:
+        unknowns, scale = self.unknowns_of(group), self.scales(group)[0]
+        return ElementBlocks(
+            unknowns,
+            unknowns,
+            lambda part: scale * group.select(part).turned_both(group.solution.stiffness),
+        )
 
-    def spring_triples(self) -> list[Triples]:
-        """Entries of the elastic supports."""
-        return spring_triples(self)
+    def spring_blocks(self) -> list[ElementBlocks]:
+        """Those of the elastic supports."""
+        return spring_blocks(self)
 
     def _attach_rigid_motions(self, matrix: PETSc.Mat, free: np.ndarray) -> None:
         places = matrix.createVecRight()
