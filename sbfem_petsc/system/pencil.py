@@ -254,6 +254,8 @@ class CondensedSolve:
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
         self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
+        # without a shift the lowest modes of slender structures need more digits than the assembled stiffness has
+        self.refinement = pencil.model.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
         if shift != 0.0:
@@ -268,14 +270,25 @@ class CondensedSolve:
         if self.shift != 0.0:
             self.auxiliary.array = self.shift * scaled
             self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
-        self.ksp.solve(self.right, self.left)
-        check_ksp(self.ksp, self.what)
+        self._solve()
+        if self.refinement and self.refinement.needed(self.right.norm(), self.left.norm()):
+            given, found = self.right.array_r.copy(), self.left.array_r.copy()
+            self.left.array = self.refinement.refine(given, found, self._again)
         if self.shift != 0.0:
             self.pencil.coupling.multTranspose(self.left, self.auxiliary)
             scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
         target = left.array
         target[:owned] = self.left.array_r
         target[owned:] = scaled
+
+    def _solve(self) -> None:
+        self.ksp.solve(self.right, self.left)
+        check_ksp(self.ksp, self.what)
+
+    def _again(self, residual: np.ndarray) -> np.ndarray:
+        self.right.array = residual
+        self._solve()
+        return self.left.array_r.copy()
 
     def release(self) -> None:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of

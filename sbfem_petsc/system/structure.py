@@ -18,6 +18,7 @@ from ..supports import Support
 from .assembly import ElementBlocks, assemble
 from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_blocks
 from .distribution import distribute
+from .element_stiffness import Refinement
 from .gap_operator import GapOperator, gap_operator
 from .places import Places, places
 from .rows import Rows
@@ -151,6 +152,11 @@ class Structure:
         motions.destroy()
         places.destroy()
 
+    @functools.cached_property
+    def refinement(self) -> Refinement:
+        """Refines solves with the stiffness where they need it."""
+        return Refinement(self, self.stiffness)
+
     # ------------------------------------------------------------------ loads and supports
     def load_columns(self, loads: Iterable) -> LoadColumns:
         """What several constant loads do, one column each. Collective.
@@ -274,6 +280,16 @@ class Structure:
         result = np.zeros(self.part.unknowns.shape)
         result[free] = target.array_r
         return result
+
+    def summed_nodal(self, forces: np.ndarray) -> np.ndarray:
+        """(owned,): sums over the ranks of forces (m, 2) on this rank's nodes, on its displacement unknowns.
+        Collective.
+        """
+        scatter, source, target, free = self._ghosts
+        target.array = forces[free]
+        source.set(0.0)
+        scatter.scatter(target, source, addv=True, mode=PETSc.ScatterMode.REVERSE)
+        return source.array_r.copy()
 
     def destroy(self) -> None:
         """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
