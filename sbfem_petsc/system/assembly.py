@@ -1,6 +1,9 @@
-"""PETSc matrices and vectors from element blocks, each entry sent to the rank that owns its row."""
+"""PETSc matrices from element blocks, a batch of elements at a time into rows of known length."""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
@@ -9,34 +12,51 @@ from ..petsc import MPI, PETSc
 
 Triples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
+# Entries of the blocks that are in memory at a time.
+_BATCH = 2**20
 
-def block_triples(rows: np.ndarray, columns: np.ndarray, blocks: np.ndarray) -> Triples:
-    """Flat (rows, columns, values) of element blocks (k, n, m); rows (k, n) and columns (k, m) may hold -1,
-    which is dropped.
+
+@dataclass(frozen=True, eq=False)
+class ElementBlocks:
+    """Dense blocks to be summed to a matrix.
+
+    Attributes
+    ----------
+    rows : (k, n) int array
+        Global numbers; -1 (held fixed) is dropped.
+    columns : (k, m) int array
+    values : callable
+        (k', n, m) blocks of a slice of the k elements: computed when they are needed.
     """
-    r = np.broadcast_to(rows[:, :, None], blocks.shape)
-    c = np.broadcast_to(columns[:, None, :], blocks.shape)
-    keep = (r >= 0) & (c >= 0)
-    return (r.ravel(), c.ravel(), blocks.ravel()) if keep.all() else (r[keep], c[keep], blocks[keep])
+
+    rows: np.ndarray
+    columns: np.ndarray
+    values: Callable[[slice], np.ndarray]
+
+    def batches(self) -> Iterator[slice]:
+        """Slices of the elements that bound the memory of their blocks."""
+        length = max(1, _BATCH // max(1, self.rows.shape[1] * self.columns.shape[1]))
+        for first in range(0, len(self.rows), length):
+            yield slice(first, min(first + length, len(self.rows)))
 
 
 def assemble(
     comm: MPI.Comm,
     ranges: np.ndarray,
-    triples: list[Triples],
+    blocks: list[ElementBlocks],
     symmetric: bool = True,
     column_ranges: np.ndarray | None = None,
     block_size: int = 1,
 ) -> PETSc.Mat:
-    """Sum triples of all ranks to a distributed matrix.
+    """Sum the element blocks of all ranks to a distributed matrix. Collective.
 
     Parameters
     ----------
     comm : Comm
     ranges : (ranks + 1,) int array
         Row ownership.
-    triples : list of (rows, columns, values)
-        Global numbers; rows owned by another rank are sent there.
+    blocks : list of ElementBlocks
+        Rows owned by another rank are sent there.
     symmetric : bool
         Mark the matrix as symmetric positive definite (PETSc then offers Cholesky and half the work).
     column_ranges : (ranks + 1,) int array, optional
@@ -45,20 +65,19 @@ def assemble(
         Unknowns a node, where it is the same at all of them.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
-    rows, columns, values = (
-        np.concatenate([np.asarray(t[k]) for t in triples] or [np.empty(0)]) for k in range(3)
-    )
-    rows, columns = rows.astype(np.int64, copy=False), columns.astype(np.int64, copy=False)
-    if comm.size > 1:
-        rows, columns, values = route(comm, ranges, rows, columns, values)
-    first, last = ranges[comm.rank], ranges[comm.rank + 1]
-    local = sparse.coo_matrix(
-        (values, (rows - first, columns)), shape=(last - first, column_ranges[-1])
-    ).tocsr()
-    local.sort_indices()
-    return from_rows(
-        comm, ranges, column_ranges, (local.indptr, local.indices, local.data), symmetric, block_size
-    )
+    matrix = PETSc.Mat().create(comm)
+    matrix.setType(PETSc.Mat.Type.AIJ)
+    matrix.setSizes(_sizes(comm, ranges, column_ranges))
+    matrix.setBlockSize(block_size)
+    matrix.setPreallocationNNZ(tuple(row_lengths(comm, ranges, column_ranges, blocks)))
+    for block in blocks:
+        rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
+        for batch in block.batches():
+            values = np.ascontiguousarray(block.values(batch))
+            matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
+    matrix.assemble()
+    _mark(matrix, symmetric)
+    return matrix
 
 
 def from_rows(
@@ -67,21 +86,105 @@ def from_rows(
     column_ranges: np.ndarray,
     rows: Triples,
     symmetric: bool,
-    block_size: int = 1,
 ) -> PETSc.Mat:
     """Distributed matrix from this rank's compressed rows (starts, global columns, values)."""
-    sizes = tuple((int(r[comm.rank + 1] - r[comm.rank]), int(r[-1])) for r in (ranges, column_ranges))
     starts, columns, values = rows
     matrix = PETSc.Mat().createAIJ(
-        size=sizes,
-        bsize=block_size,
+        size=_sizes(comm, ranges, column_ranges),
         csr=(starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values),
         comm=comm,
     )
+    _mark(matrix, symmetric)
+    return matrix
+
+
+def _sizes(comm: MPI.Comm, *ranges: np.ndarray) -> tuple[tuple[int, int], ...]:
+    return tuple((int(r[comm.rank + 1] - r[comm.rank]), int(r[-1])) for r in ranges)
+
+
+def _mark(matrix: PETSc.Mat, symmetric: bool) -> None:
     if symmetric:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         matrix.setOption(PETSc.Mat.Option.SPD, True)
-    return matrix
+
+
+def row_lengths(
+    comm: MPI.Comm, ranges: np.ndarray, column_ranges: np.ndarray, blocks: list[ElementBlocks]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of nonzeros of this rank's rows, in the columns that it owns and in the others. Collective.
+
+    Parameters
+    ----------
+    ranges, column_ranges : (ranks + 1,) int arrays
+    blocks : list of ElementBlocks
+    """
+    first, last = (int(ranges[comm.rank + k]) for k in (0, 1))
+    pattern = _Pattern(blocks)
+    mine = (pattern.rows >= first) & (pattern.rows < last)
+    foreign_rows, foreign_columns = pattern.entries(np.flatnonzero(~mine))
+    counts = np.zeros((2, last - first), dtype=PETSc.IntType)
+    columns = (int(column_ranges[comm.rank]), int(column_ranges[comm.rank + 1]))
+    touched = np.zeros(last - first, dtype=bool)
+    if comm.size > 1:
+        foreign_rows, foreign_columns = route(comm, ranges, foreign_rows, foreign_columns)
+        touched[foreign_rows - first] = True
+        # rows that other ranks add to: their entries with this rank's own, each once
+        shared = np.flatnonzero(mine)[touched[pattern.rows[mine] - first]]
+        own_rows, own_columns = pattern.entries(shared)
+        pairs = np.unique(
+            np.stack(
+                [np.concatenate([foreign_rows, own_rows]), np.concatenate([foreign_columns, own_columns])]
+            ),
+            axis=1,
+        )
+        _count(counts, pairs[0] - first, pairs[1], columns)
+    alone = np.flatnonzero(mine)
+    alone = alone[~touched[pattern.rows[alone] - first]]
+    for part in np.array_split(alone, max(1, len(alone) // 20_000)):
+        rows, found = pattern.entries(part)
+        _count(counts, rows - first, found, columns)
+    return counts[0], counts[1]
+
+
+def _count(counts: np.ndarray, rows: np.ndarray, columns: np.ndarray, owned: tuple[int, int]) -> None:
+    diagonal = (columns >= owned[0]) & (columns < owned[1])
+    for kind, chosen in enumerate((diagonal, ~diagonal)):
+        counts[kind] += np.bincount(rows[chosen], minlength=counts.shape[1]).astype(counts.dtype)
+
+
+class _Pattern:
+    """Where a rank's blocks have entries: rows that share a block with a column.
+
+    Attributes
+    ----------
+    rows : (r,) int64 array
+        Global numbers of the rows that the blocks touch, ascending.
+    """
+
+    def __init__(self, blocks: list[ElementBlocks]):
+        self.rows, self._of_rows = _incidence([block.rows for block in blocks])
+        self._columns, self._of_columns = _incidence([block.columns for block in blocks])
+        self._of_rows = self._of_rows.T.tocsr()
+
+    def entries(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Global (rows, columns) of the entries in some of the rows, each once."""
+        found = (self._of_rows[chosen] @ self._of_columns).tocoo()
+        return self.rows[chosen[found.row]], self._columns[found.col]
+
+
+def _incidence(numbers: list[np.ndarray]) -> tuple[np.ndarray, sparse.csr_matrix]:
+    """Numbers that occur, and which of them each of the elements (rows of the arrays) has."""
+    counts = np.concatenate([np.empty(0, dtype=int), *(np.full(len(n), n.shape[1]) for n in numbers)])
+    flat = np.concatenate([np.empty(0, dtype=np.int64), *(n.ravel() for n in numbers)])
+    elements = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+    free = flat >= 0
+    found, places = np.unique(flat[free], return_inverse=True)
+    # whether, not how often: a byte holds it, as long as no element is met 128 times
+    ones = np.ones(len(places), dtype=np.int8)
+    table = sparse.csr_matrix(
+        (ones, (elements[free], places.astype(np.int32))), shape=(len(counts), len(found))
+    )
+    return found, table
 
 
 def route(comm: MPI.Comm, ranges: np.ndarray, numbers: np.ndarray, *others: np.ndarray) -> list[np.ndarray]:

@@ -12,13 +12,14 @@ which is quasi-definite; c brings the rows to the scale of the stiffness.
 from __future__ import annotations
 
 import numpy as np
+from scipy import sparse
 
 from ..contact.complementarity import Complementarity
 from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
-from .assembly import assemble
+from .assembly import from_rows
 
 # From about so many rows on a few factorisations cost less than a solve for each row.
-MANY = 500
+MANY = 1000
 # The primal-dual iteration seldom needs more than ten sets; a cycle is left to the flexibility.
 _MAXIMUM = 30
 # Relative residual of the bordered system beyond which its factorisation is not trusted (rows that depend
@@ -95,21 +96,25 @@ def _closed(model, free_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray
 def _bordered(model, index: np.ndarray, scale: float) -> PETSc.Mat:
     """The bordered matrix; the last rank owns the rows of the forces."""
     comm, operator = model.comm, model.gap_operator
-    count, first = len(index), int(model.ranges[-1])
+    count, last = len(index), comm.size - 1
+    starts, columns, values = model.stiffness.getValuesCSR()
+    owned, width = len(starts) - 1, int(model.ranges[-1])
+    border = -scale * operator.rows.matrix[index]
+    rows = sparse.hstack(
+        [sparse.csr_matrix((values, columns, starts), shape=(owned, width)), border.T], format="csr"
+    )
+    borders = comm.gather(border, last)
+    if comm.rank == last:
+        own = -(scale**2) * operator.flexibility[index][:, index]
+        rows = sparse.vstack([rows, sparse.hstack([*borders, own])], format="csr")
+        # PETSc wants the places of the diagonal even where it is zero
+        rows = rows + sparse.csr_matrix(
+            (np.zeros(count), (owned + np.arange(count), width + np.arange(count))), shape=rows.shape
+        )
+    rows.sort_indices()
     ranges = model.ranges.copy()
     ranges[-1] += count
-    starts, columns, values = model.stiffness.getValuesCSR()
-    rows = model.owned.start + np.repeat(np.arange(len(starts) - 1), np.diff(starts))
-    border = operator.rows.matrix[index].tocoo()
-    numbers, unknowns, entries = first + border.row, model.owned.start + border.col, -scale * border.data
-    triples = [(rows, columns, values), (unknowns, numbers, entries), (numbers, unknowns, entries)]
-    if comm.rank == 0:
-        own = operator.flexibility[index][:, index].tocoo()
-        triples.append((first + own.row, first + own.col, -(scale**2) * own.data))
-        # the diagonal is there even where it is zero
-        every = first + np.arange(count)
-        triples.append((every, every, np.zeros(count)))
-    matrix = assemble(comm, ranges, triples, symmetric=False)
+    matrix = from_rows(comm, ranges, ranges, (rows.indptr, rows.indices, rows.data), symmetric=False)
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return matrix
 
@@ -118,6 +123,6 @@ def worthwhile(model, rows: int) -> bool:
     """Whether bordered factorisations are expected to cost less than the flexibility of all rows, and the
     direct solver factorises indefinite matrices.
     """
-    if "compliance" in model.__dict__:
-        return False  # it is there already
-    return rows > MANY and model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")
+    if rows <= MANY or "compliance" in model.__dict__:
+        return False
+    return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")

@@ -10,7 +10,7 @@ import numpy as np
 from ..loads import as_loads
 from ..petsc import PETSc, free
 from ..selement.basis import tabulated
-from .assembly import Triples, block_triples
+from .assembly import ElementBlocks
 
 
 def edge_metric(coordinates: np.ndarray, order: int) -> tuple[np.ndarray, np.ndarray]:
@@ -171,9 +171,9 @@ def load_columns(model, loads) -> LoadColumns:
     return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces)
 
 
-def spring_triples(model) -> list[Triples]:
-    """Entries of the elastic supports."""
-    triples = []
+def spring_blocks(model) -> list[ElementBlocks]:
+    """Blocks of the elastic supports."""
+    blocks = []
     part, order = model.part, model.order
     values, _, weights = tabulated(order, order + 2)
     for support in model.supports:
@@ -195,28 +195,38 @@ def spring_triples(model) -> list[Triples]:
                 np.eye(2),
             )
             unknowns = part.unknowns[edges].reshape(len(edges), -1)
-            triples.append(
-                block_triples(unknowns, unknowns, stiffness.reshape(len(edges), unknowns.shape[1], -1))
-            )
+            stiffness = stiffness.reshape(len(edges), unknowns.shape[1], -1)
         elif model.comm.rank == 0:
             unknowns = np.array(model.points[support.where][1])[None, :]
-            triples.append(block_triples(unknowns, unknowns, np.diag(springs)[None]))
-    return triples
+            stiffness = np.diag(springs)[None]
+        else:
+            continue
+        blocks.append(ElementBlocks(unknowns, unknowns, stiffness.__getitem__))
+    return blocks
 
 
 def is_supported(model) -> bool:
     """Whether the supports admit no rigid-body motion. Collective."""
-    lower, upper = model.extent
-    centre, size = 0.5 * (lower + upper), float(np.linalg.norm(upper - lower))
-    gram = np.zeros((3, 3))
+    # about the supports' own middle and in units of their own extent: a short clamped edge holds a long body
+    held, directions = [np.empty((0, 2))], [np.empty((0, 2), dtype=bool)]
     for support in model.supports:
         acts = np.array(support.fixed) | (np.array(support.springs) > 0)
         if support.where in model.edge_set_names:
             places = model.part.coordinates[np.unique(model.part.edge_sets[support.where])]
         else:
             places = np.array([model.points[support.where][0]])
-        for x, y in (places - centre) / size:
-            rows = np.array([[1.0, 0.0, -y], [0.0, 1.0, x]])[acts]
-            gram += rows.T @ rows
-    gram = model.comm.allreduce(gram)
+        held.append(places)
+        directions.append(np.tile(acts, (len(places), 1)))
+    places = np.concatenate(model.comm.allgather(np.concatenate(held)))
+    acts = np.concatenate(model.comm.allgather(np.concatenate(directions)))
+    if len(places) == 0:
+        return False
+    lower, upper = model.extent
+    centre, size = places.mean(axis=0), float(np.linalg.norm(np.ptp(places, axis=0)))
+    # where all stand on one point the rotation is free, whatever the unit
+    size = max(size, 1e-9 * float(np.linalg.norm(upper - lower)))
+    x, y = ((places - centre) / size).T
+    one, zero = np.ones(len(x)), np.zeros(len(x))
+    rows = np.stack([np.stack([one, zero, -y], axis=1), np.stack([zero, one, x], axis=1)], axis=1)[acts]
+    gram = rows.T @ rows
     return bool(np.linalg.eigvalsh(gram)[0] > 1e-9 * max(np.trace(gram), 1.0))

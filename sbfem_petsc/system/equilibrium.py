@@ -31,7 +31,8 @@ class Equilibrium:
     iterations : int
         Of the active set.
     residual : float
-        ||K u - f - G' force|| / ||f||.
+        ||K u - f - G' force|| / ||f||; of slender structures, whose solutions are refined, the relative size
+        of the last correction.
     """
 
     owned: np.ndarray
@@ -83,6 +84,9 @@ def equilibrium(
         residual.axpy(-1.0, right)
         scale = forces.norm()
         relative = residual.norm() / scale if scale > 0 else 0.0
+        if solver.refinement.needed(right.norm(), solution.norm()):
+            # the product with the assembled stiffness is round-off; what refinement still moves tells
+            relative = solver.refinement.correction
         owned = solution.array_r.copy()
         intensities = model.tips.evaluate(owned, load.tips[:, 0] + model.tips.contact @ force)
         return Equilibrium(owned, force, gap, active, intensities, iterations, relative)

@@ -138,7 +138,7 @@ class Model(Structure):
     @functools.cached_property
     def solver(self) -> StaticSolver:
         """Solver of the stiffness, factorised once (prefix ``static_``)."""
-        return StaticSolver(self.stiffness)
+        return StaticSolver(self)
 
     @functools.cached_property
     def compliance(self) -> Compliance:

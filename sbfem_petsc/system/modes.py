@@ -11,6 +11,7 @@ from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
 from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving
 from ..writing import write_table
+from .element_stiffness import NEEDED
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .structure import Structure
 
@@ -271,6 +272,12 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     vectors.assemble()
     products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
     kx, mx = (product.getDenseArray() for product in products)
+    noise = model.refinement.scale * np.sqrt(_summed(model, array**2))
+    refined = model.supported and bool((noise > NEEDED * np.sqrt(_summed(model, kx**2))).any())
+    if refined:
+        # the product with the assembled stiffness is round-off, and so is its Rayleigh quotient
+        kx = np.concatenate([model.refinement.operator(array[: pencil.owned]), kx[pencil.owned :]])
+        values = _summed(model, array * kx) / _summed(model, array * mx)
     sums = np.stack(
         [
             (array * mx).sum(axis=0),
@@ -319,6 +326,11 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
         pencil.unknowns,
         model,
     )
+
+
+def _summed(model: Structure, products: np.ndarray) -> np.ndarray:
+    """(n,): sums of the columns over all ranks."""
+    return model.comm.allreduce(products.sum(axis=0))
 
 
 def _lowest_scale(model: Structure) -> float:

@@ -7,13 +7,14 @@ from __future__ import annotations
 import copy
 import functools
 import math
+from collections.abc import Callable
 
 import numpy as np
 
 from ..parallel import alone
 from ..petsc import PETSc, check_ksp, configure, direct_solver, free, make_ksp, solving
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
-from .assembly import assemble, block_triples, from_rows
+from .assembly import ElementBlocks, assemble, from_rows
 from .shapes import Group
 from .structure import Structure
 
@@ -59,13 +60,14 @@ class Pencil:
         for piece in self._pieces:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
             unknowns = self.numbers(piece.unknowns)
-            mass.append(block_triples(unknowns, unknowns, piece.mass))
+            mass.append(ElementBlocks(unknowns, unknowns, piece.mass))
             if numbers.size:
-                mass.append(block_triples(unknowns, numbers, piece.coupling))
-                mass.append(block_triples(numbers, unknowns, piece.coupling.transpose(0, 2, 1)))
-                flat = numbers.ravel()
-                mass.append((flat, flat, np.tile(piece.inertia, len(piece.group_rows))))
-                self._auxiliary_stiffness[flat - (self.ranges[model.comm.rank] + self.owned)] = piece.modulus
+                mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
+                mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
+                flat, inertia = numbers.reshape(-1, 1), np.tile(piece.inertia, len(numbers))[:, None, None]
+                mass.append(ElementBlocks(flat, flat, inertia.__getitem__))
+                own = flat.ravel() - (self.ranges[model.comm.rank] + self.owned)
+                self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()
         self.mass = assemble(model.comm, self.ranges, mass)
@@ -94,10 +96,10 @@ class Pencil:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
             return copy.copy(self.model.stiffness)  # a reference of its own
-        triples = self.model.spring_triples()
-        for piece in self._pieces:
-            triples.append(block_triples(piece.unknowns, piece.unknowns, piece.condensed(shift)))
-        matrix = assemble(self.model.comm, self.model.ranges, triples, symmetric=False)
+        blocks = self.model.spring_blocks() + [
+            ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
+        ]
+        matrix = assemble(self.model.comm, self.model.ranges, blocks, symmetric=False)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if shift < 0.0:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -106,13 +108,13 @@ class Pencil:
     @functools.cached_property
     def coupling(self) -> PETSc.Mat:
         """C, displacement by auxiliary unknowns."""
-        first, triples = int(self.auxiliary_ranges[self.model.comm.rank]), []
+        first, blocks = int(self.auxiliary_ranges[self.model.comm.rank]), []
         for piece in self._pieces:
             numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
-            triples.append(block_triples(piece.unknowns, numbers, piece.coupling))
+            blocks.append(ElementBlocks(piece.unknowns, numbers, piece.coupling))
             first += numbers.size
         return assemble(
-            self.model.comm, self.model.ranges, triples, symmetric=False, column_ranges=self.auxiliary_ranges
+            self.model.comm, self.model.ranges, blocks, symmetric=False, column_ranges=self.auxiliary_ranges
         )
 
     def auxiliary_diagonal(self, shift: float) -> np.ndarray:
@@ -129,7 +131,7 @@ class Pencil:
         parts = []
         for piece in self._pieces:
             translations = np.tile(np.eye(2), (len(piece.group.shape), 1))
-            parts.append(np.einsum("knr,ni->kri", piece.coupling, translations).reshape(-1, 2))
+            parts.append(np.einsum("knr,ni->kri", piece.coupling(np.s_[:]), translations).reshape(-1, 2))
         return np.concatenate(parts) if parts else np.zeros((0, 2))
 
     def eigenvalues_below(self, shift: float) -> int | None:
@@ -186,19 +188,29 @@ class _Piece:
             )
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
-        self.mass = self._inertia_scale * self.group.turned_both(group.solution.mass)
-        self.coupling = self._inertia_scale * self.group.turned(coupling)
         self.inertia = self._inertia_scale * inertia
 
-    def condensed(self, shift: float) -> np.ndarray:
-        """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns."""
+    def mass(self, part: slice) -> np.ndarray:
+        """(k, n, n) blocks of some of the S-elements."""
+        return self._inertia_scale * self.group.select(part).turned_both(self.group.solution.mass)
+
+    def coupling(self, part: slice) -> np.ndarray:
+        """(k, n, r) blocks of some of the S-elements."""
+        return self._inertia_scale * self.group.select(part).turned(self._coupling)
+
+    def transposed_coupling(self, part: slice) -> np.ndarray:
+        """(k, r, n)"""
+        return self.coupling(part).transpose(0, 2, 1)
+
+    def condensed(self, shift: float) -> Callable[[slice], np.ndarray]:
+        """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns, of some of the S-elements."""
         solution, s = self.group.solution, shift * self._inertia_scale / self.modulus
-        matrix = (
+        matrix = self.modulus * (
             solution.stiffness
             - s * solution.mass
             - s * s * (self._coupling / (1.0 - s * self._inertia)) @ self._coupling.T
         )
-        return self.modulus * self.group.turned_both(matrix)
+        return lambda part: self.group.select(part).turned_both(matrix)
 
 
 def _pieces(model: Structure, group: Group, highest: float, tolerance: float) -> list[_Piece]:
@@ -247,6 +259,8 @@ class CondensedSolve:
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
         self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
+        # without a shift the lowest modes of slender structures need more digits than the assembled stiffness has
+        self.refinement = pencil.model.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
         if shift != 0.0:
@@ -261,14 +275,25 @@ class CondensedSolve:
         if self.shift != 0.0:
             self.auxiliary.array = self.shift * scaled
             self.pencil.coupling.multAdd(self.auxiliary, self.right, self.right)
-        self.ksp.solve(self.right, self.left)
-        check_ksp(self.ksp, self.what)
+        self._solve()
+        if self.refinement and self.refinement.needed(self.right.norm(), self.left.norm()):
+            given, found = self.right.array_r.copy(), self.left.array_r.copy()
+            self.left.array = self.refinement.refine(given, found, self._again)
         if self.shift != 0.0:
             self.pencil.coupling.multTranspose(self.left, self.auxiliary)
             scaled = scaled + self.shift * self.auxiliary.array_r / self.diagonal
         target = left.array
         target[:owned] = self.left.array_r
         target[owned:] = scaled
+
+    def _solve(self) -> None:
+        self.ksp.solve(self.right, self.left)
+        check_ksp(self.ksp, self.what)
+
+    def _again(self, residual: np.ndarray) -> np.ndarray:
+        self.right.array = residual
+        self._solve()
+        return self.left.array_r.copy()
 
     def release(self) -> None:
         """Free the PETSc objects and let go of the pencil: PETSc may keep this context longer than it is of

@@ -54,7 +54,7 @@ class Group:
     sizes: np.ndarray
     rotations: np.ndarray
 
-    def select(self, rows: np.ndarray) -> Group:
+    def select(self, rows: np.ndarray | slice) -> Group:
         """The group reduced to some of its S-elements."""
         return replace(
             self,

@@ -19,13 +19,18 @@ class StaticSolver:
 
     Parameters
     ----------
-    stiffness : PETSc.Mat
-        Owned by the model.
+    model : Structure
+
+    Notes
+    -----
+    Solutions are refined where the round-off of the assembled stiffness would reach their digits: those of
+    slender structures (`element_stiffness`).
     """
 
-    def __init__(self, stiffness: PETSc.Mat):
-        self.matrix, self._comm = stiffness, stiffness.comm.tompi4py()
-        self.ksp = make_ksp(stiffness, "static_")
+    def __init__(self, model):
+        self.matrix, self.refinement = model.stiffness, model.refinement
+        self._comm = self.matrix.comm.tompi4py()
+        self.ksp = make_ksp(self.matrix, "static_")
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
         self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
@@ -33,13 +38,31 @@ class StaticSolver:
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """solution = K^-1 right; `what` names the solve in its error."""
+        self._solve(right, solution, what)
+        if not self.refinement.needed(right.norm(), solution.norm()):
+            return
+        spare = solution.duplicate()
+
+        def again(residual: np.ndarray) -> np.ndarray:
+            change.array = residual
+            self._solve(change, spare, what)
+            return spare.array_r.copy()
+
+        change = right.duplicate()
+        try:
+            solution.array = self.refinement.refine(right.array_r.copy(), solution.array_r.copy(), again)
+        finally:
+            change.destroy()
+            spare.destroy()
+
+    def _solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         self.ksp.solve(right, solution)
         check_ksp(self.ksp, what)
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """K^-1 of (owned, k) columns, (owned, k)."""
-        result = np.empty(right.shape, order="F")
         if not self.direct or right.shape[1] < 2:
+            result = np.empty(right.shape, order="F")
             source, target = self.matrix.createVecs()
             try:
                 for k in range(right.shape[1]):
@@ -49,14 +72,25 @@ class StaticSolver:
             finally:
                 free(self._comm, source, target)
             return result
+        return self._refined(right, self._dense(right, what), what)
+
+    def _dense(self, right: np.ndarray, what: str) -> np.ndarray:
         given = PETSc.Mat().createDense(
             (self._sizes, right.shape[1]), array=np.asfortranarray(right), comm=self.matrix.comm
         )
         given.assemble()
         try:
-            return self._block(given, result, what)
+            return self._block(given, np.empty(right.shape, order="F"), what)
         finally:
             free(self._comm, given)
+
+    def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
+        sums = self._comm.allreduce(
+            np.stack([(right**2).sum(axis=0), (solution**2).sum(axis=0)])
+        )
+        if not any(self.refinement.needed(*pair) for pair in np.sqrt(sums).T):
+            return solution
+        return self.refinement.refine(right, solution, lambda residual: self._dense(residual, what))
 
     def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
         """K^-1 of the transposes of some rows, (owned, k)."""
@@ -70,9 +104,10 @@ class StaticSolver:
         )
         turned = PETSc.Mat().createTranspose(given)
         try:
-            return self._block(turned, np.empty((self._sizes[0], some.shape[0]), order="F"), what)
+            found = self._block(turned, np.empty((self._sizes[0], some.shape[0]), order="F"), what)
         finally:
             free(self._comm, turned, given)
+        return self._refined(rows.columns(chosen), found, what)
 
     @property
     def _sizes(self) -> tuple[int, int]:

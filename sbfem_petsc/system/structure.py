@@ -15,9 +15,10 @@ from ..loads import Loads, as_loads
 from ..parallel import alone, collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
-from .assembly import Triples, assemble, block_triples
-from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_triples
+from .assembly import ElementBlocks, assemble
+from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_blocks
 from .distribution import distribute
+from .element_stiffness import Refinement
 from .gap_operator import GapOperator, gap_operator
 from .places import Places, places
 from .rows import Rows
@@ -124,20 +125,23 @@ class Structure:
             raise SolveError("Model: it has been destroyed; make it again, or use it inside its `with` block")
         free = self.part.unknowns >= 0
         blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
-        triples = [self._stiffness_triples(group) for group in self.groups] + self.spring_triples()
-        matrix = assemble(self.comm, self.ranges, triples, block_size=2 if blocks else 1)
+        elements = [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()
+        matrix = assemble(self.comm, self.ranges, elements, block_size=2 if blocks else 1)
         if blocks:
             self._attach_rigid_motions(matrix, free)
         return matrix
 
-    def _stiffness_triples(self, group: Group) -> Triples:
-        unknowns = self.unknowns_of(group)
-        scaled = self.scales(group)[0] * group.turned_both(group.solution.stiffness)
-        return block_triples(unknowns, unknowns, scaled)
+    def _stiffness_blocks(self, group: Group) -> ElementBlocks:
+        unknowns, scale = self.unknowns_of(group), self.scales(group)[0]
+        return ElementBlocks(
+            unknowns,
+            unknowns,
+            lambda part: scale * group.select(part).turned_both(group.solution.stiffness),
+        )
 
-    def spring_triples(self) -> list[Triples]:
-        """Entries of the elastic supports."""
-        return spring_triples(self)
+    def spring_blocks(self) -> list[ElementBlocks]:
+        """Those of the elastic supports."""
+        return spring_blocks(self)
 
     def _attach_rigid_motions(self, matrix: PETSc.Mat, free: np.ndarray) -> None:
         places = matrix.createVecRight()
@@ -147,6 +151,11 @@ class Structure:
         matrix.setNearNullSpace(motions)
         motions.destroy()
         places.destroy()
+
+    @functools.cached_property
+    def refinement(self) -> Refinement:
+        """Refines solves with the stiffness where they need it."""
+        return Refinement(self, self.stiffness)
 
     # ------------------------------------------------------------------ loads and supports
     def load_columns(self, loads: Iterable) -> LoadColumns:
@@ -271,6 +280,16 @@ class Structure:
         result = np.zeros(self.part.unknowns.shape)
         result[free] = target.array_r
         return result
+
+    def summed_nodal(self, forces: np.ndarray) -> np.ndarray:
+        """(owned,): sums over the ranks of forces (m, 2) on this rank's nodes, on its displacement unknowns.
+        Collective.
+        """
+        scatter, source, target, free = self._ghosts
+        target.array = forces[free]
+        source.set(0.0)
+        scatter.scatter(target, source, addv=True, mode=PETSc.ScatterMode.REVERSE)
+        return source.array_r.copy()
 
     def destroy(self) -> None:
         """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""

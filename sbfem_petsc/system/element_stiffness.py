@@ -1,0 +1,151 @@
+"""The stiffness applied S-element by S-element with the rigid-body motions taken out.
+
+An S-element's stiffness times a rigid-body motion is round-off, not zero, and so are the sums of it in the
+assembled matrix. In slender structures, whose elements move almost rigidly, that round-off outweighs the
+strain energy of the lowest modes. Here the motions are taken out of an element's displacements before the
+product and out of its forces after it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import sparse
+
+from ..petsc import PETSc
+from ..selement.rigid_motions import rigid_body_basis
+
+# Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections that
+# end it at once, and once they fall no more; and how many are made at most.
+NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 30
+
+
+class ElementStiffness:
+    """Nodal forces of displacements, sum of P K_e P u_e with P = I - Q Q^T over the S-elements.
+
+    Parameters
+    ----------
+    model : Structure
+
+    Notes
+    -----
+    Holds the element stiffnesses once more, 12 bytes an entry.
+    """
+
+    def __init__(self, model):
+        self.model = model
+        places, motions, blocks = [], [], []
+        for group in model.groups:
+            coordinates = model.part.coordinates[group.nodes]
+            places.append((2 * group.nodes[:, :, None] + [0, 1]).reshape(-1))
+            motions += [rigid_body_basis(outline) for outline in coordinates]
+            blocks += list(model.scales(group)[0] * group.turned_both(group.solution.stiffness))
+        self._places = np.concatenate([np.empty(0, dtype=int), *places])
+        size = (len(self._places), 2 * len(model.part.nodes))
+        ones = np.ones(size[0])
+        self._motions, self._blocks = _block_diagonal(motions, 3), _block_diagonal(blocks, None)
+        self._transposed_motions = self._motions.T.tocsr()
+        self._gather = sparse.csr_matrix((ones, (self._places, np.arange(size[0]))), shape=size[::-1])
+        self._springs = _springs(model, size[1])
+
+    def __call__(self, owned: np.ndarray) -> np.ndarray:
+        """Forces (owned,) or (owned, c) of displacements of the same shape. Collective."""
+        if owned.ndim == 2:
+            return np.stack([self(column) for column in owned.T], axis=1)
+        field = self.model.nodal(owned).ravel()
+        deformation = self._without_motions(field[self._places])
+        forces = self._without_motions(self._blocks @ deformation)
+        return self.model.summed_nodal((self._gather @ forces + self._springs @ field).reshape(-1, 2))
+
+    def _without_motions(self, vectors: np.ndarray) -> np.ndarray:
+        """Twice: once leaves the round-off of large motions."""
+        for _ in range(2):
+            vectors = vectors - self._motions @ (self._transposed_motions @ vectors)
+        return vectors
+
+
+def _block_diagonal(blocks: list[np.ndarray], width: int | None) -> sparse.csr_matrix:
+    """Block-diagonal matrix of dense (n, m) blocks, m the same of all or that of the block's rows."""
+    heights = np.array([len(block) for block in blocks], dtype=int)
+    widths = heights if width is None else np.full(len(blocks), width)
+    first = np.concatenate([[0], np.cumsum(widths)])
+    columns = [np.tile(np.arange(start, start + m), n) for start, n, m in zip(first, heights, widths)]
+    starts = np.concatenate([[0], np.cumsum(np.repeat(widths, heights))])
+    values = np.concatenate([np.empty(0), *(block.ravel() for block in blocks)])
+    columns_of = np.concatenate([np.empty(0, dtype=int), *columns])
+    return sparse.csr_matrix((values, columns_of, starts), shape=(int(heights.sum()), int(first[-1])))
+
+
+def _springs(model, size: int) -> sparse.csr_matrix:
+    """Elastic supports over the displacements of this rank's nodes."""
+    total = sparse.csr_matrix((size, size))
+    place = {int(number): k for k, number in enumerate(model.part.unknowns.ravel()) if number >= 0}
+    for block in model.spring_blocks():
+        for numbers, values in zip(block.rows, block.values(slice(0, len(block.rows)))):
+            places = np.array([place.get(int(number), -1) for number in numbers])
+            held = np.flatnonzero(places >= 0)
+            rows, columns = np.meshgrid(places[held], places[held], indexing="ij")
+            entries = (values[np.ix_(held, held)].ravel(), (rows.ravel(), columns.ravel()))
+            total = total + sparse.csr_matrix(entries, shape=(size, size))
+    return total
+
+
+class Refinement:
+    """Refinement of solves with the assembled stiffness, where its round-off needs it.
+
+    Parameters
+    ----------
+    model : Structure
+    matrix : PETSc.Mat
+        The assembled stiffness.
+
+    Attributes
+    ----------
+    correction : float
+        Relative size of the last correction; 0 without refinement.
+    """
+
+    def __init__(self, model, matrix: PETSc.Mat):
+        self.model = model
+        self.scale = np.finfo(float).eps * matrix.norm(PETSc.NormType.NORM_INFINITY)
+        self.correction = 0.0
+        self._operator: ElementStiffness | None = None
+
+    def needed(self, right: float, solution: float) -> bool:
+        """Whether the round-off of the assembled stiffness reaches the digits of a solution, from the norms of
+        a right-hand side and of its solution.
+        """
+        return self.scale * solution > NEEDED * right
+
+    @property
+    def operator(self) -> ElementStiffness:
+        if self._operator is None:
+            self._operator = ElementStiffness(self.model)
+        return self._operator
+
+    def refine(self, right: np.ndarray, solution: np.ndarray, solve) -> np.ndarray:
+        """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve as
+        preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.
+        """
+        solution = solution.copy()
+        residual = right - self.operator(solution)
+        direction, energy, before = np.zeros_like(right), 1.0, np.inf
+        for step in range(_MOST):
+            change = solve(residual)
+            former, energy = energy, self._dot(residual, change)
+            direction = change + (energy / former if step else 0.0) * direction
+            product = self.operator(direction)
+            curvature = self._dot(direction, product)
+            length = np.divide(energy, curvature, out=np.zeros_like(energy), where=curvature > 0.0)
+            solution += length * direction
+            residual = residual - length * product
+            sizes = length**2 * self._dot(direction, direction)
+            norms = np.maximum(self._dot(solution, solution), np.finfo(float).tiny)
+            self.correction = float(np.sqrt(np.max(sizes / norms, initial=0.0)))
+            if self.correction <= _ENOUGH or (self.correction <= _SETTLED and self.correction >= before):
+                break
+            before = self.correction
+        return solution
+
+    def _dot(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        """Inner products (c,) of columns, or of two vectors."""
+        return np.asarray(self.model.comm.allreduce((first * second).sum(axis=0)))
