@@ -10,7 +10,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.plate_cells import plate_cells
 from meshing.cells.s_elements import build_mesh
-from meshing.input_checks import checked_order, positive
+from meshing.input_checks import checked_order, flag, named_points, positive
 from meshing.shapes.features import corners_of
 from meshing.shapes.plate_shape import PlateShape
 
@@ -93,9 +93,8 @@ class Plate(PlateShape):
                 "orders on larger cells cost less."
             )
         named = {}
-        for name, point in (points or {}).items():
-            if not isinstance(name, str) or not name:
-                raise TypeError(f"points: the name {name!r} is not a non-empty string.")
+        for name, point in named_points(points).items():
             named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
+        flag("mesh", "tip_element", tip_element)
         meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
         return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate")

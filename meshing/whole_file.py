@@ -9,6 +9,8 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
+from meshing.input_checks import shown
+
 
 class BadTarget(ValueError):
     """A file that is not replaced."""
@@ -26,7 +28,7 @@ def checked_path(item: str, path: object) -> Path:
     """
     text = os.fspath(path) if isinstance(path, (str, os.PathLike)) else None
     if not isinstance(text, str):
-        raise TypeError(f"{item}: path is {path!r}, a file's name (str or Path) was expected.")
+        raise TypeError(f"{item}: path is {shown(path)}, a file's name (str or Path) was expected.")
     if not text or "\0" in text:
         raise ValueError(f"{item}: path is {text!r}, a file's name was expected.")
     return Path(text)

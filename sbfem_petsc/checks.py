@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import numbers
 import os
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -60,6 +60,12 @@ def real(
 def positive(owner: str, name: str, value: Any, unit: str = "") -> float:
     """`value` as a finite float above zero; errors as `real`."""
     return real(owner, name, value, unit, above=0.0)
+
+
+def frequency(owner: str, name: str, value: Any) -> float:
+    """`value` as a frequency that a structure can be driven at, Hz; errors as `real`."""
+    positive(owner, name, value, "Hz")
+    return real(owner, name, value, "Hz", least=1e-12, most=1e15)
 
 
 def integer(owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None) -> int:
@@ -146,15 +152,26 @@ def numbers_of(
     bounds
         See `real`.
     """
-    if (
-        not isinstance(value, (Sequence, np.ndarray))
-        or isinstance(value, (str, bytes))
-        or np.ndim(value) != 1
-    ):
+    if not isinstance(value, (list, tuple, np.ndarray)) or getattr(value, "ndim", 1) != 1:
         raise TypeError(f"{owner}: {name} = {shown(value)} must be {what}")
     if len(value) != count:
         raise ValueError(f"{owner}: {name} = {shown(value)} must be {what}")
     return tuple(real(owner, f"{name}[{k}]", item, **bounds) for k, item in enumerate(value))
+
+
+def names_of(owner: str, name: str, value: Any) -> tuple[str, ...]:
+    """`value`, a sequence of names, as a tuple; TypeError otherwise."""
+    if not isinstance(value, (list, tuple)) or not all(isinstance(item, str) for item in value):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a sequence of names")
+    return tuple(value)
+
+
+def index_of(owner: str, name: str, value: Any, count: int) -> int:
+    """`value` as the index of one of so many things, from 0, or from the end if it is negative; TypeError or ValueError
+    otherwise.
+    """
+    index = integer(owner, name, value, least=-count, most=count - 1)
+    return index % count
 
 
 def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "") -> np.ndarray:

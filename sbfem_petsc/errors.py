@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from .checks import shown
+
 
 class UnknownName(KeyError):
     """A named point, edge set or material does not exist; the text is a sentence that lists those that do."""
@@ -32,10 +34,10 @@ def on_all_ranks(error: Exception) -> Exception:
     return error
 
 
-def at_point(table: dict, point: str):
-    """The entry of a named point, or an error that lists the points."""
+def at_point(table: dict, point: str, what: str = "point"):
+    """The entry of a named point, or of something else that has a name; an error that lists those that exist."""
     if not isinstance(point, str) or point not in table:
-        raise UnknownName(f"point {point!r} does not exist; the model has {listed(table)}")
+        raise UnknownName(f"{what} {shown(point)} does not exist; the model has {listed(table)}")
     return table[point]
 
 

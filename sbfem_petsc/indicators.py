@@ -324,7 +324,7 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
         whole number of steps.
     """
     t, u, step = _record("harmonics", time, values)
-    count = integer("harmonics", "count", count, least=1)
+    count = integer("harmonics", "count", count, least=1, most=len(t))
     return _fit(
         "harmonics",
         t,
@@ -422,10 +422,8 @@ class Subharmonics:
 def subharmonics(time, values, frequency: float, divisor: int = 2, count: int = 3) -> Subharmonics:
     """Lines at k frequency / divisor up to harmonic `count` of the driving `frequency` (Hz)."""
     t, u, step = _record("subharmonics", time, values)
-    divisor, count = (
-        integer("subharmonics", "divisor", divisor, least=2),
-        integer("subharmonics", "count", count, least=1),
-    )
+    divisor = integer("subharmonics", "divisor", divisor, least=2, most=len(t))
+    count = integer("subharmonics", "count", count, least=1, most=len(t))
     drive = positive("subharmonics", "frequency", frequency, "Hz")
     lines = _tones("subharmonics", drive / divisor * np.arange(divisor * count + 1), step, zero=True)
     return Subharmonics(drive, divisor, _fit("subharmonics", t, u, step, lines))

@@ -41,10 +41,10 @@ class Material:
     plane: str = "stress"
 
     def __post_init__(self) -> None:
-        _scale("Material", "young", self.young, "Pa")
-        _scale("Material", "density", self.density, "kg/m^3")
+        object.__setattr__(self, "young", _scale("Material", "young", self.young, "Pa"))
+        object.__setattr__(self, "density", _scale("Material", "density", self.density, "kg/m^3"))
         choice("Material", "plane", self.plane, PLANES)
-        real("Material", "poisson", self.poisson)
+        object.__setattr__(self, "poisson", real("Material", "poisson", self.poisson))
         upper_ok = self.poisson <= 0.5 if self.plane == "stress" else self.poisson < 0.5
         if not (self.poisson > -1.0 and upper_ok):
             limit = (

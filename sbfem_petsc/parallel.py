@@ -13,7 +13,7 @@ import numpy as np
 from mpi4py import MPI
 
 from . import abort
-from .checks import shown
+from .checks import callback, shown
 from .errors import SolveError, UnknownName
 from .fingerprint import Fingerprint, fingerprint
 
@@ -67,6 +67,8 @@ class collective:
 
 def on_root(comm: MPI.Comm, work: Callable[[], Result]) -> Result | None:
     """`work()` on rank 0, None elsewhere; an error of it is raised on every rank."""
+    comm = checked_communicator("on_root", comm)
+    callback("on_root", "work", work)
     result = None
     with collective(comm):
         if comm.rank == 0:

@@ -472,7 +472,7 @@ class Custom(Signal):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise TypeError(
-                f"Custom: function = {self.function!r} cannot be called; a function of an array of times is "
+                f"Custom: function = {shown(self.function)} cannot be called; a function of an array of times is "
                 "expected"
             )
         self._check(amplitude=real)
@@ -568,4 +568,4 @@ def as_signal(value) -> Signal:
         return Constant(float(value))
     if callable(value) and not isinstance(value, type):
         return Custom(value)
-    raise TypeError(f"signal {value!r} is neither a number nor a signal nor a function of time")
+    raise TypeError(f"signal {shown(value)} is neither a number nor a signal nor a function of time")

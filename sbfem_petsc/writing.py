@@ -11,6 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from .checks import path as checked_path
+
 
 def destination(path: Any, what: str) -> str:
     """The absolute path of a file that is to be written; a symbolic link's goal.
@@ -20,11 +22,7 @@ def destination(path: Any, what: str) -> str:
     TypeError, ValueError
         If it is no path, or the place of something that must not be replaced: a folder, a device, a pipe.
     """
-    if not isinstance(path, (str, os.PathLike)) or not isinstance(os.fspath(path), str):
-        raise TypeError(f"{what}: path = {path!r} must be a string or a path")
-    text = os.fspath(path)
-    if not text.strip() or "\0" in text:
-        raise ValueError(f"{what}: path = {text!r} is no name of a file")
+    text = checked_path(what, "path", path)
     real = os.path.realpath(text)
     if os.path.lexists(real) and not os.path.isfile(real):
         kind = "a folder" if os.path.isdir(real) else "no regular file"

@@ -10,7 +10,15 @@ import numpy as np
 import shapely
 
 from meshing.cells.stars import Box
-from meshing.input_checks import checked_faces, checked_order, number, positive
+from meshing.input_checks import (
+    checked_faces,
+    checked_order,
+    choice,
+    named_points,
+    number,
+    positive,
+    shown,
+)
 from meshing.shapes.beam_shape import BeamShape
 from meshing.shapes.features import CrackLine, Hole, VNotch
 
@@ -60,7 +68,8 @@ class MeshInputs:
         """Check the arguments of `Beam.mesh` and fill in the defaults."""
         order = checked_order(order)
         least = 1e-6 * beam.height
-        size = 2.5 * beam.height if size is None else positive("mesh", "size", size)
+        # cells longer than the beam are no other cells
+        size = 2.5 * beam.height if size is None else min(positive("mesh", "size", size), 4.0 * beam.length)
         if not 0.02 * beam.height <= size:
             raise ValueError(
                 f"mesh: size {size:g} m is below 2 % of the beam's height {beam.height:g} m; high orders on "
@@ -71,6 +80,7 @@ class MeshInputs:
                 f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, "
                 "round-off would show; make it larger."
             )
+        layout = choice("mesh", "layout", layout, ("tip", "vertex"))
         if layout == "vertex" and (beam.cracks or any(notch.edge == "bottom" for notch in beam.notches)):
             raise ValueError(
                 'mesh: layout "vertex" knows notches from the top edge only; leave it out for this beam.'
@@ -85,8 +95,6 @@ class MeshInputs:
         grading = number("mesh", "grading", grading)
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
-        if layout not in ("tip", "vertex"):
-            raise ValueError(f'mesh: layout is {layout!r}, "tip" or "vertex" was expected.')
         if (
             corner_size is not None
             and not least <= positive("mesh", "corner_size", corner_size) < 0.5 * beam.height
@@ -95,15 +103,16 @@ class MeshInputs:
                 f"mesh: corner_size {corner_size:g} m must be between {least:g} m and half the beam's "
                 f"height, {beam.height / 2:g} m."
             )
+        if not isinstance(corners, (str, list, tuple, set, frozenset)):
+            raise TypeError(f'mesh: corners is {shown(corners)}, a sequence of "left" and "right" was expected.')
         corners = (corners,) if isinstance(corners, str) else tuple(corners)
         for name in corners:
-            if name not in ("left", "right"):
-                raise ValueError(f'mesh: corners contains {name!r}, "left" or "right" was expected.')
+            choice("mesh", "corners", name, ("left", "right"))
         reserved = {"A"} | {
             f"{letter}{i if i > 1 else ''}" for letter in "BC" for i in range(1, len(beam.notches) + 1)
         }
         named = {}
-        for name, point in (points or {}).items():
+        for name, point in named_points(points).items():
             if name in reserved:
                 raise ValueError(f"point {name!r}: this name is the mesh's own; choose another.")
             named[name] = beam.check_point(name, point)

@@ -15,7 +15,7 @@ from meshing.gmsh.files import FOREIGN, IGES, collect
 from meshing.gmsh.isolation import run_child
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
-from meshing.input_checks import checked_order, flag, positive
+from meshing.input_checks import checked_faces, checked_order, flag, number, positive
 from meshing.whole_file import checked_path
 
 
@@ -117,6 +117,10 @@ def read_gmsh(
     if size is not None:
         size = positive("read_gmsh", "size", size) / factor
     tip_element = flag("read_gmsh", "tip_element", tip_element)
+    if tip_size is not None:
+        positive("mesh", "tip_size", tip_size)
+    number("mesh", "grading", grading)
+    checked_faces(0.0, face_size, face_edges)
     most = int(positive("read_gmsh", "max_unknowns", max_unknowns, ""))
     seconds = positive("read_gmsh", "time_limit", time_limit, "s")
     memory = (

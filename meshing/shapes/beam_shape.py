@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from meshing.input_checks import number, positive
+from meshing.input_checks import number, positive, shown
 from meshing.shapes.features import CrackLine, Hole, VNotch, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
@@ -168,7 +168,7 @@ class BeamShape:
         if not isinstance(name, str) or not name:
             raise TypeError(f"points: the name {name!r} is not a non-empty string.")
         if isinstance(point, str) or not isinstance(point, Iterable) or len(pair := list(point)) != 2:
-            raise TypeError(f"point {name!r} is {point!r}, a pair (x, y) was expected.")
+            raise TypeError(f"point {name!r} is {shown(point)}, a pair (x, y) was expected.")
         x, y = number(f"point {name!r}", "x", pair[0]), number(f"point {name!r}", "y", pair[1])
         if not (0 <= x <= self.length and 0 <= y <= self.height):
             raise ValueError(

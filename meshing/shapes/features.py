@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from meshing.input_checks import number, positive
+from meshing.input_checks import choice, number, positive, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 _WIDEST_OPENING = 30.0  # degrees, of a crack
@@ -41,8 +41,7 @@ class VNotch:
         object.__setattr__(self, "depth", positive("VNotch", "depth", self.depth))
         object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
         object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
-        if self.edge not in ("top", "bottom"):
-            raise ValueError(f'VNotch: edge is {self.edge!r}, "top" or "bottom" was expected.')
+        choice("VNotch", "edge", self.edge, ("top", "bottom"))
         if self.opening < 0:
             raise ValueError(
                 f"VNotch: opening is {self.opening:g} degrees, it must be 0 (closed crack) or positive."
@@ -137,9 +136,9 @@ class CrackLine:
     name: str | None = None
 
     def __post_init__(self) -> None:
-        item = "CrackLine" if self.name is None else f"CrackLine {self.name!r}"
+        item = "CrackLine" if self.name is None else f"CrackLine {shown(self.name)}"
         if self.name is not None and (not isinstance(self.name, str) or not self.name or ":" in self.name):
-            raise TypeError(f"{item}: name is {self.name!r}, a non-empty string without ':' was expected.")
+            raise TypeError(f"{item}: name is {shown(self.name)}, a non-empty string without ':' was expected.")
         object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
         object.__setattr__(self, "opening", number(item, "opening", self.opening))
         if not 0 <= self.opening <= _WIDEST_OPENING:
@@ -159,14 +158,19 @@ class CrackLine:
         return f"CrackLine([{line}] m, opening={self.opening:g} deg{name})"
 
 
+def _counted(items: object) -> bool:
+    """Whether something iterable can be gone through: an array without dimensions cannot."""
+    return getattr(items, "ndim", 1) > 0
+
+
 def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[float, float], ...]:
     """Points (x, y) as floats, or the error that names what is wrong."""
-    if isinstance(points, str) or not hasattr(points, "__iter__"):
-        raise TypeError(f"{item}: {name} is {points!r}, a list of points (x, y) was expected.")
+    if isinstance(points, str) or not hasattr(points, "__iter__") or not _counted(points):
+        raise TypeError(f"{item}: {name} is {shown(points)}, a list of points (x, y) was expected.")
     result = []
     for place, point in enumerate(points, 1):
         if isinstance(point, str) or not hasattr(point, "__iter__") or len(pair := list(point)) != 2:
-            raise TypeError(f"{item}: point {place} of {name} is {point!r}, a pair (x, y) was expected.")
+            raise TypeError(f"{item}: point {place} of {name} is {shown(point)}, a pair (x, y) was expected.")
         x, y = (number(item, f"{axis} of point {place}", value) for axis, value in zip("xy", pair))
         result.append((x, y))
     if len(result) < least:
@@ -176,10 +180,10 @@ def corners_of(item: str, name: str, points: object, least: int) -> tuple[tuple[
 
 def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
     """`items` as a tuple of objects of one kind, or the error that says otherwise."""
-    if isinstance(items, kind) or not isinstance(items, Iterable):
-        raise TypeError(f"{owner}: {name} is {items!r}, a list of {kind.__name__} was expected.")
+    if isinstance(items, kind) or not isinstance(items, Iterable) or not _counted(items):
+        raise TypeError(f"{owner}: {name} is {shown(items)}, a list of {kind.__name__} was expected.")
     result = tuple(items)
     for item in result:
         if not isinstance(item, kind):
-            raise TypeError(f"{owner}: {name} contains {item!r}, only {kind.__name__} was expected.")
+            raise TypeError(f"{owner}: {name} contains {shown(item)}, only {kind.__name__} was expected.")
     return result

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 
+from meshing.input_checks import shown
 from meshing.shapes.features import CrackLine, Hole, corners_of, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
@@ -84,8 +84,8 @@ class PlateShape:
 
     def _check_names(self) -> None:
         if self.edge_names is not None:
-            if isinstance(self.edge_names, str) or not isinstance(self.edge_names, Iterable):
-                raise TypeError(f"Plate: edge_names is {self.edge_names!r}, a list of names was expected.")
+            if isinstance(self.edge_names, str) or not isinstance(self.edge_names, (list, tuple)):
+                raise TypeError(f"Plate: edge_names is {shown(self.edge_names)}, a list of names was expected.")
             names = tuple(self.edge_names)
             if len(names) != len(self.outline) or not all(isinstance(n, str) and n for n in names):
                 raise ValueError(

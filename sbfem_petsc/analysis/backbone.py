@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..checks import flag, integer, positive
+from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.free import FreeMotion, FreeSystem
 from ..dynamics.free_branch import FreeBranch
@@ -24,6 +24,8 @@ from ..system.model import Model
 
 # Steps a period, and modes kept beside three for each up to the followed one.
 STEPS, MODES = 1024, 20
+# Most steps a period, points, modes: more is a slip.
+MOST = 10**6
 # Points a decade where the motions of all energies are alike.
 DECADE = 8
 # Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
@@ -116,6 +118,7 @@ class Backbone:
         """The k-th motion over its period, integrated again from its state; with damping under the
         self-excitation that keeps it going.
         """
+        k = index_of("orbit", "k", k, len(self.energy))
         driven = self._system.at(float(self._own_frequency[k]), float(self._excitation[k]))
         motion = driven.run(self.states[k])
         shot = FixedPoint(
@@ -189,7 +192,9 @@ def backbone(
     """
     with collective(communicator(model)):
         _check(mode, start, stop, modes, steps, points, largest_step)
-        for name, value in (("damping", damping), ("refine", refine), ("stability", stability)):
+        start, stop, mode = float(start), float(stop), int(mode)
+        flags = {"damping": damping, "refine": refine, "stability": stability, "interactions": interactions}
+        for name, value in flags.items():
             flag("backbone", name, value)
         if isinstance(model, ReducedModel) and modes is not None:
             raise ValueError(
@@ -213,6 +218,7 @@ def backbone(
         largest_step=largest_step,
         refine=refine,
         stability=stability,
+        interactions=interactions,
     )
     reduction = model if isinstance(model, ReducedModel) else reduced(model, (), modes or 3 * mode + MODES)
     with collective(communicator(model)):
@@ -267,7 +273,7 @@ def _check(mode, start, stop, modes, steps, points, largest_step) -> None:
     ):
         if value is None and name in ("modes", "steps"):
             continue
-        integer("backbone", name, value, least=least)
+        integer("backbone", name, value, least=least, most=MOST)
     for name, value, unit in (
         ("start", start, "J"),
         ("stop", stop, "J"),

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..checks import flag, instance, real_array
+from ..errors import at_point
 from ..loads import Loads
 from ..parallel import agree, collective
 from ..signals import Signal
@@ -46,6 +47,7 @@ class LoadHistory:
         KeyError
             If the crack has no tip element.
         """
+        at_point(self.states[0].stress_intensity, crack, "crack tip")
         return np.array([state.stress_intensity[crack] for state in self.states])
 
     @property

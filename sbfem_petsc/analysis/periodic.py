@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, instance, positive
+from ..checks import frequency as check_frequency
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, prepare
@@ -92,7 +93,7 @@ def periodic(
         flag("periodic", "stability", stability)
         settings.check("periodic")
         check_reduction("periodic", reduction)
-        positive("periodic", "frequency", frequency, "Hz")
+        frequency = check_frequency("periodic", "frequency", frequency)
         if search is not None:
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:

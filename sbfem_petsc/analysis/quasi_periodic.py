@@ -24,6 +24,8 @@ from ..signals import Constant, Harmonic, Signal, Sum, as_signal
 from ..system.model import Model
 
 STEPS, SAMPLES = 512, 21
+# Most steps, samples or modes: more is a slip.
+MOST = 10**5
 # Multiples of a tone that a load may have, and the relative distance from one that rounding explains.
 MULTIPLES, SAME = 16, 1e-9
 # Multiples of the first tone of which lines are kept.
@@ -97,6 +99,7 @@ class QuasiPeriodic:
         ValueError
             If the line is beyond what the samples and steps resolve.
         """
+        m, n = integer("line", "m", m), integer("line", "n", n)
         fast, slow = (n, m) if self._swapped else (m, n)
         lines = self.harmonics(point, direction)
         if fast < 0 or (fast == 0 and slow < 0):
@@ -227,7 +230,7 @@ def _checked(frequencies, samples, steps, modes) -> tuple[float, float]:
     for name, value, least in (("samples", samples, 3), ("steps", steps, 48), ("modes", modes, 1)):
         if value is None and name != "samples":
             continue
-        integer("quasi_periodic", name, value, least=least)
+        integer("quasi_periodic", name, value, least=least, most=MOST)
     return pair[0], pair[1]
 
 

@@ -10,6 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import flag, instance, integer, path, positive, real
+from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
 from ..dynamics.branch_following import follow, linear_branch
@@ -94,9 +95,10 @@ def frequency_response(
     what = "frequency_response"
     comm = communicator(model)
     with collective(comm):
-        start, stop = (
-            positive(what, name, value, "Hz") for name, value in (("start", start), ("stop", stop))
-        )
+        start, stop = check_frequency(what, "start", start), check_frequency(what, "stop", stop)
+        PeriodSettings(periods, steps, modes, contact).check(what)
+        if first is not None:
+            instance(what, "first", first, Orbit, "an Orbit")
         if start == stop:
             raise ValueError(f"{what}: start and stop are both {start:g} Hz; give a range, or use periodic")
         if not contact and (file is not None or first is not None):
@@ -161,7 +163,8 @@ def load_response(
         if start == stop:
             raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")
         check_progress(what, progress)
-        positive(what, "frequency", frequency, "Hz")
+        frequency = check_frequency(what, "frequency", frequency)
+        PeriodSettings(periods, steps, modes).check(what)
         settings = _checked(what, points, largest_step, stability, True, first, frequency, file, resume)
     agree(comm, what, start=start, stop=stop, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)

@@ -94,7 +94,7 @@ class Static:
             m, m and Pa.
         """
         ends = np.array([checked_place("along", start), checked_place("along", end)])
-        line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2))
+        line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2, most=10**6))
         points = [(float(x), float(y)) for x, y in line]
         return line, self._at("displacement", points), self._at("stress", points)
 

@@ -130,6 +130,8 @@ def transient(
     comm = communicator(model)
     with collective(comm):
         loads = loading("transient", model, load)
+        duration = positive("transient", "duration", duration, "s")
+        step = None if step is None else positive("transient", "step", step, "s")
         _check(duration, step, modes, contact, scheme, start, decimation)
         check_reduction("transient", reduction)
         check_progress("transient", progress)
@@ -284,11 +286,8 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
 
 
 def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
-    positive("transient", "duration", duration, "s")
-    if step is not None:
-        positive("transient", "step", step, "s")
-        if step > duration:
-            raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
+    if step is not None and step > duration:
+        raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
     if modes is not None:
         integer("transient", "modes", modes, least=1)
     if decimation is not None:

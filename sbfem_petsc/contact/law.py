@@ -30,7 +30,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..checks import real
+from ..checks import real, shown
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
     given = (laws,) * count if isinstance(laws, ContactLaw) else laws
     if isinstance(given, str) or not isinstance(given, Sequence):
         raise TypeError(
-            f"{owner}: contact_laws = {laws!r} must be a contact law or one for each row, such as Tied()"
+            f"{owner}: contact_laws = {shown(laws)} must be a contact law or one for each row, such as Tied()"
         )
     for k, law in enumerate(given):
         check_law(owner, f"contact_laws[{k}]", law)
@@ -167,4 +167,4 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
 def check_law(owner: str, name: str, law) -> None:
     """Raise TypeError unless it is a contact law."""
     if not isinstance(law, ContactLaw) or type(law) is ContactLaw:
-        raise TypeError(f"{owner}: {name} = {law!r} must be a contact law, Unilateral() or Tied()")
+        raise TypeError(f"{owner}: {name} = {shown(law)} must be a contact law, Unilateral() or Tied()")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..checks import index_of, names_of, shown
 from ..errors import UnknownName
 from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
@@ -144,7 +145,7 @@ class Branch:
             "stable": self.stable.astype(int),
             "contact_peak_N": self.contact_peak,
         }
-        for point in self.points if points is None else points:
+        for point in self.points if points is None else names_of("to_csv", "points", points):
             columns[f"amplitude_{point}_m"] = self.amplitude(point)
             for k in (1, 2, 3):
                 columns[f"harmonic{k}_y_{point}_m"] = np.abs(self.harmonics(point)[:, k])
@@ -152,6 +153,7 @@ class Branch:
 
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""
+        k = index_of("orbit", "k", k, len(self.value))
         driven = self.period.at(*self.conditions(float(self.value[k])))
         motion = driven.run(self.states[k])
         fixed = FixedPoint(
@@ -164,9 +166,9 @@ class Branch:
         return (value, 1.0) if self.fixed_frequency is None else (self.fixed_frequency, value)
 
     def _index(self, point: str) -> int:
-        if point not in self.points:
+        if not isinstance(point, str) or point not in self.points:
             raise UnknownName(
-                f"point {point!r} does not exist; the model has {', '.join(map(repr, self.points))}"
+                f"point {shown(point)} does not exist; the model has {', '.join(map(repr, self.points))}"
             )
         return self.points.index(point)
 

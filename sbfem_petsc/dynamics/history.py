@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import real
+from ..checks import names_of, real
 from ..errors import UnknownName
 from ..writing import write_table
 from .energy import Energy
@@ -99,7 +99,7 @@ class Motion:
         TypeError, ValueError, KeyError
             If it cannot be written, or for an unknown point.
         """
-        chosen = self.points if points is None else points
+        chosen = self.points if points is None else names_of("to_csv", "points", points)
         columns = {"time_s": self.time}
         for point in chosen:
             u = self.displacement(point)

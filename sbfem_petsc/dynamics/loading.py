@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
 
-from ..checks import integer, shown
+from ..checks import integer, real, shown
 from ..errors import on_all_ranks
 from ..loads import Load, separate
 from ..parallel import collective
@@ -83,6 +83,9 @@ def loading(
                 f"{owner}: the reduced model has {count} unit loads, the load has {len(values)}; give a number or "
                 "signal for each"
             )
+        for value in values:
+            if isinstance(value, Real):
+                real(owner, "load", value)
         given = tuple(number(v) if isinstance(v, Real) else as_signal(v) for v in values)  # type: ignore[arg-type]
         return Loading(system.loads, given)
     if system.model is None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..checks import choice, flag, instance, integer, positive, shown
+from ..checks import choice, flag, instance, integer, shown
+from ..checks import frequency as check_frequency
 from ..errors import on_all_ranks
 from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
@@ -54,7 +55,7 @@ class PeriodSettings:
         for name, least in (("periods", 1), ("steps", 48), ("modes", 1)):
             value = getattr(self, name)
             if value is not None:
-                integer(owner, name, value, least=least)
+                integer(owner, name, value, least=least, most=10**7)
         integer(owner, "longest", self.longest, least=1)
         flag(owner, "contact", self.contact)
         choice(owner, "jacobian", self.jacobian, JACOBIANS)
@@ -82,7 +83,7 @@ def prepare(
         Highest forcing frequency that the modes are to serve, Hz; default `frequency`.
     """
     with collective(communicator(system)):
-        positive(owner, "frequency", frequency, "Hz")
+        frequency = check_frequency(owner, "frequency", frequency)
         settings.check(owner)
         if first is not None:
             instance(owner, "start", first, Orbit, "an Orbit, the motion to start from")

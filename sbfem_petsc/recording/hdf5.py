@@ -13,6 +13,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from ..checks import path as checked_path
 from ..writing import reason, replaced
 
 # Groups whose data sets are written while a run goes on, and have checksums of their own.
@@ -82,9 +83,7 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
     TypeError, ValueError
         If the file is missing, truncated, changed, of another kind or of another version.
     """
-    if not isinstance(path, (str, os.PathLike)):
-        raise TypeError(f"{what}: path = {path!r} must be a string or a path")
-    path = os.fspath(path)
+    path = checked_path(what, "path", path)
     if not os.path.isfile(path):
         raise ValueError(f"{what} {path!r} does not exist")
     with contextlib.ExitStack() as stack:

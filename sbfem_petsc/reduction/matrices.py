@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import numbers
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -166,7 +165,7 @@ def _places(sensors: Any, count: int) -> list[int]:
 
 def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Modal damping ratios from one number or a damping matrix."""
-    if isinstance(damping, numbers.Real) or np.ndim(damping) == 0:
+    if not isinstance(damping, (list, tuple, np.ndarray)) or getattr(damping, "ndim", 1) == 0:
         ratio = real("reduce_matrices", "damping", damping, least=0.0, below=1.0)
         return np.full(len(omega), ratio)
     matrix = _array("damping", damping, 2)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..checks import shown
 from ..errors import UnknownName, listed
 
 
@@ -50,6 +51,6 @@ class LinearOutput:
             If there is none of this `kind`; the sentence lists those that are.
         """
         if not isinstance(name, str) or name not in self.names:
-            raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(self.names)}")
+            raise UnknownName(f"{kind} {shown(name)} does not exist; the model has {listed(self.names)}")
         k = self.names.index(name)
         return LinearOutput((), self.modes[k], self.loads[k], self.contact[k])

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer
+from ..checks import flag, integer, path, real_array, shown, text
 from ..dynamics.history import Motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
@@ -58,7 +58,7 @@ def write_animation(
     """
     if not isinstance(motion, Motion):
         raise on_all_ranks(
-            TypeError(f"write_animation: motion = {motion!r} is neither a History nor an Orbit")
+            TypeError(f"write_animation: motion = {shown(motion)} is neither a History nor an Orbit")
         )
     model = None if motion.reduced is None else motion.reduced.model
     if model is None:
@@ -70,6 +70,13 @@ def write_animation(
         )
     with collective(model.comm):
         instants = _instants(motion.time, times, every)
+        text("write_animation", "name", name)
+        if os.path.basename(name) != name or not name.isprintable():
+            raise ValueError(f"write_animation: name = {name!r} must be the beginning of a file's name, without a folder")
+        flag("write_animation", "stress", stress)
+        if subdivisions is not None:
+            integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
+        path("write_animation", "folder", folder)
     folder = check_output_folder(folder, model.comm)
     files = [
         write_vtu(
@@ -81,11 +88,11 @@ def write_animation(
         )
         for number, instant in enumerate(instants)
     ]
-    path = os.path.join(folder, f"{name}.pvd")
+    whole = os.path.join(folder, f"{name}.pvd")
     with collective(model.comm):
         if model.comm.rank == 0:
-            _write_pvd(path, motion.time[instants], files)
-    return path
+            _write_pvd(whole, motion.time[instants], files)
+    return whole
 
 
 def _instants(time: np.ndarray, times: Any, every: int | None) -> np.ndarray:
@@ -97,11 +104,10 @@ def _instants(time: np.ndarray, times: Any, every: int | None) -> np.ndarray:
             max(1, len(time) // 100) if every is None else integer("write_animation", "every", every, least=1)
         )
         return np.arange(0, len(time), step)
-    chosen = np.atleast_1d(np.asarray(times, dtype=float))
+    one = not isinstance(times, (list, tuple, np.ndarray))
+    chosen = real_array("write_animation", "times", times, 0 if one else 1, "s").ravel()
     if (
-        chosen.ndim != 1
-        or not len(chosen)
-        or not np.isfinite(chosen).all()
+        not len(chosen)
         or chosen.min() < time[0]
         or chosen.max() > time[-1] * (1.0 + 1e-9)
     ):

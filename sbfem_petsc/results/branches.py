@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 
+from ..checks import shown
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.excitation import Excitation
@@ -27,7 +28,7 @@ def save_branch(branch: Branch, path: str) -> None:
         If it cannot be written.
     """
     if not isinstance(branch, Branch):
-        raise TypeError(f"save_branch: branch = {branch!r} is not a Branch")
+        raise TypeError(f"save_branch: branch = {shown(branch)} is not a Branch")
     write_branch(branch, path)
 
 

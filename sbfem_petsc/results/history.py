@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 
+from ..checks import flag
 from ..dynamics.history import History
 from ..dynamics.reduced_history import recorded_exchanges, reduced_history
 from ..dynamics.unreduced_history import unreduced_history
@@ -36,6 +37,7 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
     IncompleteHistory
         If the run that wrote it has not ended; what it had recorded is returned.
     """
+    flag("read_history", "in_memory", in_memory)
     with opened(path, WHAT, {FORM: VERSION}) as file:
         contents = Contents.read(file)
         head, states = newest(file, contents)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import h5py
 
+from ..checks import shown
 from ..dynamics.orbit import Orbit
 from ..dynamics.states import ModalStates, SampledStates
 from ..recording.hdf5 import new_hdf5, opened, put, put_texts
@@ -55,7 +56,7 @@ def save_orbit(orbit: Orbit, path: str) -> None:
         If it cannot be written.
     """
     if not isinstance(orbit, Orbit):
-        raise TypeError(f"save_orbit: orbit = {orbit!r} is not an Orbit")
+        raise TypeError(f"save_orbit: orbit = {shown(orbit)} is not an Orbit")
     with new_hdf5(path, WHAT, FORM, VERSION) as file:
         file.attrs.update({name: getattr(orbit, name) for name in _NUMBERS})
         file.attrs["stable"] = str(orbit.stable)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..checks import shown
 from ..errors import UnknownName, listed
 from ..petsc import MPI
 from ..selement.fracture import energy_release_rate, t_stress_row
@@ -110,8 +111,8 @@ def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tupl
     names = [item.name for item in model.cracks]
     if crack is None and names:
         crack = names[0]
-    if crack not in names:
-        raise UnknownName(f"crack {crack!r} does not exist; the model has {listed(names)}")
+    if not isinstance(crack, str) or crack not in names:
+        raise UnknownName(f"crack {shown(crack)} does not exist; the model has {listed(names)}")
     number = names.index(crack)
     chosen = np.flatnonzero((model.pairs.crack == number) & (model.pairs.weight > 0.0))
     position = [model.pairs.arc[chosen]]

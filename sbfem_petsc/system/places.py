@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..checks import real
+from ..checks import real, shown
 from ..parallel import collective
 from ..petsc import MPI
 from ..selement.points import TOLERANCE, Located, locate, point_operators
@@ -57,9 +58,12 @@ def checked_place(owner: str, place: Any) -> tuple[float, float]:
     TypeError, ValueError
         If it is something else.
     """
-    if isinstance(place, str) or not hasattr(place, "__len__") or len(place) != 2:
-        raise TypeError(f"{owner}: {place!r} must be the name of a point or coordinates (x, y) in m")
-    return real(owner, "x", place[0], "m"), real(owner, "y", place[1], "m")
+    if isinstance(place, str) or not hasattr(place, "__len__") or getattr(place, "ndim", 1) == 0 or len(place) != 2:
+        raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
+    if isinstance(place, Mapping):
+        raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
+    x, y = place
+    return real(owner, "x of the point", x, "m"), real(owner, "y of the point", y, "m")
 
 
 def places(model, points: list[tuple[float, float]]) -> Places:

@@ -1,0 +1,413 @@
+"""A legitimate call of every public function and method, small enough to be made thousands of times."""
+
+from __future__ import annotations
+
+import functools
+import os
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from mpi4py import MPI
+
+import meshing
+import sbfem_petsc as sb
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
+
+Arguments = dict[str, Any]
+
+
+@functools.cache
+def mesh() -> BoundaryMesh:
+    return Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]).mesh(order=2)
+
+
+@functools.cache
+def model() -> sb.Model:
+    return sb.Model(mesh(), sb.Material(70e9, 0.33, 2700), damping=0.02)
+
+
+@functools.cache
+def oscillator() -> sb.ReducedModel:
+    """Two masses and a stop."""
+    return sb.reduce_matrices(**matrices())
+
+
+def matrices() -> Arguments:
+    return {
+        "mass": np.eye(2),
+        "stiffness": 1e4 * np.array([[2.0, -1.0], [-1.0, 1.0]]),
+        "contact_rows": np.array([[-1.0, 0.0]]),
+        "gap": np.array([0.01]),
+        "loads": np.array([[1.0], [0.0]]),
+        "sensors": {"A": 0},
+        "damping": 0.05,
+        "compliance": np.array([1e-4]),
+    }
+
+
+PUSH = sb.PointForce("A", fy=10.0)
+
+
+@functools.cache
+def orbit() -> sb.Orbit:
+    return sb.periodic(oscillator(), 100.0, 20.0, steps=64)
+
+
+@functools.cache
+def history() -> sb.History:
+    return sb.transient(oscillator(), 20.0, 0.1, 1e-3)
+
+
+@functools.cache
+def motion() -> sb.History:
+    return sb.transient(model(), PUSH, 1e-5, 1e-5, modes=6)
+
+
+@functools.cache
+def branch() -> sb.Branch:
+    return sb.frequency_response(oscillator(), 100.0, 20.0, 20.2, steps=64, points=40)
+
+
+@functools.cache
+def static() -> sb.Static:
+    return sb.static(model(), PUSH)
+
+
+@functools.cache
+def modal() -> sb.Modal:
+    return sb.modal(model(), 3)
+
+
+@functools.cache
+def backbone() -> sb.Backbone:
+    return sb.backbone(oscillator(), 1, 0.1, 0.2, refine=False, stability=False, steps=64)
+
+
+@functools.cache
+def quasi_periodic() -> sb.QuasiPeriodic:
+    load = sb.Harmonic(10.0, 20.0) + sb.Harmonic(10.0, 3.1)
+    return sb.quasi_periodic(oscillator(), load, (20.0, 3.1), samples=5, steps=64, stability=False)
+
+
+@functools.cache
+def loads_in_time() -> sb.LoadHistory:
+    return sb.load_history(model(), PUSH, [0.0, 1.0])
+
+
+TIME = np.linspace(0.0, 1.0, 201)[:-1]
+WAVE = np.sin(2.0 * np.pi * 5.0 * TIME)
+
+# Name of a function or class -> calls of it; several where no one call has all its arguments.
+CALLS: dict[str, list[Callable[[], Arguments]]] = {
+    "Material": [lambda: {"young": 70e9, "poisson": 0.33, "density": 2700.0, "plane": "stress"}],
+    "OrthotropicMaterial": [
+        lambda: {
+            "young_1": 10e9,
+            "young_2": 1e9,
+            "poisson_12": 0.3,
+            "shear_12": 1e9,
+            "density": 500.0,
+            "angle": 10.0,
+            "plane": "strain",
+            "young_3": 1e9,
+            "poisson_13": 0.3,
+            "poisson_23": 0.3,
+        }
+    ],
+    "PointForce": [lambda: {"point": "A", "fx": 1.0, "fy": 1.0}],
+    "EdgeLoad": [lambda: {"edge_set": "top", "tx": 1.0, "ty": 1.0, "pressure": 1.0}],
+    "SupportMotion": [lambda: {"ax": 1.0, "ay": 1.0}],
+    "Loads": [lambda: {"parts": (PUSH,)}],
+    "Support": [lambda: {"where": "left", "x": True, "y": 1.0}],
+    "Unilateral": [lambda: {"compliance": 0.0}],
+    "Tied": [lambda: {"compliance": 0.0}],
+    "Model": [
+        lambda: {
+            "mesh": mesh(),
+            "material": sb.Material(70e9, 0.33, 2700),
+            "clamped": "left",
+            "continued_fraction": 1,
+            "damping": 0.01,
+            "thickness": 1.0,
+            "supports": (),
+            "comm": MPI.COMM_WORLD,
+            "rayleigh": (0.0, 0.0),
+            "tip_modes": 4,
+            "contact_laws": None,
+        }
+    ],
+    "rayleigh_factors": [lambda: {"ratio": 0.01, "low": 10.0, "high": 100.0}],
+    "modal": [
+        lambda: {"model": model(), "count": 3, "auxiliary_tolerance": 1e-5, "verify": True},
+        lambda: {"model": model(), "band": (10.0, 5000.0)},
+    ],
+    "static": [lambda: {"model": model(), "load": PUSH, "contact": True, "method": "active_set"}],
+    "load_history": [lambda: {"model": model(), "load": PUSH, "time": [0.0, 1.0], "contact": True}],
+    "transient": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "duration": 0.1,
+            "step": 1e-3,
+            "contact": True,
+            "scheme": "exact",
+            "start": "rest",
+            "decimation": 2,
+            "reduction": "modes",
+            "progress": None,
+            "file": "history.h5",
+            "restart": False,
+            "in_memory": True,
+        },
+        lambda: {"model": model(), "load": PUSH, "duration": 1e-3, "step": 1e-5, "modes": 6},
+    ],
+    "estimate_error": [lambda: {"model": model(), "load": PUSH, "history": history()}],
+    "periodic": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "frequency": 20.0,
+            "periods": 1,
+            "steps": 64,
+            "contact": True,
+            "reduction": "modes",
+            "start": orbit(),
+            "jacobian": "auto",
+            "stability": True,
+            "longest": 8,
+            "tolerance": None,
+            "search": None,
+        },
+        lambda: {"model": model(), "load": PUSH, "frequency": 300.0, "steps": 64, "modes": 6},
+    ],
+    "frequency_response": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "start": 20.0,
+            "stop": 20.2,
+            "contact": True,
+            "periods": 1,
+            "steps": 64,
+            "first": orbit(),
+            "points": 4,
+            "largest_step": 0.05,
+            "stability": False,
+            "file": "branch.h5",
+            "resume": False,
+            "progress": None,
+        },
+        lambda: {"model": model(), "load": PUSH, "start": 300.0, "stop": 300.1, "steps": 64, "modes": 6, "points": 2},
+    ],
+    "load_response": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "frequency": 20.0,
+            "start": 0.9,
+            "stop": 1.0,
+            "periods": 1,
+            "steps": 64,
+            "first": None,
+            "points": 4,
+            "largest_step": 0.05,
+            "stability": False,
+            "file": "branch.h5",
+            "resume": False,
+            "progress": None,
+        },
+        lambda: {"model": model(), "load": PUSH, "frequency": 300.0, "steps": 64, "modes": 6, "points": 2},
+    ],
+    "backbone": [
+        lambda: {
+            "model": oscillator(),
+            "mode": 1,
+            "start": 0.1,
+            "stop": 0.2,
+            "damping": False,
+            "steps": 64,
+            "modes": None,
+            "points": 20,
+            "largest_step": 0.4,
+            "interactions": False,
+            "refine": False,
+            "stability": False,
+        },
+    ],
+    "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1}],
+    "quasi_periodic": [
+        lambda: {
+            "model": oscillator(),
+            "load": sb.Harmonic(10.0, 20.0) + sb.Harmonic(10.0, 3.1),
+            "frequencies": (20.0, 3.1),
+            "samples": 5,
+            "steps": 64,
+            "modes": None,
+            "start": None,
+            "stability": False,
+        },
+    ],
+    "reduce": [
+        lambda: {"model": model(), "load": PUSH, "modes": 6},
+        lambda: {"model": model(), "load": PUSH, "band": 5000.0},
+    ],
+    "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
+    "read_history": [lambda: {"path": "given/history.h5", "in_memory": True}],
+    "save_branch": [lambda: {"branch": branch(), "path": "saved.h5"}],
+    "read_branch": [lambda: {"path": "given/branch.h5"}],
+    "save_orbit": [lambda: {"orbit": orbit(), "path": "saved.h5"}],
+    "read_orbit": [lambda: {"path": "given/orbit.h5"}],
+    "write_animation": [
+        lambda: {
+            "folder": "animation",
+            "motion": motion(),
+            "times": [0.0],
+            "every": None,
+            "name": "history",
+            "stress": False,
+            "subdivisions": 1,
+        }
+    ],
+    "Harmonic": [lambda: {"amplitude": 1.0, "frequency": 10.0, "phase": 0.1}],
+    "ToneBurst": [lambda: {"amplitude": 1.0, "frequency": 10.0, "cycles": 5.0}],
+    "Chirp": [
+        lambda: {"amplitude": 1.0, "start": 1.0, "stop": 9.0, "duration": 1.0, "phase": 0.1, "taper": 0.1}
+    ],
+    "Step": [lambda: {"amplitude": 1.0, "time": 0.1, "rise": 0.1}],
+    "Samples": [lambda: {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "interpolation": "linear"}],
+    "Custom": [lambda: {"function": np.sin, "highest_frequency": 1.0, "amplitude": 1.0}],
+    "Constant": [lambda: {"value": 1.0}],
+    "on_root": [lambda: {"comm": MPI.COMM_WORLD, "work": lambda: 1}],
+    "Beam": [
+        lambda: {
+            "length": 0.1,
+            "height": 0.01,
+            "notches": (VNotch(0.04, 0.004, 0.05),),
+            "holes": (Hole(0.08, 0.005, 0.002),),
+            "cracks": (),
+        }
+    ],
+    "Plate": [lambda: {"outline": ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), "holes": (), "cracks": (), "edge_names": None}],
+    "VNotch": [lambda: {"x": 0.04, "depth": 0.004, "opening": 0.05, "tilt": 0.0, "edge": "top"}],
+    "Hole": [lambda: {"x": 0.04, "y": 0.005, "diameter": 0.002}],
+    "CrackLine": [lambda: {"points": ((0.5, 0.0), (0.5, 0.2)), "opening": 0.0, "name": "c"}],
+    # a missing file: its arguments are checked before it is looked for
+    "read_gmsh": [
+        lambda: {
+            "path": "missing.geo",
+            "order": 2,
+            "size": 0.1,
+            "scale": 1.0,
+            "tip_element": True,
+            "tip_size": 0.01,
+            "grading": 2.0,
+            "face_size": 0.1,
+            "face_edges": 4,
+            "max_unknowns": 1000,
+            "time_limit": 10.0,
+            "memory_limit": 1e9,
+        }
+    ],
+    "indicators.coherent_record": [lambda: {"time": TIME, "values": WAVE, "frequencies": 5.0}],
+    "indicators.spectrum": [
+        lambda: {"time": TIME, "values": WAVE, "window": "hann", "detrend": "linear", "frequencies": 5.0}
+    ],
+    "indicators.tones": [lambda: {"time": TIME, "values": WAVE, "frequencies": [5.0]}],
+    "indicators.harmonics": [lambda: {"time": TIME, "values": WAVE, "frequency": 5.0, "count": 3}],
+    "indicators.harmonic_ratios": [lambda: {"c": [0.0, 1.0, 0.1, 0.01]}],
+    "indicators.beta": [lambda: {"c": [0.0, 1.0, 0.1, 0.01]}],
+    "indicators.gamma": [lambda: {"c": [0.0, 1.0, 0.1, 0.01]}],
+    "indicators.subharmonics": [
+        lambda: {"time": TIME, "values": WAVE, "frequency": 10.0, "divisor": 2, "count": 2}
+    ],
+    "indicators.sidebands": [
+        lambda: {"time": TIME, "values": WAVE, "carrier": 30.0, "modulation": 4.0, "order": 1}
+    ],
+    "indicators.contact_duty": [lambda: {"time": TIME, "contact_force": WAVE, "threshold": 0.1}],
+    "indicators.frequency_shift": [lambda: {"cracked": [1.0, 2.0], "healthy": [1.0, 2.0]}],
+}
+
+# Objects whose public methods are called. They are results: their constructors are not a user's.
+OBJECTS: dict[str, Callable[[], Any]] = {
+    "Modal": modal,
+    "Static": static,
+    "LoadHistory": loads_in_time,
+    "History": history,
+    "Orbit": orbit,
+    "Branch": branch,
+    "Backbone": backbone,
+    "QuasiPeriodic": quasi_periodic,
+    "ReducedModel": oscillator,
+    "Model": model,
+    "BoundaryMesh": mesh,
+    "Beam": lambda: Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]),
+    "Plate": lambda: Plate([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], cracks=[CrackLine([(0.5, 0.0), (0.5, 0.2)])]),
+    "Harmonic": lambda: sb.Harmonic(1.0, 10.0),
+    "Samples": lambda: sb.Samples([0.0, 1.0], [0.0, 1.0]),
+}
+
+# Arguments of methods, by "Class.method" or by the name of the argument, where it has no default.
+ARGUMENTS: Arguments = {
+    "point": "A",
+    "place": (0.05, 0.005),
+    "crack": "crack1",
+    "Samples.from_csv.path": "given/wave.csv",
+    "BoundaryMesh.load.path": "given/mesh.h5",
+    "BoundaryMesh.export.path": "written.vtk",
+    "start": (0.01, 0.005),
+    "end": (0.02, 0.005),
+    "path": "written.csv",
+    "mode": 0,
+    "count": 2,
+    "k": 0,
+    "time": 0.01,
+    "t": 0.01,
+    "order": 1,
+    "frequency": 20.0,
+    "m": 1,
+    "n": 0,
+    "index": 0,
+    "Branch.orbit.k": 0,
+    "Branch.orbit.index": 0,
+    "QuasiPeriodic.line.m": 1,
+}
+
+# Public for their own modules' sake only: they take what other rooms have checked.
+INTERNAL = {
+    "Model": {"keep", "load_columns", "checked_loads", "require_support", "nodal", "at_points", "unknowns_of", "scales",
+              "spring_triples", "places", "damping_ratios", "destroy"},
+    "ReducedModel": {"output_at", "field"},
+    "Modal": {"selected"},
+    "BoundaryMesh": {"element_nodes", "outline_edges"},
+    "Beam": {"check_point", "triangle"},
+}
+
+# Warnings, errors and parts of results: nobody calls them with arguments.
+NOT_CALLED = {
+    "SolveError", "UnknownName", "LoadWarning", "BandWarning", "RanksDiffer", "StepWarning", "BranchWarning",
+    "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "sweep", "__version__",
+}  # fmt: skip
+
+
+def write_files() -> None:
+    """What the calls read, in the present folder."""
+    os.makedirs("given", exist_ok=True)
+    with open("given/wave.csv", "w", encoding="utf-8") as file:
+        file.write("time,value\n0,0\n1,1\n2,0\n")
+    sb.transient(oscillator(), 20.0, 0.01, 1e-3, file="given/history.h5")
+    sb.save_orbit(orbit(), "given/orbit.h5")
+    sb.save_branch(branch(), "given/branch.h5")
+    mesh().save("given/mesh.h5")
+
+
+def public() -> dict[str, Any]:
+    """Every public name and what it stands for."""
+    from sbfem_petsc import indicators
+
+    found = {name: getattr(sb, name) for name in sb.__all__}
+    found |= {name: getattr(meshing, name) for name in meshing.__all__}
+    for name, item in vars(indicators).items():
+        if callable(item) and not isinstance(item, type) and item.__module__ == indicators.__name__ and name[0] != "_":
+            found[f"indicators.{name}"] = item
+    return found
