@@ -31,6 +31,8 @@ WARNED_AMPLITUDE, LEAST_DAMPING = 1e-2, 1e-3
 # orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
 # 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
 SAFE = (0.0, 0.0, 0.03, 0.25, 0.8, 1.5, 2.0)
+# The same without a continued fraction, with the mass alone: 1e-3 is passed at 0.6.
+SAFE_MASS = 0.3
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
 
@@ -120,7 +122,8 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
 
 def needs_look(model: Structure, frequency: float) -> bool:
     """Whether a cell is large enough for waves of a frequency (Hz) to be in doubt. Collective."""
-    return cells_in_waves(model, frequency) > SAFE[min(model.order, len(SAFE) - 1)]
+    safe = SAFE[min(model.order, len(SAFE) - 1)]
+    return cells_in_waves(model, frequency) > (safe if model.continued_fraction else min(safe, SAFE_MASS))
 
 
 def cells_in_waves(model: Structure, frequency: float) -> float:

@@ -1,0 +1,162 @@
+"""The estimate of errors by refined levels, on cases with references."""
+
+import math
+import warnings
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, CrackLine, Plate
+from tests.reference import frequencies, paper_beam, statics
+from tests.systems import ALUMINIUM
+from tests.validation.peer import cantilever
+
+CASE_P = "x80_mouth2um_nu33"
+
+
+def beam_model(beam):
+    return lambda mesh, **options: sb.Model(beam.mesh(**mesh), ALUMINIUM, **options)
+
+
+def pulled_plate(mesh, **options):
+    """Unit tension, edge crack of 0.3 of the width; K_I = 1.661122 sqrt(0.3 pi), converged to its last
+    digit.
+    """
+    plate = Plate([(0, -1), (1, -1), (1, 1), (0, 1)], cracks=[CrackLine([(0, 0), (0.3, 0)])])
+    held = [sb.Support("O"), sb.Support("X", x=False, y=True)]
+    made = plate.mesh(points={"O": (0, -1), "X": (1, -1)}, **mesh)
+    return sb.Model(made, ALUMINIUM, clamped=None, supports=held, **options)
+
+
+def mode_one(model):
+    tension = [sb.EdgeLoad(edge, pressure=-1.0) for edge in ("edge1", "edge3")]
+    return sb.static(model, tension).stress_intensity["crack1"][0]
+
+
+def resultant(force):
+    return lambda model: sb.static(model, sb.PointForce("A", fy=force)).contact_resultant
+
+
+def modes(count):
+    return lambda model: sb.modal(model, count).frequencies
+
+
+# Name: model, quantity, options, exact values, their own uncertainty.
+TABLE = {
+    "paper's beam, 46 frequencies": (
+        beam_model(paper_beam()),
+        modes(46),
+        {},
+        lambda: frequencies("crack80_nu33")[:46],
+        1e-6,
+    ),
+    "paper's beam of order 3": (
+        beam_model(paper_beam()),
+        modes(46),
+        {"start": {"order": 3}},
+        lambda: frequencies("crack80_nu33")[:46],
+        1e-6,
+    ),
+    "paper's beam, contact resultant at 100 N": (
+        beam_model(paper_beam()),
+        resultant(100.0),
+        {},
+        lambda: statics(CASE_P, "100 N")["cracks"][0]["resultant"],
+        5e-5,
+    ),
+    "paper's beam, contact resultant at 300 N": (
+        beam_model(paper_beam()),
+        resultant(300.0),
+        {},
+        lambda: statics(CASE_P, "300 N")["cracks"][0]["resultant"],
+        5e-5,
+    ),
+    "stubby beam, 20 frequencies": (
+        beam_model(Beam(0.04, 0.005)),
+        modes(20),
+        {},
+        lambda: cantilever(0.04, 0.005, 20),
+        1e-6,
+    ),
+    "short beam of order 3, 12 frequencies": (
+        beam_model(Beam(0.1, 0.01)),
+        modes(12),
+        {"start": {"order": 3}},
+        lambda: cantilever(0.1, 0.01, 12),
+        1e-6,
+    ),
+    "edge crack, K_I": (pulled_plate, mode_one, {}, lambda: 1.661122 * math.sqrt(0.3 * math.pi), 1e-6),
+    "edge crack of order 3, K_I": (
+        pulled_plate,
+        mode_one,
+        {"start": {"order": 3}},
+        lambda: 1.661122 * math.sqrt(0.3 * math.pi),
+        1e-6,
+    ),
+}
+
+
+def distance(value, exact):
+    """Largest relative one."""
+    return float(np.max(np.abs(np.asarray(value) - exact) / np.abs(exact)))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLE)
+def test_right_within_a_factor_of_three(name):
+    make_model, quantity, options, reference, uncertain = TABLE[name]
+    found = sb.estimate(make_model, quantity, accuracy=3e-5, **options)
+    exact = reference()
+    first, last = distance(found.levels[0].value, exact), distance(found.value, exact)
+    print(f"{name}: {found!r}; true {first:.2g} and {last:.2g}")
+    assert found.converged
+    assert found.first_error < 3 * (first + uncertain)
+    assert first < 3 * found.first_error + uncertain
+    assert last < 3 * found.error + uncertain
+    assert last < 3e-5 + uncertain
+
+
+def small(mesh, **options):
+    return sb.Model(Beam(0.02, 0.005).mesh(**mesh), ALUMINIUM, **options)
+
+
+def test_levels_say_what_they_use():
+    with pytest.warns(sb.MeshWarning, match="3 levels reach a relative error"):
+        found = sb.estimate(small, modes(3), accuracy=1e-12, levels=3, start={"order": 3})
+    assert [level.mesh["order"] for level in found.levels] == [3, 5, 7]
+    assert [level.model["continued_fraction"] for level in found.levels] == [1, 2, 3]
+    assert found.levels[1].mesh["size"] == pytest.approx(0.75 * 0.01)
+    assert found.levels[2].mesh["size"] == pytest.approx(0.75**2 * 0.01)
+    assert "tip_size" not in found.levels[1].mesh  # there is no crack
+    unknowns = [level.unknowns for level in found.levels]
+    assert unknowns == sorted(unknowns)
+    assert not found.converged and "not converged" in repr(found)
+
+
+def test_dicts_are_judged_name_by_name():
+    """A small quantity beside a large one."""
+
+    def both(model):
+        u = sb.static(model, sb.EdgeLoad("right", ty=1e3)).displacement("A")
+        return {"deflection": u[1], "along": u[0]}
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sb.MeshWarning)
+        found = sb.estimate(small, both, levels=2, start={"order": 2})
+    first, last = (level.value for level in found.levels)
+    changes = [abs(first[k] - last[k]) / abs(last[k]) for k in first]
+    assert found.levels[1].change == pytest.approx(max(changes))
+
+
+def test_wrong_input():
+    with pytest.raises(TypeError, match="make_model"):
+        sb.estimate(small({}), modes(3))
+    with pytest.raises(TypeError, match="a Model was expected"):
+        sb.estimate(lambda mesh, **options: 1, modes(3))
+    with pytest.raises(ValueError, match="levels"):
+        sb.estimate(small, modes(3), levels=1)
+    with pytest.raises(sb.SolveError, match="another shape"):
+        sb.estimate(small, lambda model: np.zeros(model.boundary_unknowns), levels=2)
+    with pytest.raises(sb.SolveError, match="not finite"):
+        sb.estimate(small, lambda model: math.nan)
