@@ -109,7 +109,8 @@ def configure(item: Any) -> None:
     except PETSc.Error as error:
         raise on_all_ranks(
             SolveError(
-                f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give it another "
+                f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give "
+                "it another "
                 "value or leave it out"
             )
         ) from None
@@ -124,7 +125,10 @@ def solving(what: str) -> Iterator[None]:
         if error.ierr == OUT_OF_MEMORY:
             said = "PETSc has not enough memory for it; use a coarser mesh, a lower order or more ranks"
         else:
-            said = f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of usual size?"
+            said = (
+                f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of "
+                "usual size?"
+            )
         raise SolveError(f"{what}: {said}") from error
 
 

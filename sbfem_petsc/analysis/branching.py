@@ -44,7 +44,8 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
         positive("switch_branch", "size", size, "relative")
     if bifurcation.kind != "period doubling":
         raise ValueError(
-            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "
+            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
+            "branch "
             "only there"
         )
     old = branch.period

@@ -239,7 +239,9 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
-    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan elsewhere."""
+    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan
+    elsewhere.
+    """
     stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
     changes = np.flatnonzero(stable[1:] != stable[:-1])
     result = np.full(len(found), np.nan)

@@ -140,8 +140,8 @@ class ContinuationPoint:
 class Continuation:
     """A branch of fixed points, point by point.
 
-    Iterating gives a `ContinuationPoint` after each accepted step, the end of the range included; afterwards `reason`
-    says why it stopped.
+    Iterating gives a `ContinuationPoint` after each accepted step, the end of the range included; afterwards
+    `reason` says why it stopped.
 
     Parameters
     ----------
@@ -176,8 +176,8 @@ class Continuation:
         self.least = 1e-3 * max(float(np.linalg.norm(end.linear_state)) for end in ends)
         self.length, self.reason = FIRST, ""
         self.sign: float | None = None
-        # the fewest forcing periods after which the first motion repeats itself; a branch of several has ended
-        # where it meets one of fewer
+        # the fewest forcing periods after which the first motion repeats itself; a branch of several has
+        # ended where it meets one of fewer
         self.periods, self.fallen = minimal_periods(first.fixed), ""
 
     def driven(self, value: float) -> DrivenPeriod:

@@ -1,4 +1,6 @@
-"""Pictures of branches: amplitudes over the frequency or the load, stable and unstable parts, bifurcations."""
+"""Pictures of branches: amplitudes over the frequency or the load, stable and unstable parts,
+bifurcations.
+"""
 
 from __future__ import annotations
 

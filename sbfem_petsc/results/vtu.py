@@ -74,8 +74,8 @@ def write_modes(
     stress: bool = False,
     subdivisions: int | None = None,
 ) -> str:
-    """Write mode shapes, with their numbers and frequencies in the arrays' names: "mode 1, 26.4 Hz (m/sqrt(kg))".
-    Collective.
+    """Write mode shapes, with their numbers and frequencies in the arrays' names: "mode 1, 26.4 Hz
+    (m/sqrt(kg))". Collective.
 
     Parameters
     ----------

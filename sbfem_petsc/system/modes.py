@@ -67,7 +67,8 @@ class Modal:
         return self.model.nodal(self.shapes[:, mode])
 
     def to_csv(self, path: str) -> None:
-        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated values.
+        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated
+        values.
 
         The file takes its name when it is whole.
 
@@ -180,8 +181,10 @@ def modes_in_band(
             if expected > most:
                 raise on_all_ranks(
                     ValueError(
-                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half of the "
-                        f"{pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or refine the mesh"
+                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
+                        "of the "
+                        f"{pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or refine "
+                        "the mesh"
                     )
                 )
             count = min(max(count, expected + 4), most)

@@ -1,4 +1,6 @@
-"""Linear forms of the displacement unknowns whose values every rank knows: gaps, points, stress intensities."""
+"""Linear forms of the displacement unknowns whose values every rank knows: gaps, points, stress
+intensities.
+"""
 
 from __future__ import annotations
 
