@@ -74,7 +74,7 @@ class Parser(argparse.ArgumentParser):
         start_petsc(rest)
         return own
 
-    def error(self, message: str) -> None:
+    def error(self, message: str) -> NoReturn:
         """Print usage and message, once over all ranks, and exit with code 2."""
         if _rank() == 0:
             self.print_usage(sys.stderr)

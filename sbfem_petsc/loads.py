@@ -219,5 +219,5 @@ def separate(load, number: Callable[[float], Signal] = as_signal) -> tuple[list[
     for item in as_loads(load).parts:
         for unit, value in item.units():
             units.append(unit)
-            signals.append(number(value) if isinstance(value, Real) else as_signal(value))  # type: ignore[arg-type]
+            signals.append(number(value) if isinstance(value, Real) else as_signal(value))
     return units, signals

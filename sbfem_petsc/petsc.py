@@ -11,7 +11,7 @@ from . import petsc_options
 try:
     petsc_options.start()
     import petsc4py
-    import slepc4py
+    import slepc4py  # noqa: F401
     from mpi4py import MPI
     from petsc4py import PETSc
     from slepc4py import SLEPc

@@ -59,7 +59,7 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     for share in SIZES if size is None else (size,):
         target = direction @ bifurcation.state + share * norm
 
-        def condition(state, change):
+        def condition(state, change, target=target):
             return float(direction @ state - target), direction, 0.0
 
         try:

@@ -161,7 +161,7 @@ class _Attempts:
         """
         driven = period.at(frequency)
         most = min(most, self._patience(period, driven.duration))
-        size = np.linalg.norm(driven.linear_state)
+        size = float(np.linalg.norm(driven.linear_state))
         past: deque[np.ndarray] = deque([state], self.search.longest + 1)
         done, change, repeat, tried_at = 0, math.nan, 0, math.inf
         for target in self._rounds(most):

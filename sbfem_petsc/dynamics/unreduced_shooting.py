@@ -247,6 +247,8 @@ class _UnreducedPeriod:
 class _Products:
     """Phi - 1 as products: one linearised period each."""
 
+    sets: np.ndarray
+
     def __init__(self, period: _UnreducedPeriod):
         self.period = period
 

@@ -52,7 +52,8 @@ def gather_outline(
     -------
     list of Piece on rank 0, None elsewhere
     """
-    part, pieces = model.part, {}
+    part = model.part
+    pieces: dict[tuple, Piece] = {}
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     values, _ = shape_functions(model.order, at)
     stacked = np.stack([part.coordinates, *fields])

@@ -162,7 +162,7 @@ class HistoryFile:
 
     def begin(
         self,
-        columns: Mapping[str, ColumnLike],
+        columns: Mapping[str, tuple[tuple[int, ...], str, str]],
         settings: Mapping[str, Any],
         signals: Sequence[Signal],
         *,
@@ -193,7 +193,7 @@ class HistoryFile:
             self._contents = Contents(
                 self.kind,
                 settings,
-                columns,
+                {name: ColumnLike(*column) for name, column in columns.items()},
                 (),
                 signal_checks(signals, settings["count"] * settings["step"]),
                 texts or {},

@@ -274,7 +274,7 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
     part = model.part
     group = None
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.create_group("mesh")
             group.attrs["edge_sets"], group.attrs["materials"] = (
                 list(model.edge_set_names),
@@ -364,9 +364,9 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
 def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str) -> None:
     model, count = modal.model, len(modal.frequencies)
     nodes = global_size(comm, model.part.nodes)
-    shapes = None
+    shapes: Any = None
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.create_group("modal")
             group.attrs["solver"] = modal.solver
             _put(group, "frequencies", modal.frequencies, "Hz", "natural frequencies, lowest first")
@@ -398,7 +398,7 @@ def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str
                 model.part.nodes,
                 field,
                 nodes,
-                lambda first, rows: shapes.write_direct(
+                lambda first, rows, mode=mode: shapes.write_direct(
                     rows, dest_sel=np.s_[mode, first : first + len(rows)]
                 ),
             )
@@ -409,7 +409,7 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
     group = None
     exponents = dict(zip(model.tips.names, model.tips.exponents))
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.require_group("static").create_group(name)
             group.attrs["solver"] = result.solver
             for number, item in enumerate(as_loads(load).parts if load is not None else (), 1):

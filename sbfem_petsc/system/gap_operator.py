@@ -67,11 +67,12 @@ def gap_operator(model) -> GapOperator:
         model.comm.Allreduce(MPI.IN_PLACE, array)
     initial[:pairs] = model.pairs.gap
     laws = RowLaws.of(_laws(model))
+    rows, unknowns, coefficients = (np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries))
     return GapOperator(
         Rows.gathered(
             model.comm,
             model.ranges,
-            tuple(np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries)),
+            (rows, unknowns, coefficients),
             pairs + inside,
         ),
         laws.rest(initial),

@@ -174,10 +174,11 @@ def modes_in_band(
     count, most = 8, pencil.unknowns // 2
     try:
         expected = None
-        if verify and pencil.eigenvalues_below(ends[1]) is not None:
-            expected = pencil.eigenvalues_below(ends[1]) - (
-                pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
-            )
+        below = pencil.eigenvalues_below(ends[1]) if verify else None
+        if below is not None:
+            lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
+            assert lower is not None  # by the same direct solver
+            expected = below - lower
             if expected > most:
                 raise on_all_ranks(
                     ValueError(

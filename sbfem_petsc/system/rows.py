@@ -70,8 +70,8 @@ class Rows:
         if comm.size > 1:
             unknowns, numbers, values = route(comm, ranges, unknowns, numbers, values)
         first, last = int(ranges[comm.rank]), int(ranges[comm.rank + 1])
-        entries = (values, (numbers, unknowns - first))
-        return cls(comm, sparse.coo_matrix(entries, shape=(count, last - first)).tocsr())
+        placed = (values, (numbers, unknowns - first))
+        return cls(comm, sparse.coo_matrix(placed, shape=(count, last - first)).tocsr())
 
     def __len__(self) -> int:
         return self.matrix.shape[0]
