@@ -87,7 +87,8 @@ def orbits(reduced, repeats):
             asked = f"   (asked: at most {ASKED_ORBIT:g} s)" if jacobian == "dense" else ""
             print(
                 f"{frequency:6g}  {jacobian:12s}{'yes' if stability else 'no':>12s}{orbit.iterations:12d}"
-                f"{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}{distance(orbit, exact):12.1e}{asked}"
+                f"{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}"
+                f"{distance(orbit, exact):12.1e}{asked}"
             )
 
 

@@ -20,7 +20,8 @@ figcaption { font-size: .9rem; color: #444; max-width: 50rem; }
 table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
 th { border-bottom: 2px solid #444; text-align: right; vertical-align: bottom; }
-th, td { padding: .15rem .6rem; } td { text-align: right; border-bottom: 1px solid #e3e3e3; white-space: nowrap; }
+th, td { padding: .15rem .6rem; }
+td { text-align: right; border-bottom: 1px solid #e3e3e3; white-space: nowrap; }
 th.text, td.text { text-align: left; white-space: normal; min-width: 4rem; }
 .yes, .no { font-weight: 600; white-space: nowrap; }
 .yes { color: #0072B2; } .no, .failed { color: #B34700; }

@@ -123,7 +123,7 @@ def report(options: Options, comm: Any) -> int:
     from ..study.report import write_report
 
     path = on_root(comm, lambda: write_report(options.results, options.output))
-    if written is not None:  # on rank 0
+    if comm.rank == 0:
         _say(options, comm, f"written: {path}")
     return 0
 

@@ -259,8 +259,8 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
         axes.plot(
             places, y, color=BLUE if stable else VERMILION, linewidth=1.1, linestyle="-" if stable else DASHED
         )
-    for chosen, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
-        axes.plot(x[chosen], largest[chosen], linestyle="none", marker=marker, markersize=3, color=colour)
+    for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
+        axes.plot(x[rows], largest[rows], linestyle="none", marker=marker, markersize=3, color=colour)
     for kind in KINDS:
         chosen = [place for item, place in zip(marked, at) if item.kind == kind]
         if chosen:
