@@ -71,8 +71,7 @@ class Load:
             if constant and isinstance(value, Signal):
                 raise TypeError(
                     f"{type(self).__name__}: {name} = {shown(value)} must be a number (signals are for "
-                    "transient and "
-                    "periodic)"
+                    "transient and periodic)"
                 )
 
     def _check_place(self, structure: LoadAssembler) -> None:

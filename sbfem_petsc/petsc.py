@@ -110,8 +110,7 @@ def configure(item: Any) -> None:
         raise on_all_ranks(
             SolveError(
                 f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give "
-                "it another "
-                "value or leave it out"
+                "it another value or leave it out"
             )
         ) from None
 

@@ -45,8 +45,7 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     if bifurcation.kind != "period doubling":
         raise ValueError(
             f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
-            "branch "
-            "only there"
+            "branch only there"
         )
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)

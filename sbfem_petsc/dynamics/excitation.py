@@ -86,9 +86,8 @@ class Excitation:
         if not instants <= INSTANTS:
             raise ValueError(
                 f"periodic: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to "
-                f"{highest:g} Hz take "
-                f"{instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods or frequencies nearer "
-                "to each other"
+                f"{highest:g} Hz take {instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods "
+                "or frequencies nearer to each other"
             )
         count = 2 ** math.ceil(math.log2(instants))
         time = np.arange(2 * count) * (periods / frequency / count)

@@ -134,8 +134,7 @@ def _require_finite(rows: Rows) -> None:
             raise on_all_ranks(
                 SolveError(
                     f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = "
-                    f"{rows['time'][first]:.6g} "
-                    "s; are the loads of usual size, in N and Pa?"
+                    f"{rows['time'][first]:.6g} s; are the loads of usual size, in N and Pa?"
                 )
             )
 

@@ -17,8 +17,7 @@ Point = str | tuple[float, float]
 
 NOT_KEPT = (
     "an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; name "
-    "further "
-    "points, or use the reduced model"
+    "further points, or use the reduced model"
 )
 
 

@@ -167,8 +167,7 @@ class BranchFile:
             if other:
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written for another model ({other}); resume with that model, "
-                    "or name "
-                    "another file"
+                    "or name another file"
                 )
             mine = {
                 "parameter": parameter.name,
@@ -183,14 +182,12 @@ class BranchFile:
                 if not close(file.attrs[key], value):
                     raise ValueError(
                         f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; "
-                        "resume with "
-                        "the same value, or name another file"
+                        "resume with the same value, or name another file"
                     )
             if not close(file["excitation/amplitudes"][()], period.excitation.amplitudes):
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name "
-                    "another "
-                    "file"
+                    "another file"
                 )
             finished = bool(file.attrs["complete"]) and file["multipliers"].shape[1] > 0
             former = (

@@ -128,8 +128,7 @@ class HistoryFile:
         if contents.kind != self.kind:
             raise ValueError(
                 f"{WHAT} {self.path!r} is that of {_ARTICLE[contents.kind]} model, not of "
-                f"{_ARTICLE[self.kind]} one; "
-                "name another file"
+                f"{_ARTICLE[self.kind]} one; name another file"
             )
         settings = contents.settings
         return FormerRun(settings["count"], settings["step"], settings["decimation"])
@@ -153,8 +152,7 @@ class HistoryFile:
                 if other:
                     raise ValueError(
                         f"{WHAT} {self.path!r} was written for another model ({other}); restart with that "
-                        "model, or "
-                        "name another file"
+                        "model, or name another file"
                     )
         stored = self.comm.bcast(stored)
         self._reduced = in_rows(reduced if stored is None else adopted(stored, reduced))
@@ -211,29 +209,25 @@ class HistoryFile:
             if name != "count" and not close(theirs[name], value):
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written with {name} = {theirs[name]}, not {value}; restart "
-                    "with the "
-                    "same value, or name another file"
+                    "with the same value, or name another file"
                 )
         if found.texts != {k: tuple(v) for k, v in self._contents.texts.items()} or not all(
             close(found.arrays[name], array) for name, array in self._contents.arrays.items()
         ):
             raise ValueError(
                 f"{WHAT} {self.path!r} was written for another model or other loads; restart with those, or "
-                "name "
-                "another file"
+                "name another file"
             )
         end, asked = (s["count"] * s["step"] for s in (theirs, mine))
         if theirs["count"] > mine["count"]:
             raise ValueError(
                 f"{WHAT} {self.path!r} is that of a run of {end:.6g} s, longer than {asked:.6g} s; read it, "
-                "or name "
-                "another file"
+                "or name another file"
             )
         if not close(found.signal_checks, signal_checks(signals, end)):
             raise ValueError(
                 f"{WHAT} {self.path!r} was written for other load signals; restart with the same loads, or "
-                "name "
-                "another file"
+                "name another file"
             )
 
     # ------------------------------------------------------------------ an integration.Recorder
@@ -347,9 +341,8 @@ class HistoryFile:
                     self._open = OpenRows(self.path, tuple(self._contents.columns))
                 except OSError as error:
                     raise ValueError(
-                        f"{WHAT} {self.path!r} cannot be written by rank {self.comm.rank} ({reason(error)}); "
-                        "name a "
-                        "folder that all ranks share"
+                        f"{WHAT} {self.path!r} cannot be written by rank {self.comm.rank} "
+                        f"({reason(error)}); name a folder that all ranks share"
                     ) from None
 
 

@@ -203,8 +203,7 @@ def verified(path: str, contents: Contents, head: Head) -> Rows:
         if not first <= end <= head.rows or block_sum(rows, first, int(end)) != total:
             raise ValueError(
                 f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(min(end, head.rows))} do not fit "
-                "their "
-                "checksum; run it again without restart"
+                "their checksum; run it again without restart"
             )
         first = int(end)
     if first != head.rows:
@@ -277,8 +276,7 @@ def cannot_go_on(path: str, error: Exception) -> SolveError:
     """What is told when a file cannot be written any more."""
     return SolveError(
         f"transient: {WHAT} {path!r} cannot be written any more ({reason(error)}); what it holds stays "
-        "readable, "
-        "and restart=True continues from there"
+        "readable, and restart=True continues from there"
     )
 
 

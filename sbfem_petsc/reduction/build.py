@@ -82,9 +82,8 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
     if count == most and top < frequency:
         warnings.warn(
             f"the {count} modes that the mesh is good for end at {top:.6g} Hz, below the {frequency:.6g} Hz "
-            "that were "
-            f"wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, or choose "
-            "modes",
+            f"that were wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, "
+            "or choose modes",
             BandWarning,
             stacklevel=2,
         )

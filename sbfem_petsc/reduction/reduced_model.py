@@ -132,8 +132,7 @@ class ReducedModel:
             raise on_all_ranks(
                 SolveError(
                     f"{what}: a reduced model of matrices, or one read from a file, knows its named points "
-                    "alone; "
-                    "reduce the model again"
+                    "alone; reduce the model again"
                 )
             )
         return self.model
@@ -170,6 +169,5 @@ class ReducedModel:
     def __repr__(self) -> str:
         return (
             f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
-            "contact "
-            f"pairs, {self.load_modes.shape[1]} unit loads)"
+            f"contact pairs, {self.load_modes.shape[1]} unit loads)"
         )

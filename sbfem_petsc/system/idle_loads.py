@@ -30,8 +30,7 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
         if idle:
             warnings.warn(
                 f"{owner}: {unit!r} has no effect, for its direction is held fixed there by "
-                f"{listed(supports)}; load "
-                "another place or direction, or free this one",
+                f"{listed(supports)}; load another place or direction, or free this one",
                 LoadWarning,
                 stacklevel=3,
             )

@@ -233,8 +233,7 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
     if not isinstance(laws, Mapping):
         raise TypeError(
             f"Model: contact_laws = {shown(laws)} must be a contact law or a dict of crack names to contact "
-            "laws, "
-            "{'crack1': Tied()}"
+            f"laws, {{'crack1': Tied()}}"
         )
     for name, law in laws.items():
         if name not in cracks:

@@ -183,9 +183,8 @@ def modes_in_band(
                 raise on_all_ranks(
                     ValueError(
                         f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
-                        "of the "
-                        f"{pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or refine "
-                        "the mesh"
+                        f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
+                        "refine the mesh"
                     )
                 )
             count = min(max(count, expected + 4), most)
