@@ -147,7 +147,9 @@ def main() -> None:
             for solution in [peer.solve(order, parameters, own.repeats if order > 2 or target > 1e-5 else 1)]
         ]
         print(
-            f"{target:7.0e}  sbfem-petsc   p = {ours.choice.order}{ours.boundary:11,d}{ours.unknowns:11,d}{ours.error:9.1e}{ours.seconds:10.3f}   S-elements {ours.shapes_seconds:.3f}, eigenproblem {ours.seconds - ours.shapes_seconds:.3f}"
+            f"{target:7.0e}  sbfem-petsc   p = {ours.choice.order}{ours.boundary:11,d}{ours.unknowns:11,d}"
+            f"{ours.error:9.1e}{ours.seconds:10.3f}   S-elements {ours.shapes_seconds:.3f}, "
+            f"eigenproblem {ours.seconds - ours.shapes_seconds:.3f}"
         )
         for row in rows:
             print(

@@ -40,6 +40,7 @@ import pathlib
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -380,7 +381,8 @@ def main() -> None:
     def line(name, unknowns, pairs, step, before, seconds, error, peak):
         found = f"{'':12s}{'':11s}" if error is None else f"{error:12.2e}{peak:11.0f}"
         print(
-            f"{name:26s}{unknowns:9,d}{pairs:7d}{step * 1e6:10.4g}{before:11.2f}{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{found}{seconds / ours:11.2f}",
+            f"{name:26s}{unknowns:9,d}{pairs:7d}{step * 1e6:10.4g}{before:11.2f}"
+            f"{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{found}{seconds / ours:11.2f}",
             flush=True,
         )
 
@@ -420,9 +422,9 @@ def main() -> None:
         model.destroy()
     for parameters, steps in MESHES:
         points, triangles = peer.graded_mesh(parameters)
-        assembly, system = least(lambda: matrices(points, triangles), own.repeats)
+        assembly, system = least(partial(matrices, points, triangles), own.repeats)
         unknowns, pairs = system.stiffness.shape[0], len(system.initial_gap)
-        reducing, (reduced, shapes, residual) = least(lambda: reduce_sparse(system, MODES), own.repeats)
+        reducing, (reduced, shapes, residual) = least(partial(reduce_sparse, system, MODES), own.repeats)
         histories = {}
         for step in REDUCED_STEPS:
             seconds, histories[step] = history(reduced, step)

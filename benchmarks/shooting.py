@@ -19,6 +19,7 @@ import pathlib
 import sys
 import time
 import warnings
+from functools import partial
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -70,7 +71,7 @@ def orbits(reduced, repeats):
             ("differences", False),
         ):
 
-            def solve():
+            def solve(frequency=frequency, jacobian=jacobian, stability=stability):
                 return sb.periodic(
                     reduced,
                     push(FORCE),
@@ -85,7 +86,9 @@ def orbits(reduced, repeats):
             exact = exact or orbit
             asked = f"   (asked: at most {ASKED_ORBIT:g} s)" if jacobian == "dense" else ""
             print(
-                f"{frequency:6g}  {jacobian:12s}{'yes' if stability else 'no':>12s}{orbit.iterations:12d}{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}{distance(orbit, exact):12.1e}{asked}"
+                f"{frequency:6g}  {jacobian:12s}{'yes' if stability else 'no':>12s}{orbit.iterations:12d}"
+                f"{orbit.residuals[-1] / orbit.residuals[0]:12.0e}{seconds:10.3f}"
+                f"{distance(orbit, exact):12.1e}{asked}"
             )
 
 
@@ -108,13 +111,15 @@ def jacobian(reduced, repeats, unknowns):
         seconds = [
             least(work, 10 * repeats)[0]
             for work in (
-                lambda: driven.run(state),
-                lambda: driven.carried(motion, np.eye(size)),
-                lambda: multipliers(driven, motion),
+                partial(driven.run, state),
+                lambda driven=driven, motion=motion, size=size: driven.carried(motion, np.eye(size)),
+                partial(multipliers, driven, motion),
             )
         ]
         print(
-            f"{frequency:6g}{1e3 * seconds[0]:17.2f}{1e3 * seconds[1]:15.2f}{seconds[1] / seconds[0]:13.1f}{1e3 * seconds[2]:32.2f}   (asked: at most {ASKED_JACOBIAN:g} periods; finite differences take {size + 1})"
+            f"{frequency:6g}{1e3 * seconds[0]:17.2f}{1e3 * seconds[1]:15.2f}{seconds[1] / seconds[0]:13.1f}"
+            f"{1e3 * seconds[2]:32.2f}   (asked: at most {ASKED_JACOBIAN:g} periods; "
+            f"finite differences take {size + 1})"
         )
     print(f"finite differences on the unreduced model would take {2 * unknowns + 1:,d} integrations")
 
@@ -127,7 +132,7 @@ def curves(reduced):
     )
     for force in FORCES:
 
-        def follow(stability):
+        def follow(stability, force=force):
             return sb.frequency_response(
                 reduced,
                 push(force),
@@ -145,7 +150,8 @@ def curves(reduced):
         seconds, curve = least(lambda: follow(True), 1)
         plain, _ = least(lambda: follow(False), 1)
         print(
-            f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}{int((~curve.stable).sum()):11d}{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}   (asked: at most {ASKED_CURVE:g} s)"
+            f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}{int((~curve.stable).sum()):11d}"
+            f"{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}   (asked: at most {ASKED_CURVE:g} s)"
         )
 
 
@@ -165,7 +171,7 @@ def history(reduced, periods, repeats):
     print(f"\nuntil periodic at {frequency:g} Hz, to {ACCURACY:g} of the first harmonic")
     for count in dict.fromkeys((steps, STEPS)):
         seconds, orbit = least(
-            lambda: sb.periodic(reduced, push(FORCE), frequency, steps=count, stability=False),
+            partial(sb.periodic, reduced, push(FORCE), frequency, steps=count, stability=False),
             3 * repeats,
         )
         orbit = sb.periodic(reduced, push(FORCE), frequency, steps=count)

@@ -18,6 +18,7 @@ import pathlib
 import sys
 import time
 import warnings
+from functools import partial
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -54,12 +55,13 @@ def reduced(model, repeats):
     for scheme, steps in STEPS.items():
         for step in steps:
             seconds, history = least(
-                lambda: sb.transient(system, burst(FORCE), DURATION, step=step, scheme=scheme),
+                partial(sb.transient, system, burst(FORCE), DURATION, step=step, scheme=scheme),
                 repeats,
             )
             error, count = distance(history, reference, FORCE), round(DURATION / history.step)
             print(
-                f"{scheme:8s}{history.step * 1e6:12.4g}{count:10,d}{error:14.2e}{seconds:10.3f}{count / seconds:11,.0f}"
+                f"{scheme:8s}{history.step * 1e6:12.4g}{count:10,d}"
+                f"{error:14.2e}{seconds:10.3f}{count / seconds:11,.0f}"
             )
             if error <= ASKED and scheme not in reached:
                 reached[scheme] = seconds

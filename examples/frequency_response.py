@@ -26,6 +26,7 @@ import os
 import pathlib
 import sys
 import time
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -116,14 +117,17 @@ def main():
             out.print(f"{name}: {curve}, {time.perf_counter() - began:.1f} s")
             sb.on_root(
                 comm,
-                lambda: sb.save_branch(
-                    curve, os.path.join(folder, f"curve_{name.replace(' ', '')}_damping_{damping:g}.h5")
+                partial(
+                    sb.save_branch,
+                    curve,
+                    os.path.join(folder, f"curve_{name.replace(' ', '')}_damping_{damping:g}.h5"),
                 ),
             )
             for number, orbit in enumerate(halves):
                 sb.on_root(
                     comm,
-                    lambda: sb.save_orbit(
+                    partial(
+                        sb.save_orbit,
                         orbit,
                         os.path.join(
                             folder, f"doubled_{name.replace(' ', '')}_damping_{damping:g}_{number}.h5"

@@ -19,6 +19,7 @@ import os
 import pathlib
 import sys
 import time
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -127,7 +128,7 @@ def main():
         if own.convergence:
             for study in convergence(comm, cracked, own, frequency):
                 out.print(study)
-        sb.on_root(comm, lambda: write(folder, f"{frequency:g}Hz", orbits))
+        sb.on_root(comm, partial(write, folder, f"{frequency:g}Hz", orbits))
         if not own.no_pictures:
             pictures(
                 folder,

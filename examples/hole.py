@@ -18,6 +18,7 @@ damping; here the modal damping ratio is 0.002 unless --damping says otherwise.
 import os
 import pathlib
 import sys
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -72,7 +73,7 @@ def main():
         beam = Beam(
             length=0.400, height=0.005, holes=[Hole(x=0.065, y=0.0025, diameter=0.0025)], notches=notches
         )
-        mesh = sb.on_root(comm, lambda: beam.mesh(**choice))
+        mesh = sb.on_root(comm, partial(beam.mesh, **choice))
         model = sb.Model(
             mesh, sb.Material(young=70e9, poisson=0.33, density=2700), clamped="left", damping=own.damping
         )

@@ -20,6 +20,7 @@ import os
 import pathlib
 import sys
 import time
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -61,7 +62,7 @@ def main():
     for name, notches in (("cracked", [VNotch(x=0.176, depth=0.0038, opening=0.0)]), ("healthy", [])):
         beam = Beam(length=0.406, height=0.012, notches=notches)
         models[name] = sb.Model(
-            sb.on_root(comm, lambda: beam.mesh(order=own.order)),
+            sb.on_root(comm, partial(beam.mesh, order=own.order)),
             sb.Material(young=206e9, poisson=0.3, density=7850),
             clamped="left",
             damping=own.damping,

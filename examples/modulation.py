@@ -18,6 +18,7 @@ import os
 import pathlib
 import sys
 import time
+from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -83,7 +84,7 @@ def main():
     for name, notches in (("healthy", []), ("cracked", [VNotch(x=0.080, depth=0.0025, opening=0.0458366)])):
         beam = Beam(length=0.400, height=0.005, notches=notches)
         model = sb.Model(
-            sb.on_root(comm, lambda: beam.mesh(order=own.order)),
+            sb.on_root(comm, partial(beam.mesh, order=own.order)),
             sb.Material(young=70e9, poisson=0.33, density=2700),
             clamped="left",
             damping=own.damping,

@@ -272,7 +272,8 @@ def convergence(comm, duration, reference):
         history = sb.transient(model, burst(300.0), duration, step=1e-6, modes=80)
         meshes.append(
             (
-                f"order {order}, grading {grading:g}, tip {tip_size * 1e6:3g} um, {len(model.pairs):3d} pairs",
+                f"order {order}, grading {grading:g}, "
+                f"tip {tip_size * 1e6:3g} um, {len(model.pairs):3d} pairs",
                 tip_size,
                 history,
             )

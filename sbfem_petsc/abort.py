@@ -1,6 +1,7 @@
 """How a program on several ranks ends: no rank waits for one that has failed or left.
 
-Installed when the package is imported under an MPI launcher; mpi4py is not imported here, for that starts MPI.
+Installed when the package is imported under an MPI launcher; mpi4py is not imported here, for that starts
+MPI.
 """
 
 from __future__ import annotations
@@ -40,8 +41,8 @@ class _State:
 def install() -> None:
     """Let an uncaught error or `sys.exit` of one rank end all ranks instead of leaving them waiting for it.
 
-    An error known to all ranks of a communicator is printed once, by its rank 0. To be called again when PETSc is
-    loaded, whose own end would otherwise come first and wait for the other ranks.
+    An error known to all ranks of a communicator is printed once, by its rank 0. To be called again when
+    PETSc is loaded, whose own end would otherwise come first and wait for the other ranks.
     """
     atexit.unregister(_at_exit)
     atexit.register(_at_exit)
@@ -113,7 +114,9 @@ def _end_together(world: Any, report: Any) -> None:
 
 
 def _at_exit() -> None:
-    """Tell the other ranks that this one leaves; after `sys.exit` with a status they leave too, or are stopped."""
+    """Tell the other ranks that this one leaves; after `sys.exit` with a status they leave too, or are
+    stopped.
+    """
     world = several_ranks()
     if world is None:
         return

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+from typing import NoReturn
 
 from .petsc_options import PREFIXES, is_option
 
@@ -74,7 +75,7 @@ class Parser(argparse.ArgumentParser):
         start_petsc(rest)
         return own
 
-    def error(self, message: str) -> None:
+    def error(self, message: str) -> NoReturn:
         """Print usage and message, once over all ranks, and exit with code 2."""
         if _rank() == 0:
             self.print_usage(sys.stderr)

@@ -63,15 +63,15 @@ class Load:
                 real(type(self).__name__, name, value)
 
     def check(self, structure: LoadAssembler, constant: bool = True) -> None:
-        """Raise KeyError or TypeError if the place does not exist or a component is a signal although only constants
-        have a meaning.
+        """Raise KeyError or TypeError if the place does not exist or a component is a signal although only
+        constants have a meaning.
         """
         self._check_place(structure)
         for name, value in self.components.items():
             if constant and isinstance(value, Signal):
                 raise TypeError(
-                    f"{type(self).__name__}: {name} = {shown(value)} must be a number (signals are for transient and "
-                    "periodic)"
+                    f"{type(self).__name__}: {name} = {shown(value)} must be a number (signals are for "
+                    "transient and periodic)"
                 )
 
     def _check_place(self, structure: LoadAssembler) -> None:
@@ -134,7 +134,8 @@ class EdgeLoad(Load):
     def _check_place(self, structure: LoadAssembler) -> None:
         if not isinstance(self.edge_set, str) or self.edge_set not in structure.edge_sets:
             raise UnknownName(
-                f"EdgeLoad: edge set {self.edge_set!r} does not exist; the mesh has {listed(structure.edge_sets)}"
+                f"EdgeLoad: edge set {self.edge_set!r} does not exist; the mesh has "
+                f"{listed(structure.edge_sets)}"
             )
 
     def assemble(self, structure: LoadAssembler) -> None:
@@ -210,12 +211,12 @@ def as_loads(load: Load | Loads | Iterable[Load]) -> Loads:
 
 
 def separate(load, number: Callable[[float], Signal] = as_signal) -> tuple[list[Load], list[Signal]]:
-    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero; `number`
-    makes a signal of a plain number.
+    """Unit loads and the signals of their amplitudes: one of each for every component that is not zero;
+    `number` makes a signal of a plain number.
     """
     units, signals = [], []
     for item in as_loads(load).parts:
         for unit, value in item.units():
             units.append(unit)
-            signals.append(number(value) if isinstance(value, Real) else as_signal(value))  # type: ignore[arg-type]
+            signals.append(number(value) if isinstance(value, Real) else as_signal(value))
     return units, signals

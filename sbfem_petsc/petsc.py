@@ -11,7 +11,7 @@ from . import petsc_options
 try:
     petsc_options.start()
     import petsc4py
-    import slepc4py
+    import slepc4py  # noqa: F401
     from mpi4py import MPI
     from petsc4py import PETSc
     from slepc4py import SLEPc
@@ -109,8 +109,8 @@ def configure(item: Any) -> None:
     except PETSc.Error as error:
         raise on_all_ranks(
             SolveError(
-                f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give it another "
-                "value or leave it out"
+                f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give "
+                "it another value or leave it out"
             )
         ) from None
 
@@ -124,7 +124,10 @@ def solving(what: str) -> Iterator[None]:
         if error.ierr == OUT_OF_MEMORY:
             said = "PETSc has not enough memory for it; use a coarser mesh, a lower order or more ranks"
         else:
-            said = f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of usual size?"
+            said = (
+                f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of "
+                "usual size?"
+            )
         raise SolveError(f"{what}: {said}") from error
 
 

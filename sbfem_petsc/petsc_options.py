@@ -34,7 +34,8 @@ class OptionWarning(UserWarning):
 
 
 def start() -> None:
-    """Start PETSc with the options in `sys.argv` that are meant for it, unless the program has started it itself.
+    """Start PETSc with the options in `sys.argv` that are meant for it, unless the program has started it
+    itself.
 
     An option that no solve has asked for is named by PETSc at the end of the program.
 
@@ -55,7 +56,9 @@ def start() -> None:
 
 
 def meant(words: list[str]) -> list[str]:
-    """The words of a command line that are for PETSc: options with one dash and one of our prefixes, with their values."""
+    """The words of a command line that are for PETSc: options with one dash and one of our prefixes, with
+    their values.
+    """
     found: list[str] = []
     wanted = (*PREFIXES, *WHOLE_RUN)
     for place, word in enumerate(words):

@@ -42,8 +42,8 @@ class Support:
                 isinstance(value, float) and math.isfinite(value) and value >= 0
             ):
                 raise (ValueError if isinstance(value, float) else TypeError)(
-                    f"Support({self.where!r}): {name} = {shown(value)} must be True (fixed), False (free) or a "
-                    "stiffness >= 0 (N/m^3 on edges, N/m on a point)"
+                    f"Support({self.where!r}): {name} = {shown(value)} must be True (fixed), False (free) "
+                    "or a stiffness >= 0 (N/m^3 on edges, N/m on a point)"
                 )
 
     @property
@@ -65,8 +65,8 @@ def as_supports(clamped, supports) -> tuple[Support, ...]:
     names = () if clamped is None else (clamped,) if isinstance(clamped, str) else clamped
     if not isinstance(names, (tuple, list)) or not all(isinstance(name, str) for name in names):
         raise TypeError(
-            f"clamped = {shown(clamped)} must be the name of an edge set or a point, several of them, or None; "
-            "further supports go to supports="
+            f"clamped = {shown(clamped)} must be the name of an edge set or a point, several of them, or "
+            "None; further supports go to supports="
         )
     further = (supports,) if isinstance(supports, Support) else () if supports is None else supports
     if not isinstance(further, (tuple, list)) or not all(isinstance(item, Support) for item in further):

@@ -1,4 +1,6 @@
-"""Beams, materials, models and reduced models that the parts share, made when first asked for; reference data."""
+"""Beams, materials, models and reduced models that the parts share, made when first asked for; reference
+data.
+"""
 
 from __future__ import annotations
 

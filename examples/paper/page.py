@@ -11,15 +11,22 @@ from .runner import Outcome
 from .store import Store
 
 STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff; max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
+body { font: 16px/1.5 system-ui, sans-serif; color: #1a1a1a; background: #fff;
+  max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { line-height: 1.2; } h2 { margin-top: 3rem; border-bottom: 1px solid #ccc; padding-bottom: .2rem; }
-figure { margin: 1rem 0; } figure img { max-width: 100%; height: auto; } figcaption { font-size: .9rem; color: #444; max-width: 50rem; }
-.wide { overflow-x: auto; } table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-caption { text-align: left; font-weight: 600; padding-bottom: .3rem; } th { border-bottom: 2px solid #444; text-align: right; vertical-align: bottom; }
-th, td { padding: .15rem .6rem; } td { text-align: right; border-bottom: 1px solid #e3e3e3; white-space: nowrap; }
+figure { margin: 1rem 0; } figure img { max-width: 100%; height: auto; }
+figcaption { font-size: .9rem; color: #444; max-width: 50rem; }
+.wide { overflow-x: auto; }
+table { border-collapse: collapse; font-size: .85rem; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 600; padding-bottom: .3rem; }
+th { border-bottom: 2px solid #444; text-align: right; vertical-align: bottom; }
+th, td { padding: .15rem .6rem; }
+td { text-align: right; border-bottom: 1px solid #e3e3e3; white-space: nowrap; }
 th.text, td.text { text-align: left; white-space: normal; min-width: 4rem; }
-.yes, .no { font-weight: 600; white-space: nowrap; } .yes { color: #0072B2; } .no, .failed { color: #B34700; }
-pre { font-size: .8rem; overflow-x: auto; background: #f5f5f5; padding: .6rem; } details { margin: .6rem 0; } nav td { white-space: normal; }
+.yes, .no { font-weight: 600; white-space: nowrap; }
+.yes { color: #0072B2; } .no, .failed { color: #B34700; }
+pre { font-size: .8rem; overflow-x: auto; background: #f5f5f5; padding: .6rem; }
+details { margin: .6rem 0; } nav td { white-space: normal; }
 @media print { details { display: none; } h2 { break-after: avoid; } figure { break-inside: avoid; } }
 """
 
@@ -118,7 +125,8 @@ def _section(part: Part, outcome: Outcome, store: Store) -> str:
     if part.draw is not None and picture.exists():
         data = base64.b64encode(picture.read_bytes()).decode()
         pieces.append(
-            f'<figure><img alt="{html.escape(part.caption)}" src="data:image/png;base64,{data}"><figcaption>{html.escape(part.caption)}</figcaption></figure>'
+            f'<figure><img alt="{html.escape(part.caption)}" src="data:image/png;base64,{data}">'
+            f"<figcaption>{html.escape(part.caption)}</figcaption></figure>"
         )
     if finding.claims:
         pieces.append(_claims(finding.claims))
@@ -131,7 +139,8 @@ def _claims(claims: list[Claim]) -> str:
     rows = [
         f'<tr><td class="text">{SOURCES[claim.source]}: {_prose(claim.says)}</td><td '
         f'class="text">{_prose(claim.found)}</td>'
-        f'<td class="text"><span class="{"yes" if claim.holds else "no"}">{"✓ holds" if claim.holds else "✗ does not hold"}</span></td></tr>'
+        f'<td class="text"><span class="{"yes" if claim.holds else "no"}">'
+        f"{'✓ holds' if claim.holds else '✗ does not hold'}</span></td></tr>"
         for claim in claims
     ]
     return (

@@ -384,7 +384,8 @@ def told(found: dict, damping: float) -> str:
     """What grows out of an unstable steady state, as text."""
     if found["line"]:
         return f"{found['line']:.1e} of A_1 at {found['line_over_drive']:.3f} f (ζ = {damping:g})"
-    return f"{'a growth of ' + format(found['growth'], '.1e') + ' a period only' if found['growth'] else 'all stable'} (ζ = {damping:g})"
+    what = f"a growth of {found['growth']:.1e} a period only" if found["growth"] else "all stable"
+    return f"{what} (ζ = {damping:g})"
 
 
 def beyond(bench: Bench, force: float, damping: float, found) -> dict:

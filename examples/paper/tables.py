@@ -171,7 +171,8 @@ def static_table(number: int):
                 Claim(
                     "u_x(A), under the point force, agrees with the reference within the mesh's logarithm, "
                     f"{LOGARITHM:.0e} m per newton",
-                    f"difference {off:.1e} m per newton; cells graded to 0.05 mm at A move it by {spread:.1e}",
+                    f"difference {off:.1e} m per newton; "
+                    f"cells graded to 0.05 mm at A move it by {spread:.1e}",
                     bool(off < LOGARITHM),
                     "check",
                 )
@@ -342,7 +343,7 @@ def table6(bench) -> Finding:
         Claim(
             "frequencies converge with p",
             "largest deviation of the printed columns from the reference:"
-            f" {', '.join(f'{size(largest[name])} ({name[6:]})' for name in ('paper p = 5', 'paper p = 7', 'paper p = 9'))}",
+            " " + ", ".join(f"{size(largest[f'paper p = {p}'])} (p = {p})" for p in (5, 7, 9)),
             bool(largest["paper p = 9"] < largest["paper p = 7"] < largest["paper p = 5"]),
             "implied",
         ),

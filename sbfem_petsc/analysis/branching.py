@@ -44,8 +44,8 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
         positive("switch_branch", "size", size, "relative")
     if bifurcation.kind != "period doubling":
         raise ValueError(
-            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a branch "
-            "only there"
+            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
+            "branch only there"
         )
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
@@ -58,7 +58,7 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     for share in SIZES if size is None else (size,):
         target = direction @ bifurcation.state + share * norm
 
-        def condition(state, change):
+        def condition(state, change, target=target):
             return float(direction @ state - target), direction, 0.0
 
         try:

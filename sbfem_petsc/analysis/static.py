@@ -82,7 +82,8 @@ def _judge(relative: float) -> None:
     if not math.isfinite(relative):
         raise on_all_ranks(
             SolveError(
-                "static: the displacements leave the range of numbers; are the loads of usual size, in N and Pa?"
+                "static: the displacements leave the range of numbers; are the loads of usual size, in N and "
+                "Pa?"
             )
         )
     if relative > REFUSED:

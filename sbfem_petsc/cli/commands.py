@@ -37,7 +37,7 @@ def new(options: Options, comm: Any) -> int:
     from ..study.starter import write_starter
 
     written = on_root(comm, lambda: write_starter(options.kind, options.file, replace=options.replace))
-    if comm.rank == 0:
+    if written is not None:  # on rank 0
         _say(options, comm, f"written: {', '.join(written)}")
         _say(options, comm, f"next:  sbfem check {options.file}")
     return 0

@@ -130,7 +130,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         chord = np.append(points[k + 1].fixed.state - points[k - 1].fixed.state, 0.0)
         bordered[m2] = chord / np.linalg.norm(chord)
         # the unit in which the parameter is solved for must not make the border small
-        scale = np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2)
+        scale = float(np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2))
         bordered[:, m2] /= max(scale, 1e-300)
         direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
         return float(direction[m2])
@@ -175,7 +175,7 @@ def _crossing(
         return float(np.abs(known[id(point)].values[rank]) - 1.0)
 
     first, second = continuation.points[k - 1], continuation.points[k]
-    ends = tuple(float(np.abs(item.values[rank]) - 1.0) for item in (before, after))
+    ends = float(np.abs(before.values[rank]) - 1.0), float(np.abs(after.values[rank]) - 1.0)
     if ends[0] * ends[1] > 0.0:
         return None
     point, one, other = _root(continuation, first, second, excess, ends)

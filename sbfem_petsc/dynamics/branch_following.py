@@ -159,14 +159,15 @@ def _branch(continuation: Continuation, rows: PointRows, finished: bool) -> Bran
     parameter, points, period = continuation.parameter, continuation.points, continuation.period
     asked = finished and continuation.settings.stability
     arrived = parameter.reached(points[-1].value)
+    found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
     return Branch(
         parameter.name,
         np.array([point.value for point in points]),
         np.array([point.fixed.state for point in points]),
         *rows.arrays(),
-        _uncertainty(continuation, rows.found) if asked else np.full(len(points), np.nan),
+        _uncertainty(continuation, found) if asked else np.full(len(points), np.nan),
         np.array([len(point.fixed.residuals) - 1 for point in points]),
-        tuple(locate(continuation, rows.found)) if asked else (),
+        tuple(locate(continuation, found)) if asked else (),
         continuation.reason or "unfinished",
         len(points) > 1 and arrived,
         period.excitation.periods,
@@ -204,9 +205,10 @@ class PointRows:
         self.rows.insert(place, row)
         self.found.insert(place, found)
 
-    def arrays(self):
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
-        return tuple(np.array(column) for column in zip(*self.rows))
+        harmonics, amplitudes, subharmonics, peaks, values = (np.array(column) for column in zip(*self.rows))
+        return harmonics, amplitudes, subharmonics, peaks, values
 
 
 def _refine(continuation: Continuation, rows: PointRows) -> None:
@@ -239,7 +241,9 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
-    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan elsewhere."""
+    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan
+    elsewhere.
+    """
     stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
     changes = np.flatnonzero(stable[1:] != stable[:-1])
     result = np.full(len(found), np.nan)

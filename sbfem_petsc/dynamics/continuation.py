@@ -140,8 +140,8 @@ class ContinuationPoint:
 class Continuation:
     """A branch of fixed points, point by point.
 
-    Iterating gives a `ContinuationPoint` after each accepted step, the end of the range included; afterwards `reason`
-    says why it stopped.
+    Iterating gives a `ContinuationPoint` after each accepted step, the end of the range included; afterwards
+    `reason` says why it stopped.
 
     Parameters
     ----------
@@ -176,8 +176,8 @@ class Continuation:
         self.least = 1e-3 * max(float(np.linalg.norm(end.linear_state)) for end in ends)
         self.length, self.reason = FIRST, ""
         self.sign: float | None = None
-        # the fewest forcing periods after which the first motion repeats itself; a branch of several has ended
-        # where it meets one of fewer
+        # the fewest forcing periods after which the first motion repeats itself; a branch of several has
+        # ended where it meets one of fewer
         self.periods, self.fallen = minimal_periods(first.fixed), ""
 
     def driven(self, value: float) -> DrivenPeriod:
@@ -201,7 +201,7 @@ class Continuation:
     def metric(self) -> tuple[float, float]:
         """Units of the state and of the parameter."""
         return max(
-            np.linalg.norm(self.points[-1].fixed.state), self.least, 1e-300
+            float(np.linalg.norm(self.points[-1].fixed.state)), self.least, 1e-300
         ), self.parameter.extent / SPAN
 
     def _tangent(self, derivative: np.ndarray, near: np.ndarray) -> np.ndarray:
@@ -324,6 +324,7 @@ class Continuation:
         if length > CORNER and (turn > TOO_SHARP or iterations > TOO_MANY):
             return None
         if onward @ chord < 0.0:  # a branch point: the determinant has changed its sign on a smooth branch
+            assert self.sign is not None  # set with the first tangent
             self.sign = -self.sign
         self.length = min(
             LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(iterations, 1) + 0.25)) * length

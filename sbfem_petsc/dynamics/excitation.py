@@ -17,7 +17,8 @@ ROUND_OFF = 1e-12
 SAME = 1e-9
 # Harmonics of f that are kept of a signal whose band is not known.
 UNKNOWN_BAND = 128
-# Most instants at which loads are sampled over a common period, and the last period in which they are compared.
+# Most instants at which loads are sampled over a common period, and the last period in which they are
+# compared.
 INSTANTS, LATEST = 2**24, 4000
 # An undamped mode this near to a harmonic of the load, relative, is at resonance.
 RESONANCE = 1e-9
@@ -84,8 +85,9 @@ class Excitation:
         instants = max(128.0, 8.0 * periods * highest / frequency)
         if not instants <= INSTANTS:
             raise ValueError(
-                f"periodic: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to {highest:g} Hz take "
-                f"{instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods or frequencies nearer to each other"
+                f"periodic: {periods} period{'s' * (periods > 1)} of {frequency:g} Hz with loads up to "
+                f"{highest:g} Hz take {instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods "
+                "or frequencies nearer to each other"
             )
         count = 2 ** math.ceil(math.log2(instants))
         time = np.arange(2 * count) * (periods / frequency / count)
@@ -188,8 +190,9 @@ def _refuse_passing(signal: Signal) -> None:
 
 
 def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
-    """Whether a signal is the same in later periods as in the first one, whose values are given: in the next ones one
-    by one, then ever further apart. Of a signal whose formula is not known only what is sampled is known.
+    """Whether a signal is the same in later periods as in the first one, whose values are given: in the next
+    ones one by one, then ever further apart. Of a signal whose formula is not known only what is sampled is
+    known.
     """
     if not any(
         isinstance(part, Custom) or type(part).__module__ != Custom.__module__ for part in _parts(signal)

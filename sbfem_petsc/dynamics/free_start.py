@@ -50,7 +50,9 @@ def first_motion(system: FreeSystem, energy: float) -> FreeMotion:
     return _from_opened_gaps(system, energy, sign, guess)
 
 
-def _from_opened_gaps(system: FreeSystem, energy: float, sign: float, guess) -> FreeMotion:
+def _from_opened_gaps(
+    system: FreeSystem, energy: float, sign: float, guess: tuple[float, float]
+) -> FreeMotion:
     """From gaps between which the mode moves freely, lowered to the given ones, with damping that is taken
     away thereafter; the self-excitation makes up for it all the way.
     """

@@ -32,7 +32,8 @@ def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarra
             values = function(places[:, 0].copy(), places[:, 1].copy())
         except Exception as error:  # whatever a user's function does
             raise ValueError(
-                f"transient: the {what} of start failed as a function of arrays x and y: {type(error).__name__}: {error}"
+                f"transient: the {what} of start failed as a function of arrays x and y: "
+                f"{type(error).__name__}: {error}"
             ) from error
         try:
             right = not any(np.iscomplexobj(value) for value in values)

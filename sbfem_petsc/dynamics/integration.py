@@ -80,8 +80,8 @@ class Recorder(Protocol):
     in_memory: bool
 
     def resume(self) -> tuple[int, Rows, np.ndarray] | None:
-        """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new one.
-        Collective.
+        """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new
+        one. Collective.
         """
 
     def append(self, done: int, rows: Rows, checkpoint: np.ndarray) -> None:
@@ -133,8 +133,8 @@ def _require_finite(rows: Rows) -> None:
             first = int(np.argwhere(~np.isfinite(values))[0][0])
             raise on_all_ranks(
                 SolveError(
-                    f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = {rows['time'][first]:.6g} "
-                    "s; are the loads of usual size, in N and Pa?"
+                    f"transient: the {name.replace('_', ' ')} leaves the range of numbers at t = "
+                    f"{rows['time'][first]:.6g} s; are the loads of usual size, in N and Pa?"
                 )
             )
 

@@ -30,8 +30,8 @@ class Orbit(Motion):
     periods : int
         Forcing periods in one period of the motion.
     multipliers : (k,) complex array
-        Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for, and for
-        an unreduced model.
+        Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for,
+        and for an unreduced model.
     multiplier_error : float
         Uncertainty of their largest modulus: its change with the time grid moved by half a step.
     state : (2 m,) array
@@ -109,8 +109,8 @@ class Orbit(Motion):
         model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
         return (
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
-            f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton iterations, "
-            f"{verdict}, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)"
+            f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
+            f"iterations, {verdict}, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)"
         )
 
 

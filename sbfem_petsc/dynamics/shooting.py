@@ -421,7 +421,7 @@ class _Newton:
             ksp.setType(PETSc.KSP.Type.PREONLY)
             ksp.getPC().setType(PETSc.PC.Type.LU)
         snes.setJacobian(self._jacobian, matrix)
-        size_of_state = np.linalg.norm(driven(values).linear_state)
+        size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
             rtol=RELATIVE,
             atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
@@ -518,6 +518,8 @@ def snes_reason(reason: int) -> str:
 
 class _Products:
     """Phi - 1 as products: one linearised period each."""
+
+    at: tuple[DrivenPeriod, PeriodMotion]
 
     def __init__(self, newton: _Newton):
         self.newton = newton

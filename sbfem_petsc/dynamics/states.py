@@ -16,8 +16,8 @@ from ..system.places import checked_place
 Point = str | tuple[float, float]
 
 NOT_KEPT = (
-    "an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; name further "
-    "points, or use the reduced model"
+    "an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; name "
+    "further points, or use the reduced model"
 )
 
 
@@ -187,7 +187,9 @@ class SampledStates:
         return _of(self.velocities, point, "point")
 
     def acceleration(self, point: Point) -> np.ndarray:
-        """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the first step."""
+        """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the
+        first step.
+        """
         return _of(self.accelerations, point, "point")
 
     def stress_intensity(self, tip: str) -> np.ndarray:

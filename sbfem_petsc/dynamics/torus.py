@@ -115,17 +115,18 @@ class Torus:
         factor = self.shift if sign > 0 else np.conj(self.shift)
         return np.fft.ifft(factor[:, None] * np.fft.fft(states, axis=0), axis=0).real
 
-    def images(self, states: np.ndarray) -> tuple[np.ndarray, list]:
+    def images(self, states: np.ndarray) -> tuple[np.ndarray, list[PeriodMotion | None]]:
         """(N, 2 m): where the map takes each sample, and the motions of this rank's."""
-        ends, motions = np.zeros_like(states), [None] * self.samples
+        ends = np.zeros_like(states)
+        motions: list[PeriodMotion | None] = [None] * self.samples
         failed = None
         for i in self.mine:
             try:
-                motions[i] = self.driven(i / self.samples).run(states[i])
+                motion = self.driven(i / self.samples).run(states[i])
             except SolveError as error:
                 failed = error
                 break
-            ends[i] = states[i] + motions[i].residual
+            motions[i], ends[i] = motion, states[i] + motion.residual
         failures = [item for item in self.comm.allgather(failed) if item is not None]
         if failures:
             raise failures[0]
@@ -167,7 +168,8 @@ class Torus:
         raise SolveError(f"{first}; neither from where {done} periods of the first tone take the curve")
 
     def _newton(self, states: np.ndarray) -> Curve:
-        residuals, derivatives, solver = [], None, None
+        residuals: list[float] = []
+        solver: _Linear | None = None
         for _ in range(ITERATIONS + 1):
             ends, motions = self.images(states)
             residual = ends - self.shifted(states)
@@ -176,9 +178,8 @@ class Torus:
                 return Curve(states, motions, tuple(residuals))
             if not np.isfinite(residuals[-1]) or residuals[-1] > 1e3 * residuals[0]:
                 break
-            if derivatives is None or len(residuals) < 2 or residuals[-1] > KEPT * residuals[-2]:
-                derivatives = self.derivatives(motions)
-                solver = _Linear(self, derivatives)
+            if solver is None or len(residuals) < 2 or residuals[-1] > KEPT * residuals[-2]:
+                solver = _Linear(self, self.derivatives(motions))
             tolerance = max(LINEAR, 1e-2 * min(residuals[-1], 1.0), 0.1 * CLOSED / residuals[-1])
             states = states - solver.solve(residual, min(tolerance, 1e-3))
         raise SolveError(

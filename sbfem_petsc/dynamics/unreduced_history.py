@@ -1,16 +1,17 @@
-"""Time histories of the unreduced model: average acceleration on PETSc (prefix ``newmark_``), contact implicit.
+"""Time histories of the unreduced model: average acceleration on PETSc (prefix ``newmark_``), contact
+implicit.
 
 A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix
-factorised once (`unreduced_steps`). Nodes on crack faces have mass here. The contact force is that of the step
-alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's acceleration,
-so contact dissipates and never feeds energy in.
+factorised once (`unreduced_steps`). Nodes on crack faces have mass here. The contact force is that of the
+step alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's
+acceleration, so contact dissipates and never feeds energy in.
 
 The model's damping ratio is that of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T; everything
 above them is undamped but for Rayleigh's a M + b K.
 
 Scheme "paper" is that of eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension
-allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds energy
-in without bound, the sooner the smaller the step.
+allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds
+energy in without bound, the sooner the smaller the step.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 """Periodic motions of the unreduced model: shooting without a matrix, on PETSc (prefix ``shooting_``).
 
-The period map is that of `UnreducedSteps`, the state (u, v) of all unknowns is distributed. A product with its
-derivative is one linearised period: the same steps without loads, in which the rows that touched in each step
-keep their gaps. GMRES is preconditioned by the motion without contact in the lowest modes, closed form; what
-lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is stiffer
-than the time steps resolve does not: average acceleration turns its sign in each step and leaves its size.
-The number of steps is therefore odd, so that Phi - 1 is about -2 there and not about 0.
+The period map is that of `UnreducedSteps`, the state (u, v) of all unknowns is distributed. A product with
+its derivative is one linearised period: the same steps without loads, in which the rows that touched in each
+step keep their gaps. GMRES is preconditioned by the motion without contact in the lowest modes, closed form;
+what lies above them dies out within the period, as stiffness-proportional damping makes it. Only what is
+stiffer than the time steps resolve does not: average acceleration turns its sign in each step and leaves its
+size. The number of steps is therefore odd, so that Phi - 1 is about -2 there and not about 0.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ MODES = 40
 def unreduced_periodic(model: Model, load, frequency: float, *, settings: PeriodSettings) -> Orbit:
     """Find the periodic response of the unreduced model; see `analysis.periodic.periodic` for the arguments.
 
-    Its steps are one more in all if they are even in number; its modes are those of the preconditioner and of the
-    first guess, and those that have the model's modal damping ratio.
+    Its steps are one more in all if they are even in number; its modes are those of the preconditioner and of
+    the first guess, and those that have the model's modal damping ratio.
 
     Notes
     -----
@@ -246,6 +246,8 @@ class _UnreducedPeriod:
 
 class _Products:
     """Phi - 1 as products: one linearised period each."""
+
+    sets: np.ndarray
 
     def __init__(self, period: _UnreducedPeriod):
         self.period = period

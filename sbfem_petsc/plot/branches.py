@@ -1,4 +1,6 @@
-"""Pictures of branches: amplitudes over the frequency or the load, stable and unstable parts, bifurcations."""
+"""Pictures of branches: amplitudes over the frequency or the load, stable and unstable parts,
+bifurcations.
+"""
 
 from __future__ import annotations
 
@@ -128,7 +130,10 @@ def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool,
     """The parts of a curve with points between theirs: monotone cubics of the arc length, without
     overshoot.
     """
-    x, y = (np.concatenate([parts[0][k][:1], *(part[k][1:] for part in parts)]) for k in (1, 2))
+    x, y = (
+        np.concatenate([pieces[0][:1], *(piece[1:] for piece in pieces)])
+        for pieces in ([part[1] for part in parts], [part[2] for part in parts])
+    )
     arc = np.concatenate(
         [[0.0], np.cumsum(np.hypot(np.diff(x) / (np.ptp(x) or 1.0), np.diff(y) / (np.ptp(y) or 1.0)))]
     )
@@ -185,9 +190,9 @@ def _draw(curves: Mapping[str, Branch], point: str, forces, window, title: str, 
                 zorder=2,
             )
             dashed = dashed or not stable
-        for item, (_, x, y) in zip(found, marks):
+        for item, (_, at, height) in zip(found, marks):
             if every or _decides(curve, item):
-                _mark(axes, x * along, y * factor, item.kind, shade)
+                _mark(axes, at * along, height * factor, item.kind, shade)
                 kinds.add(item.kind)
     if dashed:
         axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=DASHED, label="unstable")
@@ -254,8 +259,8 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
         axes.plot(
             places, y, color=BLUE if stable else VERMILION, linewidth=1.1, linestyle="-" if stable else DASHED
         )
-    for stable, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
-        axes.plot(x[stable], largest[stable], linestyle="none", marker=marker, markersize=3, color=colour)
+    for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
+        axes.plot(x[rows], largest[rows], linestyle="none", marker=marker, markersize=3, color=colour)
     for kind in KINDS:
         chosen = [place for item, place in zip(marked, at) if item.kind == kind]
         if chosen:

@@ -91,7 +91,9 @@ def crack_title(crack) -> str:
 
 
 def fill(axes: Axes, rings, scale: float, *, colour: str, edge: str, width: float, line="-") -> None:
-    """Closed loops (m), holes running the other way round, as one filled shape; drawn in units of 1 / scale."""
+    """Closed loops (m), holes running the other way round, as one filled shape; drawn in units of 1 /
+    scale.
+    """
     vertices, codes = [], []
     for ring in rings:
         points = np.concatenate(ring) * scale

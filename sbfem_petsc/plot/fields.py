@@ -49,7 +49,10 @@ def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int
     return on_root(modal.model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
 
 
-def _draw_modes(pieces: list[Piece], frequencies: np.ndarray, modes: list[int], columns: int) -> list[Axes]:
+def _draw_modes(
+    pieces: list[Piece] | None, frequencies: np.ndarray, modes: list[int], columns: int
+) -> list[Axes]:
+    assert pieces is not None  # on rank 0
     points = np.concatenate([p.positions for p in pieces])
     lower, upper = points.min(axis=0), points.max(axis=0)
     extent = upper - lower
@@ -177,8 +180,8 @@ def plot_crack(
 
 
 def _draw_crack(
-    regions: dict[str, list[Region]],
-    outline: list[Piece],
+    regions: dict[str, list[Region | None]],
+    outline: list[Piece] | None,
     crack,
     halves: np.ndarray,
     colour: str,
@@ -189,6 +192,7 @@ def _draw_crack(
     grid = drawing.subplots(len(regions), 2, squeeze=False)
     for row, (name, panels) in enumerate(regions.items()):
         for axes, region, half in zip(grid[row], panels, halves):
+            assert region is not None and outline is not None  # on rank 0
             inside = (np.abs(region.positions - tip) <= half).all(axis=1)
             motion = _rigid_motion(region.positions[inside] - tip, region.displacements[inside])
             own = _Notch(crack, half)

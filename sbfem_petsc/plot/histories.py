@@ -71,8 +71,8 @@ def plot_history(
     title: str = "",
     comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
-    """Draw what a motion does over time: displacement of a point, and the contact resultant where there is contact.
-    Collective.
+    """Draw what a motion does over time: displacement of a point, and the contact resultant where there is
+    contact. Collective.
 
     Parameters
     ----------

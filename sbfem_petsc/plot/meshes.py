@@ -82,7 +82,7 @@ def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
                 scale = place_unit(2.0 * half)[0]
                 axes.add_patch(
                     Rectangle(
-                        (tip - near) * scale,
+                        (float(tip[0] - near) * scale, float(tip[1] - near) * scale),
                         *[2.0 * near * scale] * 2,
                         fill=False,
                         edgecolor=PURPLE,
@@ -140,7 +140,10 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.add_collection(LineCollection(lines[seen & outer] * scale, colors=BLACK, linewidths=0.9))
     axes.add_collection(
         LineCollection(
-            np.array(faces).reshape(-1, 2, 2) * scale, colors=BLACK, linewidths=0.9, linestyles=(0, (2, 1))
+            list(np.array(faces).reshape(-1, 2, 2) * scale),
+            colors=BLACK,
+            linewidths=0.9,
+            linestyles=(0, (2, 1)),
         )
     )
     if nodes:
@@ -175,7 +178,9 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
                         0,
                         np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0,
                     )  # points at the other face
-                    moved = axes.transData + ScaledTranslation(*shift, axes.figure.dpi_scale_trans)
+                    moved = axes.transData + ScaledTranslation(
+                        shift[0], shift[1], axes.figure.dpi_scale_trans
+                    )
                     axes.plot(
                         *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
                         linestyle="none",
@@ -226,7 +231,7 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
         above = mesh.scaling_centres[np.abs(mesh.scaling_centres - at).sum(axis=1).argmin(), 1] <= at[1]
         axes.annotate(
             ", ".join(names),
-            at * scale,
+            (at[0] * scale, at[1] * scale),
             xytext=(0 if centred else -3, 4 if above else -4),
             textcoords="offset points",
             fontsize=8,
@@ -238,7 +243,7 @@ def _label_points(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.n
 
 
 def _legend(mesh) -> list:
-    handles = [
+    handles: list[Line2D | Patch] = [
         Line2D([], [], color=BLACK, linewidth=0.9, label="outline"),
         Line2D([], [], color=EDGE, linewidth=0.7, label="edges of S-elements"),
         Line2D([], [], color=BLUE, marker=".", markersize=5, linestyle="none", label="nodes"),

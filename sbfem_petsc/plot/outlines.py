@@ -51,7 +51,8 @@ def gather_outline(model: Model, fields: list[Any], subdivisions: int | None = N
     -------
     list of Piece on rank 0, None elsewhere
     """
-    part, pieces = model.part, {}
+    part = model.part
+    pieces: dict[tuple, Piece] = {}
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)
     values, _ = shape_functions(model.order, at)
     stacked = np.stack([part.coordinates, *(as_field(state).nodal for state in fields)])

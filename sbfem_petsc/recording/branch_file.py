@@ -166,8 +166,8 @@ class BranchFile:
             other = difference(stored, period.reduced)
             if other:
                 raise ValueError(
-                    f"{WHAT} {self.path!r} was written for another model ({other}); resume with that model, or name "
-                    "another file"
+                    f"{WHAT} {self.path!r} was written for another model ({other}); resume with that model, "
+                    "or name another file"
                 )
             mine = {
                 "parameter": parameter.name,
@@ -181,13 +181,13 @@ class BranchFile:
             for key, value in mine.items():
                 if not close(file.attrs[key], value):
                     raise ValueError(
-                        f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; resume with "
-                        "the same value, or name another file"
+                        f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; "
+                        "resume with the same value, or name another file"
                     )
             if not close(file["excitation/amplitudes"][()], period.excitation.amplitudes):
                 raise ValueError(
-                    f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name another "
-                    "file"
+                    f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name "
+                    "another file"
                 )
             finished = bool(file.attrs["complete"]) and file["multipliers"].shape[1] > 0
             former = (
@@ -199,8 +199,8 @@ class BranchFile:
             return stored, former, finished
 
     def update(self, branch: Callable[[], Any], length: float, last: bool = False) -> None:
-        """Write the branch as it is and the length of its next step, at most every two seconds but for the last
-        time; a finished one stays as it is. Collective.
+        """Write the branch as it is and the length of its next step, at most every two seconds but for the
+        last time; a finished one stays as it is. Collective.
         """
         with collective(self.comm):
             if (
@@ -212,7 +212,8 @@ class BranchFile:
                     write_branch(branch(), self.path, *self._range, length)
                 except ValueError as error:
                     raise SolveError(
-                        f"{error}; what the file held before stays readable, and resume=True continues from there"
+                        f"{error}; what the file held before stays readable, and resume=True continues from "
+                        "there"
                     ) from None
                 self._written = time.monotonic()
 

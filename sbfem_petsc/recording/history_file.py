@@ -59,8 +59,9 @@ class _Former(NamedTuple):
 class HistoryFile:
     """The file of a running history; an `integration.Recorder` and a context manager.
 
-    A reduced model's state is the same on all ranks and rank 0 writes; of an unreduced one every rank writes its own
-    part, and a run continues on as many ranks as it began with. An error of one rank is raised on all of them.
+    A reduced model's state is the same on all ranks and rank 0 writes; of an unreduced one every rank writes
+    its own part, and a run continues on as many ranks as it began with. An error of one rank is raised on all
+    of them.
 
     Parameters
     ----------
@@ -82,7 +83,8 @@ class HistoryFile:
     Raises
     ------
     TypeError, ValueError
-        If the file is no history of this kind, is damaged, is being written by another run or cannot be written.
+        If the file is no history of this kind, is damaged, is being written by another run or cannot be
+        written.
     """
 
     def __init__(
@@ -125,16 +127,16 @@ class HistoryFile:
             contents = Contents.read(file)
         if contents.kind != self.kind:
             raise ValueError(
-                f"{WHAT} {self.path!r} is that of {_ARTICLE[contents.kind]} model, not of {_ARTICLE[self.kind]} one; "
-                "name another file"
+                f"{WHAT} {self.path!r} is that of {_ARTICLE[contents.kind]} model, not of "
+                f"{_ARTICLE[self.kind]} one; name another file"
             )
         settings = contents.settings
         return FormerRun(settings["count"], settings["step"], settings["decimation"])
 
     # ------------------------------------------------------------------ before the first step
     def adopt(self, reduced: ReducedModel) -> ReducedModel:
-        """The reduced model to integrate: in a restart the file's own, so that the continued history is the same to
-        the last bit; else the one given, as it would come from the file. Collective.
+        """The reduced model to integrate: in a restart the file's own, so that the continued history is the
+        same to the last bit; else the one given, as it would come from the file. Collective.
 
         Raises
         ------
@@ -149,8 +151,8 @@ class HistoryFile:
                 other = difference(stored, reduced)
                 if other:
                     raise ValueError(
-                        f"{WHAT} {self.path!r} was written for another model ({other}); restart with that model, or "
-                        "name another file"
+                        f"{WHAT} {self.path!r} was written for another model ({other}); restart with that "
+                        "model, or name another file"
                     )
         stored = self.comm.bcast(stored)
         self._reduced = in_rows(reduced if stored is None else adopted(stored, reduced))
@@ -158,7 +160,7 @@ class HistoryFile:
 
     def begin(
         self,
-        columns: Mapping[str, ColumnLike],
+        columns: Mapping[str, tuple[tuple[int, ...], str, str]],
         settings: Mapping[str, Any],
         signals: Sequence[Signal],
         *,
@@ -189,7 +191,7 @@ class HistoryFile:
             self._contents = Contents(
                 self.kind,
                 settings,
-                columns,
+                {name: ColumnLike(*column) for name, column in columns.items()},
                 (),
                 signal_checks(signals, settings["count"] * settings["step"]),
                 texts or {},
@@ -206,32 +208,32 @@ class HistoryFile:
         for name, value in mine.items():
             if name != "count" and not close(theirs[name], value):
                 raise ValueError(
-                    f"{WHAT} {self.path!r} was written with {name} = {theirs[name]}, not {value}; restart with the "
-                    "same value, or name another file"
+                    f"{WHAT} {self.path!r} was written with {name} = {theirs[name]}, not {value}; restart "
+                    "with the same value, or name another file"
                 )
         if found.texts != {k: tuple(v) for k, v in self._contents.texts.items()} or not all(
             close(found.arrays[name], array) for name, array in self._contents.arrays.items()
         ):
             raise ValueError(
-                f"{WHAT} {self.path!r} was written for another model or other loads; restart with those, or name "
-                "another file"
+                f"{WHAT} {self.path!r} was written for another model or other loads; restart with those, or "
+                "name another file"
             )
         end, asked = (s["count"] * s["step"] for s in (theirs, mine))
         if theirs["count"] > mine["count"]:
             raise ValueError(
-                f"{WHAT} {self.path!r} is that of a run of {end:.6g} s, longer than {asked:.6g} s; read it, or name "
-                "another file"
+                f"{WHAT} {self.path!r} is that of a run of {end:.6g} s, longer than {asked:.6g} s; read it, "
+                "or name another file"
             )
         if not close(found.signal_checks, signal_checks(signals, end)):
             raise ValueError(
-                f"{WHAT} {self.path!r} was written for other load signals; restart with the same loads, or name "
-                "another file"
+                f"{WHAT} {self.path!r} was written for other load signals; restart with the same loads, or "
+                "name another file"
             )
 
     # ------------------------------------------------------------------ an integration.Recorder
     def resume(self) -> tuple[int, Rows, np.ndarray] | None:
-        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run; None for a new one.
-        Collective.
+        """Steps done, rows (none but in memory) and this rank's checkpoint of the former run; None for a new
+        one. Collective.
         """
         if self.former is None:
             return None
@@ -339,8 +341,8 @@ class HistoryFile:
                     self._open = OpenRows(self.path, tuple(self._contents.columns))
                 except OSError as error:
                     raise ValueError(
-                        f"{WHAT} {self.path!r} cannot be written by rank {self.comm.rank} ({reason(error)}); name a "
-                        "folder that all ranks share"
+                        f"{WHAT} {self.path!r} cannot be written by rank {self.comm.rank} "
+                        f"({reason(error)}); name a folder that all ranks share"
                     ) from None
 
 

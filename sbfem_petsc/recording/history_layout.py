@@ -1,18 +1,18 @@
 """Layout of the file of a time history, written while the motion is integrated and readable at every instant.
 
-The HDF5 file is laid out once, every data set of the groups "rows" and "running" contiguous and at its final size
-with nothing allocated on the disk; the run then writes plain bytes at known places. No structure of the file changes
-any more, so that there is no instant at which a killed run leaves one that HDF5 cannot read. (Appending to chunked
-data sets changes trees and headers at every flush; files open for SWMR have to be repaired by h5clear after a kill,
-and every rank would need a file of its own.)
+The HDF5 file is laid out once, every data set of the groups "rows" and "running" contiguous and at its final
+size with nothing allocated on the disk; the run then writes plain bytes at known places. No structure of the
+file changes any more, so that there is no instant at which a killed run leaves one that HDF5 cannot read.
+(Appending to chunked data sets changes trees and headers at every flush; files open for SWMR have to be
+repaired by h5clear after a kill, and every rank would need a file of its own.)
 
 rows/NAME        a row an instant, for each column
 running/A, B     checkpoints, written in turn: a head, the state of every writer, the newer one counts
 running/blocks   for each recorded chunk the number of rows up to its end, and their CRC-32
 running/recorded number of rows that are valid
 
-A head holds counter, steps done, rows, blocks, a CRC-32 of every writer's state, and its own; it is written last, and
-vouches for all that was written before it.
+A head holds counter, steps done, rows, blocks, a CRC-32 of every writer's state, and its own; it is written
+last, and vouches for all that was written before it.
 """
 
 from __future__ import annotations
@@ -202,8 +202,8 @@ def verified(path: str, contents: Contents, head: Head) -> Rows:
     for end, total in blocks:
         if not first <= end <= head.rows or block_sum(rows, first, int(end)) != total:
             raise ValueError(
-                f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(min(end, head.rows))} do not fit their "
-                "checksum; run it again without restart"
+                f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(min(end, head.rows))} do not fit "
+                "their checksum; run it again without restart"
             )
         first = int(end)
     if first != head.rows:
@@ -275,14 +275,14 @@ class OpenRows:
 def cannot_go_on(path: str, error: Exception) -> SolveError:
     """What is told when a file cannot be written any more."""
     return SolveError(
-        f"transient: {WHAT} {path!r} cannot be written any more ({reason(error)}); what it holds stays readable, "
-        "and restart=True continues from there"
+        f"transient: {WHAT} {path!r} cannot be written any more ({reason(error)}); what it holds stays "
+        "readable, and restart=True continues from there"
     )
 
 
 def _reserve(file: h5py.File, name: str, shape: tuple[int, ...]) -> h5py.Dataset:
-    """A contiguous data set with a place in the file, but not written: file systems with holes give no blocks to
-    it.
+    """A contiguous data set with a place in the file, but not written: file systems with holes give no blocks
+    to it.
     """
     layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     layout.set_layout(h5py.h5d.CONTIGUOUS)

@@ -68,8 +68,8 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
 
 
 def in_rows(reduced: ReducedModel) -> ReducedModel:
-    """The same with all arrays contiguous, row by row, as they come from a file: BLAS rounds products of others
-    differently.
+    """The same with all arrays contiguous, row by row, as they come from a file: BLAS rounds products of
+    others differently.
     """
 
     def rows(item):
@@ -83,8 +83,8 @@ def in_rows(reduced: ReducedModel) -> ReducedModel:
 
 
 def difference(one: ReducedModel, other: ReducedModel) -> str:
-    """What tells two reduced models apart, "" if nothing; signs of modes and rounding by other numbers of ranks
-    do not.
+    """What tells two reduced models apart, "" if nothing; signs of modes and rounding by other numbers of
+    ranks do not.
     """
     if one.points.names != other.points.names or one.tips.names != other.tips.names:
         return "its points or cracks differ"
@@ -122,8 +122,8 @@ def difference(one: ReducedModel, other: ReducedModel) -> str:
 def adopted(stored: ReducedModel, given: ReducedModel) -> ReducedModel:
     """A reduced model from a file with the model, modes and loads of an equal one that was made anew.
 
-    Modes whose sign another solve has turned round are turned back; where they cannot be (multiple frequencies)
-    the result has no model, and so no fields.
+    Modes whose sign another solve has turned round are turned back; where they cannot be (multiple
+    frequencies) the result has no model, and so no fields.
     """
     if given.model is None or given.modal is None:
         return replace(stored, loads=given.loads)

@@ -26,8 +26,8 @@ BAND, LEAST_MODES = 8.0, 80
 def reduce(model: Model, load, *, modes: int | None = None, band: float | None = None) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
-    The result stands in the place of the model in every dynamic analysis with loads at the same places. Analyses
-    called with the model itself make it on their own, once, and find it again.
+    The result stands in the place of the model in every dynamic analysis with loads at the same places.
+    Analyses called with the model itself make it on their own, once, and find it again.
 
     Parameters
     ----------
@@ -81,8 +81,9 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
     top = float(model.modes(count).frequencies[-1])
     if count == most and top < frequency:
         warnings.warn(
-            f"the {count} modes that the mesh is good for end at {top:.6g} Hz, below the {frequency:.6g} Hz that were "
-            f"wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, or choose modes",
+            f"the {count} modes that the mesh is good for end at {top:.6g} Hz, below the {frequency:.6g} Hz "
+            f"that were wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, "
+            "or choose modes",
             BandWarning,
             stacklevel=2,
         )

@@ -18,7 +18,8 @@ from .outputs import LinearOutput
 
 @dataclass(frozen=True, eq=False)
 class ReducedModel:
-    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what is left out.
+    """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what is
+    left out.
 
     q'' + 2 zeta Omega q' + Omega^2 q = load_modes s + gap.modes^T force,
     gap = gap.modes q + gap.contact force + gap.loads s + initial_gap,
@@ -87,7 +88,8 @@ class ReducedModel:
         return MPI.COMM_SELF if self.model is None else self.model.comm
 
     def output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
-        """Displacement (2 components, m) or stress (xx, yy, xy, Pa) at any point, kept for the next time. Collective.
+        """Displacement (2 components, m) or stress (xx, yy, xy, Pa) at any point, kept for the next time.
+        Collective.
 
         Parameters
         ----------
@@ -129,14 +131,15 @@ class ReducedModel:
         if self.model is None or self.modal is None:
             raise on_all_ranks(
                 SolveError(
-                    f"{what}: a reduced model of matrices, or one read from a file, knows its named points alone; "
-                    "reduce the model again"
+                    f"{what}: a reduced model of matrices, or one read from a file, knows its named points "
+                    "alone; reduce the model again"
                 )
             )
         return self.model
 
     def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Displacements (nodes, 2), m, of this rank's nodes at one instant, residual flexibility included. Collective.
+        """Displacements (nodes, 2), m, of this rank's nodes at one instant, residual flexibility included.
+        Collective.
 
         Parameters
         ----------
@@ -165,6 +168,6 @@ class ReducedModel:
 
     def __repr__(self) -> str:
         return (
-            f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} contact "
-            f"pairs, {self.load_modes.shape[1]} unit loads)"
+            f"ReducedModel({len(self.frequencies)} modes up to {self.frequencies[-1]:.6g} Hz, {self.pairs} "
+            f"contact pairs, {self.load_modes.shape[1]} unit loads)"
         )

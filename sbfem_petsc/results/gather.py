@@ -53,6 +53,7 @@ def stream(
                 comm.Send(np.ascontiguousarray(numbers[mine], dtype=np.int64), 0, tag=1)
                 comm.Send(values[mine], 0, tag=2)
             continue
+        assert counts is not None  # on rank 0
         rows = np.zeros((starts[k + 1] - first, *values.shape[1:]), dtype=values.dtype)
         rows[numbers[mine] - first] = values[mine]
         for rank in range(1, comm.size):

@@ -10,6 +10,7 @@ import platform
 import tempfile
 from dataclasses import dataclass
 from importlib import metadata
+from typing import Any
 
 import h5py
 import numpy as np
@@ -274,7 +275,7 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
     part = model.part
     group = None
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.create_group("mesh")
             group.attrs["edge_sets"], group.attrs["materials"] = (
                 list(model.edge_set_names),
@@ -364,9 +365,9 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
 def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str) -> None:
     model, count = modal.model, len(modal.frequencies)
     nodes = global_size(comm, model.part.nodes)
-    shapes = None
+    shapes: Any = None
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.create_group("modal")
             group.attrs["solver"] = modal.solver
             _put(group, "frequencies", modal.frequencies, "Hz", "natural frequencies, lowest first")
@@ -392,16 +393,12 @@ def _write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str
             )
     for mode in range(count):
         field = modal.nodal(mode)
+
+        def write(first: int, rows: np.ndarray, mode: int = mode) -> None:
+            shapes.write_direct(rows, dest_sel=np.s_[mode, first : first + len(rows)])
+
         with _written(comm, path):
-            stream(
-                comm,
-                model.part.nodes,
-                field,
-                nodes,
-                lambda first, rows: shapes.write_direct(
-                    rows, dest_sel=np.s_[mode, first : first + len(rows)]
-                ),
-            )
+            stream(comm, model.part.nodes, field, nodes, write)
 
 
 def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Static, load, path: str) -> None:
@@ -409,7 +406,7 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
     group = None
     exponents = dict(zip(model.tips.names, model.tips.exponents))
     with _written(comm, path):
-        if comm.rank == 0:
+        if file is not None:  # on rank 0
             group = file.require_group("static").create_group(name)
             group.attrs["solver"] = result.solver
             for number, item in enumerate(as_loads(load).parts if load is not None else (), 1):
@@ -442,11 +439,11 @@ def _write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Sta
                     "1",
                     "exponents of the displacement at the tip, 1/2 at a crack",
                 )
-            for point, values in result.point_displacements.items():
+            for point, displacement in result.point_displacements.items():
                 _put(
                     group.require_group("points"),
                     point.replace("/", "_"),
-                    values,
+                    displacement,
                     "m",
                     f"displacement of point {point}",
                 )
@@ -489,7 +486,7 @@ def _put_rows(
     path: str,
 ) -> None:
     """One distributed dataset, streamed to rank 0, where alone an error can arise."""
-    dataset = None
+    dataset: Any = None
     with _written(comm, path):
         if comm.rank == 0:
             dataset = _declare(group, name, (size, *values.shape[1:]), values.dtype, unit, description)

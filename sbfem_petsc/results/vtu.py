@@ -76,8 +76,8 @@ def write_modes(
     stress: bool = False,
     subdivisions: int | None = None,
 ) -> str:
-    """Write mode shapes, with their numbers and frequencies in the arrays' names: "mode 1, 26.4 Hz (m/sqrt(kg))".
-    Collective.
+    """Write mode shapes, with their numbers and frequencies in the arrays' names: "mode 1, 26.4 Hz
+    (m/sqrt(kg))". Collective.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ def _write(
         return piece
     pieces = comm.gather(os.path.basename(piece) if patches else None)
     with collective(comm):
-        if comm.rank == 0:
+        if pieces is not None:  # on rank 0
             _write_index(f"{stem}.pvtu", [p for p in pieces if p], fields, stress, per)
     return f"{stem}.pvtu"
 
@@ -144,15 +144,16 @@ def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
     """All patches of a rank as the arguments of a meshio mesh: quadrilaterals first, then the triangles at
     the scaling centres.
     """
-    points, data, offset = [], {}, 0
+    points, offset = [], 0
+    data: dict[str, list[np.ndarray]] = {}
     blocks: dict[str, list] = {"quad": [], "triangle": []}
     facts: dict[str, list] = {"quad": [], "triangle": []}
     for patch in patches:
         flat = patch.positions.reshape(-1, 2)
         points.append(flat)
-        for kind, cells in zip(blocks, point_grid_cells(patch)):
-            blocks[kind].append(cells.reshape(-1, cells.shape[-1]) + offset)
-            elements = np.repeat(model.part.elements[patch.elements], cells.shape[1])
+        for kind, corners in zip(blocks, point_grid_cells(patch)):
+            blocks[kind].append(corners.reshape(-1, corners.shape[-1]) + offset)
+            elements = np.repeat(model.part.elements[patch.elements], corners.shape[1])
             facts[kind].append(
                 np.stack(
                     [

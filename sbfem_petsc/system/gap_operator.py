@@ -1,4 +1,6 @@
-"""Gaps of the contact as linear forms of the displacements: node pairs, then the pressure modes of tip elements."""
+"""Gaps of the contact as linear forms of the displacements: node pairs, then the pressure modes of tip
+elements.
+"""
 
 from __future__ import annotations
 
@@ -18,8 +20,8 @@ from .rows import Rows
 class GapOperator:
     """Contact rows: gap = rows u + initial + flexibility force.
 
-    The first `pairs` rows are those of the node pairs, whose forces are nodal forces (N). The others belong to
-    the faces inside tip elements: a row is the mean opening weighted with a pressure mode, its force the
+    The first `pairs` rows are those of the node pairs, whose forces are nodal forces (N). The others belong
+    to the faces inside tip elements: a row is the mean opening weighted with a pressure mode, its force the
     resultant of that mode (N), and its own flexibility that of the tip element under a pressure that its
     boundary does not see.
 
@@ -65,11 +67,12 @@ def gap_operator(model) -> GapOperator:
         model.comm.Allreduce(MPI.IN_PLACE, array)
     initial[:pairs] = model.pairs.gap
     laws = RowLaws.of(_laws(model))
+    rows, unknowns, coefficients = (np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries))
     return GapOperator(
         Rows.gathered(
             model.comm,
             model.ranges,
-            tuple(np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries)),
+            (rows, unknowns, coefficients),
             pairs + inside,
         ),
         laws.rest(initial),
@@ -88,7 +91,9 @@ def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> T
 
 
 def _own_flexibility(compliance: np.ndarray, pairs: int, blocks: np.ndarray) -> sparse.csr_array:
-    """The laws' compliance on the diagonal and one block (modes, modes) for each tip element behind the pairs."""
+    """The laws' compliance on the diagonal and one block (modes, modes) for each tip element behind the
+    pairs.
+    """
     inside, modes = blocks.shape
     rows = pairs + np.repeat(np.arange(inside), modes)
     tips = np.repeat(np.arange(inside // max(modes, 1)), modes * modes)

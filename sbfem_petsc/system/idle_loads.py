@@ -29,8 +29,8 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
         idle, supports = model.keep(("idle", unit), lambda unit=unit: _idle(model, unit))
         if idle:
             warnings.warn(
-                f"{owner}: {unit!r} has no effect, for its direction is held fixed there by {listed(supports)}; load "
-                "another place or direction, or free this one",
+                f"{owner}: {unit!r} has no effect, for its direction is held fixed there by "
+                f"{listed(supports)}; load another place or direction, or free this one",
                 LoadWarning,
                 stacklevel=3,
             )

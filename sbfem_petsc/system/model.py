@@ -37,8 +37,8 @@ class Model(Structure):
     material : Material, OrthotropicMaterial or dict of str to these
         One for all, or one for each of the mesh's material names.
     clamped : str, sequence of str or None
-        Edge sets or points held fixed in both directions; None for none of them. Default: the edge set that the
-        mesh declares, "left" of a beam; other meshes declare none.
+        Edge sets or points held fixed in both directions; None for none of them. Default: the edge set that
+        the mesh declares, "left" of a beam; other meshes declare none.
     continued_fraction : int
         Terms of the continued fraction for the inertia of each S-element (Mcf of the paper); 0: mass matrix
         alone.
@@ -46,11 +46,11 @@ class Model(Structure):
         Modal damping ratio of every dynamic analysis. An unreduced model meets it in its computed modes, and
         has none beyond them.
     rayleigh : (float, float)
-        a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio of
-        a mode; see `rayleigh_factors`.
+        a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio
+        of a mode; see `rayleigh_factors`.
     contact_laws : ContactLaw or dict of str to ContactLaw, optional
-        One for all cracks, or by the names of cracks, such as ``{"crack2": Tied()}``. Default, and of cracks that
-        are not named: `Unilateral`.
+        One for all cracks, or by the names of cracks, such as ``{"crack2": Tied()}``. Default, and of cracks
+        that are not named: `Unilateral`.
     thickness : float
         m.
     supports : sequence of Support
@@ -146,7 +146,9 @@ class Model(Structure):
         return compliance(self)
 
     def modes(self, count: int) -> Modal:
-        """The lowest modes by the defaults of `modal`, computed once for the largest count asked for. Collective."""
+        """The lowest modes by the defaults of `modal`, computed once for the largest count asked for.
+        Collective.
+        """
         integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
             self._modes = lowest_modes(self, count)
@@ -159,7 +161,9 @@ class Model(Structure):
         return self._kept[key]
 
     def destroy(self) -> None:
-        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different
+        times.
+        """
         if alone(self.comm):
             return
         solver = self.__dict__.pop("solver", None)
@@ -169,8 +173,8 @@ class Model(Structure):
         super().destroy()
 
     def damping_ratios(self, omega: np.ndarray) -> np.ndarray:
-        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a /
-        (2 omega) + b omega / 2.
+        """Damping ratios of modes with angular frequencies `omega` (rad/s): the modal ratio and Rayleigh's a
+        / (2 omega) + b omega / 2.
         """
         a, b = self.rayleigh
         reciprocal = np.divide(a, omega, out=np.zeros(len(omega)), where=omega > 0.0)
@@ -228,8 +232,8 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
         return {name: law for name in cracks}
     if not isinstance(laws, Mapping):
         raise TypeError(
-            f"Model: contact_laws = {shown(laws)} must be a contact law or a dict of crack names to contact laws, "
-            "{'crack1': Tied()}"
+            f"Model: contact_laws = {shown(laws)} must be a contact law or a dict of crack names to contact "
+            f"laws, {{'crack1': Tied()}}"
         )
     for name, law in laws.items():
         if name not in cracks:

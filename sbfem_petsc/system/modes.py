@@ -68,7 +68,8 @@ class Modal:
         return self.model.nodal(self.shapes[:, mode])
 
     def to_csv(self, path: str) -> None:
-        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated values.
+        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated
+        values.
 
         The file takes its name when it is whole.
 
@@ -174,15 +175,17 @@ def modes_in_band(
     count, most = 8, pencil.unknowns // 2
     try:
         expected = None
-        if verify and pencil.eigenvalues_below(ends[1]) is not None:
-            expected = pencil.eigenvalues_below(ends[1]) - (
-                pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
-            )
+        below = pencil.eigenvalues_below(ends[1]) if verify else None
+        if below is not None:
+            lower = pencil.eigenvalues_below(ends[0]) if ends[0] > 0.0 else 0
+            assert lower is not None  # by the same direct solver
+            expected = below - lower
             if expected > most:
                 raise on_all_ranks(
                     ValueError(
-                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half of the "
-                        f"{pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or refine the mesh"
+                        f"modal: band = ({low:g}, {high:g}) Hz holds {expected} frequencies, more than half "
+                        f"of the {pencil.unknowns} unknowns; the mesh cannot carry them: lower the band or "
+                        "refine the mesh"
                     )
                 )
             count = min(max(count, expected + 4), most)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import warnings
 from collections.abc import Sequence
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -15,6 +16,9 @@ from ..selement.solution import SElement, solve_selement
 from .modes import Modal
 from .shapes import Group
 from .structure import Structure
+
+if TYPE_CHECKING:
+    from .model import Model
 
 # Orders and terms that the estimate looks beyond those of the model.
 MORE_ORDERS, MORE_TERMS = 2, 1
@@ -108,7 +112,7 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
     if not len(near) or not needs_look(model, 2.0 * float(found.frequencies[near[-1]])):
         return
     own, damping = found.frequencies[near], np.maximum(ratios[near], LEAST_DAMPING)
-    errors = 2.0 * _kept_errors(found, near) * own**2
+    errors = 2.0 * _kept_errors(found, near.tolist()) * own**2
     errors /= np.abs(own**2 - highest**2 + 2j * damping * own * highest)
     worst = int(np.argmax(errors))
     if errors[worst] > WARNED_AMPLITUDE:
@@ -163,7 +167,7 @@ def _outside() -> int:
 def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     """`frequency_errors`, once for the modes of a model."""
     key = ("frequency_errors", len(found.frequencies), *(int(mode) for mode in modes))
-    return found.model.keep(key, lambda: frequency_errors(found, modes))
+    return cast("Model", found.model).keep(key, lambda: frequency_errors(found, modes))
 
 
 def _least(order: int) -> float:

@@ -1,4 +1,6 @@
-"""Linear forms of the displacement unknowns whose values every rank knows: gaps, points, stress intensities."""
+"""Linear forms of the displacement unknowns whose values every rank knows: gaps, points, stress
+intensities.
+"""
 
 from __future__ import annotations
 
@@ -68,8 +70,8 @@ class Rows:
         if comm.size > 1:
             unknowns, numbers, values = route(comm, ranges, unknowns, numbers, values)
         first, last = int(ranges[comm.rank]), int(ranges[comm.rank + 1])
-        entries = (values, (numbers, unknowns - first))
-        return cls(comm, sparse.coo_matrix(entries, shape=(count, last - first)).tocsr())
+        placed = (values, (numbers, unknowns - first))
+        return cls(comm, sparse.coo_matrix(placed, shape=(count, last - first)).tocsr())
 
     def __len__(self) -> int:
         return self.matrix.shape[0]

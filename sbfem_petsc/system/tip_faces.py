@@ -78,7 +78,9 @@ class TipFaces:
     def uniform(
         self, faces: list[bool], traction: Callable[[np.ndarray], np.ndarray], thickness: float
     ) -> np.ndarray:
-        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the first and last face."""
+        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the first and last
+        face.
+        """
         values = np.zeros(5)
         turn = np.linalg.det(self.rotation)
         for face, loaded in enumerate(faces):

@@ -34,7 +34,8 @@ class TipIntensities:
     rows : Rows
         Two for each tip.
     contact : (2 tips, c) array
-        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip elements.
+        What forces of the contact rows add at given displacements, Pa m^(1/2)/N: those inside the tip
+        elements.
     faces : dict of int to (2, m) array
         The same for all traction modes of the tips that this rank holds, by the tip's number.
     """
@@ -46,8 +47,8 @@ class TipIntensities:
     faces: dict[int, np.ndarray]
 
     def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
-        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions on the
-        faces inside the tip elements add, (2 tips,). Collective.
+        """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
+        on the faces inside the tip elements add, (2 tips,). Collective.
         """
         values = (self.rows(owned) + more).reshape(-1, 2)
         return {name: (float(one), float(two)) for name, (one, two) in zip(self.names, values)}

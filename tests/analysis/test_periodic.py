@@ -206,8 +206,8 @@ def test_steps_modes_and_pairs(case_q):
 
 @pytest.mark.slow
 def test_mean_converges_with_the_mesh(case_q):
-    """The mean, most sensitive to contact near the tip: the default mesh is within 1e-3 of one of order 8 whose
-    tip element is ten times smaller, a mesh in between is within 3e-4.
+    """The mean, most sensitive to contact near the tip: the default mesh is within 1e-3 of one of order 8
+    whose tip element is ten times smaller, a mesh in between is within 3e-4.
     """
     _, orbit = case_q
     orbits = [orbit]
@@ -544,8 +544,8 @@ def test_forces_of_all_kinds_are_amplitudes(case_p, number):
 
 
 def test_orbits_of_other_models_are_refused(case_p):
-    """A state has a meaning in its own model's modes alone: another material, damping, load places or number of
-    modes cannot pass.
+    """A state has a meaning in its own model's modes alone: another material, damping, load places or number
+    of modes cannot pass.
     """
     model, orbit = case_p
     other = sb.Model(paper_beam().mesh(), sb.Material(young=7e9, poisson=0.33, density=2700), damping=0.002)

@@ -19,8 +19,8 @@ def two_tones(pump=PUMP, force=100.0):
 
 @pytest.fixture(scope="module")
 def beam():
-    """80 mm, 0.06 degrees, damping ratio 0.005, with the contact pairs that the figures below were computed for
-    by a program of another kind.
+    """80 mm, 0.06 degrees, damping ratio 0.005, with the contact pairs that the figures below were computed
+    for by a program of another kind.
     """
     return sb.Model(
         paper_beam(opening=0.06).mesh(order=5, face_edges=1),

@@ -151,8 +151,8 @@ def test_against_snes_variational_inequality(case):
 
 
 def test_closed_crack_under_pressure_is_no_crack():
-    """opening = 0 in compression along the beam: the crack carries the uniform stress as if it were not there,
-    to the tip: pressure, displacement and K_I = 0, whatever the size of the tip element.
+    """opening = 0 in compression along the beam: the crack carries the uniform stress as if it were not
+    there, to the tip: pressure, displacement and K_I = 0, whatever the size of the tip element.
     """
     free_y = [sb.Support("left", x=True, y=False), sb.Support("origin", x=False, y=True)]
     for tip_size in (8e-4, 2e-4):

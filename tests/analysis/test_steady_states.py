@@ -139,7 +139,8 @@ def test_what_a_search_in_vain_says():
     search = Search(settling=(1, 3), work=2560.0, dampings=(1.5,), neighbours=(1e-3,), attempt=2)
     with pytest.raises(
         sb.SolveError,
-        match=r"did not converge \(.*\): x\(T\) - x\(0\) is at .* Tried in vain as well: more damping, without a "
+        match=r"did not converge \(.*\): x\(T\) - x\(0\) is at .* Tried in vain as well: more damping, "
+        r"without a "
         r"motion at up to 1.5 times the given one; continuation from .* Hz \(no motion there\); a history "
         r"of 5 periods, after which x\(T\) - x\(0\) is at",
     ):

@@ -136,8 +136,8 @@ def test_modal_damping_is_that_of_the_reduced_model(model):
 
 
 def test_contact_inside_the_tip_element_is_of_first_order_in_the_step():
-    """The force of a step is its mean, and the tip element's own flexibility gives way to it at the step's end: the
-    distance to the reduced history halves with the step, and is 1e-6 without those rows.
+    """The force of a step is its mean, and the tip element's own flexibility gives way to it at the step's
+    end: the distance to the reduced history halves with the step, and is 1e-6 without those rows.
     """
     load = sb.PointForce("A", fy=sb.ToneBurst(600.0, 3000, 12))
     model = sb.Model(

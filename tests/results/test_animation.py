@@ -58,7 +58,9 @@ def at(grid, place):
 
 
 def test_faces_do_not_overlap(moved, tmp_path):
-    """Gaps of all pairs in the files are the history's, closed ones included; the modes alone would overlap."""
+    """Gaps of all pairs in the files are the history's, closed ones included; the modes alone would
+    overlap.
+    """
     mesh, history = moved
     peak = int(history.contact_resultant.argmax())
     chosen = [0.0, float(history.time[peak]), 0.002]

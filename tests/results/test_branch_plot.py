@@ -177,7 +177,9 @@ def test_pictures(curves, orbits, tmp_path):
 
 
 def test_stems_stand_on_the_least_harmonic_shown(orbits):
-    """Not on 1e-14 where the harmonics end at 1e-6: the axis begins at the power of ten below the least one."""
+    """Not on 1e-14 where the harmonics end at 1e-6: the axis begins at the power of ten below the least
+    one.
+    """
     levels = np.abs(orbits["touching"].harmonics("two")[:11])
     axes = plot_harmonics(orbits["touching"], "two", decades=3.0)
     least = levels[levels > 1e-3 * levels.max()].min()

@@ -381,8 +381,8 @@ def test_error_of_rank_0_on_both_ranks(tmp_path):
 
 # ---------------------------------------------------------------------- conditions of a run
 def test_the_continued_history_keeps_its_fields(model, whole, small_chunks, tmp_path):
-    """A restart goes on with the file's modes, whose signs another solve may have turned round; the fields are those
-    of the history all the same.
+    """A restart goes on with the file's modes, whose signs another solve may have turned round; the fields
+    are those of the history all the same.
     """
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
