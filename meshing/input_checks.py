@@ -41,7 +41,9 @@ def positive(item: str, name: str, value: object, unit: str = "m") -> float:
 def checked_order(order: object) -> int:
     """`order` as an int in range, or the error that names it."""
     if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
-        raise TypeError(f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
+        raise TypeError(
+            f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected."
+        )
     if not 1 <= order <= HIGHEST_ORDER:
         raise ValueError(f"mesh: order is {order}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
     return int(order)
@@ -68,7 +70,9 @@ def named_points(points: object) -> Mapping[str, object]:
     if points is None:
         return {}
     if not isinstance(points, Mapping):
-        raise TypeError(f'mesh: points is {shown(points)}, a dict of names to (x, y) such as {{"P": (0.1, 0.0)}} was expected.')
+        raise TypeError(
+            f'mesh: points is {shown(points)}, a dict of names to (x, y) such as {{"P": (0.1, 0.0)}} was expected.'
+        )
     for name in points:
         if not isinstance(name, str) or not name.strip():
             raise TypeError(f"mesh: points has the name {shown(name)}, a non-empty string was expected.")

@@ -104,7 +104,9 @@ class MeshInputs:
                 f"height, {beam.height / 2:g} m."
             )
         if not isinstance(corners, (str, list, tuple, set, frozenset)):
-            raise TypeError(f'mesh: corners is {shown(corners)}, a sequence of "left" and "right" was expected.')
+            raise TypeError(
+                f'mesh: corners is {shown(corners)}, a sequence of "left" and "right" was expected.'
+            )
         corners = (corners,) if isinstance(corners, str) else tuple(corners)
         for name in corners:
             choice("mesh", "corners", name, ("left", "right"))

@@ -85,7 +85,9 @@ class PlateShape:
     def _check_names(self) -> None:
         if self.edge_names is not None:
             if isinstance(self.edge_names, str) or not isinstance(self.edge_names, (list, tuple)):
-                raise TypeError(f"Plate: edge_names is {shown(self.edge_names)}, a list of names was expected.")
+                raise TypeError(
+                    f"Plate: edge_names is {shown(self.edge_names)}, a list of names was expected."
+                )
             names = tuple(self.edge_names)
             if len(names) != len(self.outline) or not all(isinstance(n, str) and n for n in names):
                 raise ValueError(

@@ -72,7 +72,9 @@ def write_animation(
         instants = _instants(motion.time, times, every)
         text("write_animation", "name", name)
         if os.path.basename(name) != name or not name.isprintable():
-            raise ValueError(f"write_animation: name = {name!r} must be the beginning of a file's name, without a folder")
+            raise ValueError(
+                f"write_animation: name = {name!r} must be the beginning of a file's name, without a folder"
+            )
         flag("write_animation", "stress", stress)
         if subdivisions is not None:
             integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
@@ -106,11 +108,7 @@ def _instants(time: np.ndarray, times: Any, every: int | None) -> np.ndarray:
         return np.arange(0, len(time), step)
     one = not isinstance(times, (list, tuple, np.ndarray))
     chosen = real_array("write_animation", "times", times, 0 if one else 1, "s").ravel()
-    if (
-        not len(chosen)
-        or chosen.min() < time[0]
-        or chosen.max() > time[-1] * (1.0 + 1e-9)
-    ):
+    if not len(chosen) or chosen.min() < time[0] or chosen.max() > time[-1] * (1.0 + 1e-9):
         raise ValueError(
             f"write_animation: times must be finite and between {time[0]:g} and {time[-1]:.6g} s"
         )

@@ -58,7 +58,12 @@ def checked_place(owner: str, place: Any) -> tuple[float, float]:
     TypeError, ValueError
         If it is something else.
     """
-    if isinstance(place, str) or not hasattr(place, "__len__") or getattr(place, "ndim", 1) == 0 or len(place) != 2:
+    if (
+        isinstance(place, str)
+        or not hasattr(place, "__len__")
+        or getattr(place, "ndim", 1) == 0
+        or len(place) != 2
+    ):
         raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
     if isinstance(place, Mapping):
         raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")

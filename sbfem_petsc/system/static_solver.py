@@ -85,9 +85,7 @@ class StaticSolver:
             free(self._comm, given)
 
     def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
-        sums = self._comm.allreduce(
-            np.stack([(right**2).sum(axis=0), (solution**2).sum(axis=0)])
-        )
+        sums = self._comm.allreduce(np.stack([(right**2).sum(axis=0), (solution**2).sum(axis=0)]))
         if not any(self.refinement.needed(*pair) for pair in np.sqrt(sums).T):
             return solution
         return self.refinement.refine(right, solution, lambda residual: self._dense(residual, what))

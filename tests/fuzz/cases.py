@@ -25,7 +25,7 @@ ROOMS = tuple(os.path.dirname(package.__file__) + os.sep for package in (meshing
 KINDS = (ValueError, TypeError, KeyError, RuntimeError)
 SECONDS = 20.0
 POINTS = ("point", "points", "place", "start", "end")
-OWNERS = {name.split('.')[-1] for name in public()}
+OWNERS = {name.split(".")[-1] for name in public()}
 
 
 class Late(BaseException):
@@ -142,14 +142,20 @@ def without_example() -> list[str]:
             found.append(name)
         elif name in CALLS:
             known = {argument for make in CALLS[name] for argument in make()}
-            named = (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL) if (parameter := inspect.Parameter) else ()
+            named = (
+                (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL) if (parameter := inspect.Parameter) else ()
+            )
             for argument in inspect.signature(item).parameters.values():
                 if argument.kind not in named and argument.name not in known:
                     found.append(f"{name}({argument.name})")
     for name, make in OBJECTS.items():
         for method, call, given in methods(name, make()):
             for argument in inspect.signature(call).parameters.values():
-                if argument.default is argument.empty and argument.name not in given and argument.kind in (0, 1, 3):
+                if (
+                    argument.default is argument.empty
+                    and argument.name not in given
+                    and argument.kind in (0, 1, 3)
+                ):
                     found.append(f"{name}.{method}({argument.name})")
     return found
 

@@ -198,7 +198,15 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "resume": False,
             "progress": None,
         },
-        lambda: {"model": model(), "load": PUSH, "start": 300.0, "stop": 300.1, "steps": 64, "modes": 6, "points": 2},
+        lambda: {
+            "model": model(),
+            "load": PUSH,
+            "start": 300.0,
+            "stop": 300.1,
+            "steps": 64,
+            "modes": 6,
+            "points": 2,
+        },
     ],
     "load_response": [
         lambda: {
@@ -288,7 +296,14 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "cracks": (),
         }
     ],
-    "Plate": [lambda: {"outline": ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)), "holes": (), "cracks": (), "edge_names": None}],
+    "Plate": [
+        lambda: {
+            "outline": ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)),
+            "holes": (),
+            "cracks": (),
+            "edge_names": None,
+        }
+    ],
     "VNotch": [lambda: {"x": 0.04, "depth": 0.004, "opening": 0.05, "tilt": 0.0, "edge": "top"}],
     "Hole": [lambda: {"x": 0.04, "y": 0.005, "diameter": 0.002}],
     "CrackLine": [lambda: {"points": ((0.5, 0.0), (0.5, 0.2)), "opening": 0.0, "name": "c"}],
@@ -342,7 +357,9 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Model": model,
     "BoundaryMesh": mesh,
     "Beam": lambda: Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]),
-    "Plate": lambda: Plate([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], cracks=[CrackLine([(0.5, 0.0), (0.5, 0.2)])]),
+    "Plate": lambda: Plate(
+        [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], cracks=[CrackLine([(0.5, 0.0), (0.5, 0.2)])]
+    ),
     "Harmonic": lambda: sb.Harmonic(1.0, 10.0),
     "Samples": lambda: sb.Samples([0.0, 1.0], [0.0, 1.0]),
 }
@@ -375,8 +392,20 @@ ARGUMENTS: Arguments = {
 
 # Public for their own modules' sake only: they take what other rooms have checked.
 INTERNAL = {
-    "Model": {"keep", "load_columns", "checked_loads", "require_support", "nodal", "at_points", "unknowns_of", "scales",
-              "spring_triples", "places", "damping_ratios", "destroy"},
+    "Model": {
+        "keep",
+        "load_columns",
+        "checked_loads",
+        "require_support",
+        "nodal",
+        "at_points",
+        "unknowns_of",
+        "scales",
+        "spring_triples",
+        "places",
+        "damping_ratios",
+        "destroy",
+    },
     "ReducedModel": {"output_at", "field"},
     "Modal": {"selected"},
     "BoundaryMesh": {"element_nodes", "outline_edges"},
@@ -408,6 +437,11 @@ def public() -> dict[str, Any]:
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
     for name, item in vars(indicators).items():
-        if callable(item) and not isinstance(item, type) and item.__module__ == indicators.__name__ and name[0] != "_":
+        if (
+            callable(item)
+            and not isinstance(item, type)
+            and item.__module__ == indicators.__name__
+            and name[0] != "_"
+        ):
             found[f"indicators.{name}"] = item
     return found

@@ -90,7 +90,11 @@ NUMBER, WHOLE, FLAG, TEXT, PATH, OTHER = "number", "whole number", "flag", "text
 
 def kind(parameter: inspect.Parameter) -> str:
     """What a parameter takes."""
-    words = {word.strip() for word in str(parameter.annotation).split("|")} - {"None", "Signal", "os.PathLike[str]"}
+    words = {word.strip() for word in str(parameter.annotation).split("|")} - {
+        "None",
+        "Signal",
+        "os.PathLike[str]",
+    }
     if words == {"str"} and parameter.name in ("path", "file", "folder", "output"):
         return PATH
     return {
