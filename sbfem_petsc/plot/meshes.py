@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Rectangle
+from matplotlib.ticker import MaxNLocator
 from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
@@ -194,6 +195,8 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.set_xlim(lower[0] * scale, upper[0] * scale)
     axes.set_ylim(lower[1] * scale, upper[1] * scale)
     axes.set_aspect(stretch)
+    if nodes:  # a small panel: numbers of five digits would meet
+        axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_xlabel(f"x ({unit})")
     axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
     style(axes)
