@@ -171,7 +171,8 @@ def estimate(
     if not result.converged:
         warnings.warn(
             f"estimate: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a "
-            "quantity without a limit, such as a stress at a corner or the displacement under a point force, has none",
+            "quantity without a limit, such as a stress at a corner or a displacement under a point force, "
+            "has none",
             MeshWarning,
             stacklevel=2,
         )
