@@ -87,7 +87,8 @@ def places(model, points: list[tuple[float, float]]) -> Places:
                 lower, upper = model.extent
                 raise ValueError(
                     f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
-                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside holes)"
+                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
+                    "holes)"
                 )
     tractions = {faces.number: faces for faces in model.tip_faces}
     numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
