@@ -29,7 +29,8 @@ def real(
     TypeError
         If it is no real number; a bool is none.
     ValueError
-        If it is not finite or outside the bounds (`above` and `below` are excluded, `least` and `most` are not).
+        If it is not finite or outside the bounds (`above` and `below` are excluded, `least` and `most` are
+        not).
     """
     in_unit = f" ({unit})" if unit else ""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
@@ -124,7 +125,9 @@ def callback(owner: str, name: str, value: Any) -> Any:
 
 
 def progress(owner: str, value: Any) -> Any:
-    """What is called with the fraction done: a function, "auto" or None; TypeError or ValueError otherwise."""
+    """What is called with the fraction done: a function, "auto" or None; TypeError or ValueError
+    otherwise.
+    """
     if value is None or (isinstance(value, str) and value == "auto"):
         return value
     if isinstance(value, str) or not callable(value):
@@ -140,9 +143,7 @@ def instance(owner: str, name: str, value: Any, kinds: type | tuple[type, ...], 
     return value
 
 
-def numbers_of(
-    owner: str, name: str, value: Any, count: int, what: str, **bounds: float
-) -> tuple[float, ...]:
+def numbers_of(owner: str, name: str, value: Any, count: int, what: str, **bounds: Any) -> tuple[float, ...]:
     """`value` as so many finite floats; TypeError or ValueError otherwise.
 
     Parameters

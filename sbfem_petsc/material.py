@@ -10,7 +10,8 @@ import numpy as np
 
 from .checks import choice, positive, real
 
-# Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers' range.
+# Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers'
+# range.
 LEAST, MOST = 1e-30, 1e30
 PLANES = ("stress", "strain")
 

@@ -17,7 +17,8 @@ from .checks import callback, shown
 from .errors import SolveError, UnknownName
 from .fingerprint import Fingerprint, fingerprint
 
-# Seconds after which an exchange with a rank that has left is given up: it may have taken part before it left.
+# Seconds after which an exchange with a rank that has left is given up: it may have taken part before it
+# left.
 GRACE = 5.0
 # Relative difference of numbers that different processors explain.
 ROUND_OFF = 1e-9
@@ -77,7 +78,8 @@ def on_root(comm: MPI.Comm, work: Callable[[], Result]) -> Result | None:
 
 
 def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
-    """Refuse arguments that differ between the ranks of `comm`, which would mix into a wrong result. Collective.
+    """Refuse arguments that differ between the ranks of `comm`, which would mix into a wrong result.
+    Collective.
 
     Numbers may differ by rounding. A rank that calls another function meanwhile is told of too.
 
@@ -119,8 +121,8 @@ def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
             if not first.same(others[name], ROUND_OFF):
                 raise _mark(
                     RanksDiffer(
-                        f"{owner}: {name} differs between the ranks: {calls[0][2][name]} on rank 0, {texts[name]} on "
-                        f"rank {rank}; give every rank the same"
+                        f"{owner}: {name} differs between the ranks: {calls[0][2][name]} on rank 0, "
+                        f"{texts[name]} on rank {rank}; give every rank the same"
                     )
                 )
 
@@ -141,8 +143,8 @@ def checked_communicator(owner: str, comm: Any) -> MPI.Comm:
 
 
 def alone(comm: MPI.Comm) -> bool:
-    """Whether an error is on its way that other ranks of `comm` do not know of: nothing collective may be done
-    then, such as the end of a factorisation, for they would be waited for.
+    """Whether an error is on its way that other ranks of `comm` do not know of: nothing collective may be
+    done then, such as the end of a factorisation, for they would be waited for.
     """
     error = sys.exc_info()[1]
     return comm.size > 1 and error is not None and not getattr(error, "on_all_ranks", False)
@@ -168,8 +170,8 @@ def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
             missing, since = (abort.left(comm) if turns % 100 == 0 else None), time.monotonic()
         elif time.monotonic() - since > GRACE:
             raise SolveError(
-                f"rank {missing} has ended its program, but rank {comm.rank} of {comm.size} still waits for it: "
-                "what works on a model, or with its results on several ranks, is called on all of them"
+                f"rank {missing} has ended its program, but rank {comm.rank} of {comm.size} still waits for "
+                "it: what works on a model, or with its results on several ranks, is called on all of them"
             )
     return [row.tobytes() for row in table]
 
@@ -179,8 +181,8 @@ def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:
     kinds = [word[:1] for word in told]
     other = next(rank for rank, kind in enumerate(kinds) if kind != kinds[0])
     return RanksDiffer(
-        f"rank {other} of {comm.size} is at another place of the program than rank 0; what works on a model is called "
-        "on all ranks, in the same order"
+        f"rank {other} of {comm.size} is at another place of the program than rank 0; what works on a model "
+        "is called on all ranks, in the same order"
     )
 
 

@@ -1,4 +1,6 @@
-"""Files that are written whole or not at all: under another name first, which is then exchanged for their own."""
+"""Files that are written whole or not at all: under another name first, which is then exchanged for their
+own.
+"""
 
 from __future__ import annotations
 

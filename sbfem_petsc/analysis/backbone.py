@@ -202,8 +202,8 @@ def backbone(
             )
         if isinstance(model, Model) and (modes or 3 * mode + MODES) > model.boundary_unknowns // 2:
             raise ValueError(
-                f"backbone: {modes or 3 * mode + MODES} modes are more than half of the {model.boundary_unknowns} unknowns; "
-                "give fewer modes, or refine the mesh"
+                f"backbone: {modes or 3 * mode + MODES} modes are more than half of the "
+                f"{model.boundary_unknowns} unknowns; give fewer modes, or refine the mesh"
             )
     agree(
         communicator(model),
@@ -259,7 +259,7 @@ def backbone(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
             f"points, before {stop:.6g} J: {reason}; raise points, take more steps a period or fewer modes"
         )
-        failure.backbone = result
+        failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)
     return result
 

@@ -47,8 +47,8 @@ def periodic(
     model : Model or ReducedModel
         Its damping ratio is that of all modes. A model is reduced once for the places of its loads.
     load : PointForce, EdgeLoad, SupportMotion, a sum or a sequence of them
-        For a system of matrices a value for each of its unit loads. A number is the amplitude of sin(2 pi f t); signals stand for themselves (`Constant`: a preload;
-        `Harmonic`: a further tone).
+        For a system of matrices a value for each of its unit loads. A number is the amplitude of
+        sin(2 pi f t); signals stand for themselves (`Constant`: a preload; `Harmonic`: a further tone).
     frequency : float
         Forcing frequency f, Hz.
     periods : int, optional
@@ -178,6 +178,6 @@ def _check_unreduced(model, settings: PeriodSettings, start, tolerance) -> None:
         )
     if start is not None or settings.jacobian not in ("auto", "matrix-free"):
         raise ValueError(
-            "periodic: start and jacobian are for the reduced model; the unreduced one starts from its linear "
-            "response, without a matrix"
+            "periodic: start and jacobian are for the reduced model; the unreduced one starts from its "
+            "linear response, without a matrix"
         )

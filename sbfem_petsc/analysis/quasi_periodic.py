@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import numbers
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -234,7 +235,7 @@ def _checked(frequencies, samples, steps, modes) -> tuple[float, float]:
     return pair[0], pair[1]
 
 
-def _drives(signals: list[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
+def _drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
     """Loads at multiples of the faster tone, constants included, and of the slower one."""
     found: tuple[dict, dict] = ({}, {})
     for k, signal in enumerate(signals):
@@ -256,10 +257,11 @@ def _drives(signals: list[Signal], frequencies: tuple[float, float]) -> tuple[Ex
                 f"quasi_periodic: no load oscillates at {frequency:g} Hz; give Harmonic(amplitude, "
                 f"{frequency:g}), or use periodic for one tone"
             )
-    return tuple(
+    first, second = (
         Excitation(np.array(sorted(part)), np.array([part[order] for order in sorted(part)]), 1)
         for part in found
     )
+    return first, second
 
 
 def _belongs(part: Harmonic, frequencies: tuple[float, float]) -> tuple[int, int]:
@@ -286,8 +288,8 @@ def _guess(start, samples: int, reduced: ReducedModel, rotation: float) -> np.nd
     same = start.reduced is reduced or (reduced.model is not None and start.reduced.model is reduced.model)
     if not same or start.states.shape[1] != 2 * modes:
         raise ValueError(
-            f"quasi_periodic: start belongs to another model or number of modes ({start.states.shape[1] // 2}, "
-            f"not {modes}); give one of the same model"
+            "quasi_periodic: start belongs to another model or number of modes "
+            f"({start.states.shape[1] // 2}, not {modes}); give one of the same model"
         )
     harmonics = np.fft.rfft(start.states, axis=0) / start.samples
     kept = np.zeros((samples // 2 + 1, 2 * modes), dtype=complex)
@@ -307,6 +309,7 @@ def _lines(torus: Torus, curve: Curve) -> tuple[np.ndarray, float]:
     peak = 0.0
     for i in torus.mine:
         motion = curve.motions[i]
+        assert motion is not None  # this rank's
         forces = motion.forces[:-1]
         peak = max(peak, float(forces.sum(axis=1).max(initial=0.0)))
         u = np.einsum("pim,nm->npi", r.points.modes, motion.states[:-1], optimize=True)

@@ -119,7 +119,8 @@ class Static:
         return Field(self.field, forces)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure (Pa).
+        """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure
+        (Pa).
 
         Forces of the pairs over the length of face that each stands for, and the traction on the faces inside
         the tip element.
@@ -145,17 +146,21 @@ class Static:
 
     @functools.cached_property
     def energy_release_rate(self) -> dict[str, float]:
-        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and interfaces. Collective."""
+        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and interfaces.
+        Collective.
+        """
         return energy_release_rates(self.model, self.stress_intensity)
 
     @functools.cached_property
     def t_stress(self) -> dict[str, float]:
-        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches. Collective."""
+        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches.
+        Collective.
+        """
         return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
 
     def to_csv(self, path: str) -> None:
-        """Write displacements of the named points, stress intensity factors and contact pairs as comma-separated
-        values: quantity, where, number of the pair, value, unit.
+        """Write displacements of the named points, stress intensity factors and contact pairs as
+        comma-separated values: quantity, where, number of the pair, value, unit.
 
         The file takes its name when it is whole.
 

@@ -1,4 +1,6 @@
-"""Time histories with unilateral contact, in modal coordinates with massless contact or of the unreduced model."""
+"""Time histories with unilateral contact, in modal coordinates with massless contact or of the unreduced
+model.
+"""
 
 from __future__ import annotations
 
@@ -34,9 +36,9 @@ from ..system.model import Model
 # h)^2 / 12 = 3e-5.
 STEPS_A_PERIOD = 320
 # With contact, the default step is at most this share of the highest mode's period: pairs that open and close
-# excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and closed,
-# 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3; from 1
-# on, where modes go through whole periods in a step, up to 1e-3 and 1e-2.
+# excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
+# closed, 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3;
+# from 1 on, where modes go through whole periods in a step, up to 1e-3 and 1e-2.
 CONTACT_STEP = 0.8
 # Fewer steps a period than this, and the user is warned.
 COARSE = 20
@@ -97,8 +99,8 @@ def transient(
         coordinates and their velocities, (m,) arrays, of a reduced model.
     decimation : int, optional
         Every so many steps are kept; the step is shortened so that the last one is among them. Default: every
-        one, unless the history would take more than 1 GB; then the fewest that are left out to stay below, with a
-        warning.
+        one, unless the history would take more than 1 GB; then the fewest that are left out to stay below,
+        with a warning.
     reduction : "modes" or None
         "modes": lowest modes and residual flexibility; None: the unreduced model by Newmark's average
         acceleration with implicit contact (see `dynamics.unreduced_history`).
@@ -197,8 +199,8 @@ def transient(
         _warn_if_coarse(highest, step)
         if every > 1 and decimation is None and former is None:
             warnings.warn(
-                f"transient: of {count:,d} steps every {every} are kept, for all of them would take more than "
-                f"{KEPT / 1e9:g} GB; decimation = 1 keeps all",
+                f"transient: of {count:,d} steps every {every} are kept, for all of them would take more "
+                f"than {KEPT / 1e9:g} GB; decimation = 1 keeps all",
                 StepWarning,
                 stacklevel=2,
             )
@@ -319,8 +321,8 @@ def _default_step(duration: float, highest: float, top: float) -> float:
 def _plan(
     duration: float, step: float | None, decimation: int | None, row: int, former: FormerRun | None
 ) -> tuple[int, float, int]:
-    """Number of steps, the step, and every how many are kept: with those of the file that is to be continued if
-    none or the same were asked for, otherwise such that they divide `duration`.
+    """Number of steps, the step, and every how many are kept: with those of the file that is to be continued
+    if none or the same were asked for, otherwise such that they divide `duration`.
     """
     if former is not None:
         decimation = former.decimation if decimation is None else decimation
@@ -330,9 +332,9 @@ def _plan(
     if not duration / step < MOST_STEPS:
         raise on_all_ranks(
             ValueError(
-                f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, would take at "
-                f"least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a larger step or loads of lower "
-                "frequency"
+                f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, "
+                f"would take at least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a "
+                "larger step or loads of lower frequency"
             )
         )
     count = _multiple(duration / step, 1)

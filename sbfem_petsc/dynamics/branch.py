@@ -123,8 +123,8 @@ class Branch:
         return find_peak(self.value, self.amplitude(point))
 
     def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
-        """Write parameter, verdict, contact and the amplitudes and first harmonics of points (default: all) as
-        comma-separated values.
+        """Write parameter, verdict, contact and the amplitudes and first harmonics of points (default: all)
+        as comma-separated values.
 
         The file takes its name when it is whole.
 

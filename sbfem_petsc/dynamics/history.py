@@ -78,7 +78,8 @@ class Motion:
         return self.states.stress_intensity(tip)
 
     def field(self, time: float) -> np.ndarray:
-        """Displacements (nodes, 2), m, of this rank's nodes at the kept instant next to a time (s). Collective.
+        """Displacements (nodes, 2), m, of this rank's nodes at the kept instant next to a time (s).
+        Collective.
 
         Raises
         ------
@@ -90,7 +91,8 @@ class Motion:
         return self.states.field(int(np.argmin(np.abs(self.time - at))))
 
     def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
-        """Write time, displacements of points (default: all) and the contact resultant as comma-separated values.
+        """Write time, displacements of points (default: all) and the contact resultant as comma-separated
+        values.
 
         The file takes its name when it is whole.
 

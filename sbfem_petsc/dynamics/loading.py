@@ -80,8 +80,8 @@ def loading(
     if all(isinstance(value, (Real, Signal)) for value in values):
         if len(values) != count:
             raise ValueError(
-                f"{owner}: the reduced model has {count} unit loads, the load has {len(values)}; give a number or "
-                "signal for each"
+                f"{owner}: the reduced model has {count} unit loads, the load has {len(values)}; give a "
+                "number or signal for each"
             )
         for value in values:
             if isinstance(value, Real):
@@ -98,7 +98,8 @@ def loading(
     for unit, signal in zip(units, signals):
         if unit not in system.loads:
             raise ValueError(
-                f"{owner}: the reduced model was made for other loads than {unit!r}; reduce the model again with it"
+                f"{owner}: the reduced model was made for other loads than {unit!r}; reduce the model again "
+                "with it"
             )
         place = system.loads.index(unit)
         # the same place twice: the signals add up
@@ -113,7 +114,8 @@ def loading(
 def serving(
     owner: str, system: Model | ReducedModel, loads: Loading, modes: int | None, highest: float
 ) -> ReducedModel:
-    """The reduced model for an analysis: the system itself, or one made of the model and kept there. Collective.
+    """The reduced model for an analysis: the system itself, or one made of the model and kept there.
+    Collective.
 
     Parameters
     ----------
@@ -126,7 +128,8 @@ def serving(
         if modes is not None:
             raise on_all_ranks(
                 ValueError(
-                    f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many modes"
+                    f"{owner}: modes = {modes!r} has no meaning beside a reduced model; reduce it to so many "
+                    "modes"
                 )
             )
         return system

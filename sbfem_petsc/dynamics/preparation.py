@@ -34,7 +34,8 @@ class PeriodSettings:
     periods : int or None
         Forcing periods in one period of the motion; None: the fewest in which all tones fit.
     steps : int or None
-        Time steps a forcing period; None: 512, or as many as keep the step below 0.8 of the shortest modal period.
+        Time steps a forcing period; None: 512, or as many as keep the step below 0.8 of the shortest modal
+        period.
     modes : int or None
         None: all modes up to 8 times the loads' highest frequency, at least 80.
     contact : bool
@@ -126,8 +127,8 @@ def check_reduction(owner: str, reduction: object) -> None:
     """Raise TypeError unless it is "modes" or None."""
     if reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
         raise TypeError(
-            f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in the place of "
-            "the model"
+            f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in "
+            "the place of the model"
         )
 
 
@@ -143,6 +144,6 @@ def _check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
     if not same:
         raise ValueError(
             f"{owner}: the motion to start from belongs to another model or another number of modes "
-            f"({len(first.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its reduced model "
-            "in the place of the model"
+            f"({len(first.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its "
+            "reduced model in the place of the model"
         )

@@ -104,8 +104,8 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
             )
         if sealed is None:
             raise ValueError(
-                f"{what} {path!r} has lost its checksum: its end is missing, or another program has written to it; "
-                "write it again"
+                f"{what} {path!r} has lost its checksum: its end is missing, or another program has written "
+                "to it; write it again"
             )
         yield file
 

@@ -12,7 +12,8 @@ from ..errors import UnknownName, listed
 
 @dataclass(frozen=True, eq=False)
 class LinearOutput:
-    """y = modes q + loads s + contact force, for gaps, displacements of points and stress intensity factors alike.
+    """y = modes q + loads s + contact force, for gaps, displacements of points and stress intensity factors
+    alike.
 
     Attributes
     ----------
@@ -38,7 +39,9 @@ class LinearOutput:
         return (q @ flat[0] + amplitudes @ flat[1] + force @ flat[2]).reshape(len(q), *shape)
 
     def rates(self, velocity: np.ndarray) -> np.ndarray:
-        """(n, ...) rates of (n, m) velocities: the residual flexibility moves without inertia and is left out."""
+        """(n, ...) rates of (n, m) velocities: the residual flexibility moves without inertia and is left
+        out.
+        """
         shape = self.modes.shape[:-1]
         return (velocity @ self.modes.reshape(-1, self.modes.shape[-1]).T).reshape(len(velocity), *shape)
 

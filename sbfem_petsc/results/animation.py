@@ -33,8 +33,8 @@ def write_animation(
     folder : str
         Made if it is missing.
     motion : History or Orbit
-        Of a reduced model that knows its model; the fields are those of `motion.field`, the residual flexibility
-        of contact and loads included.
+        Of a reduced model that knows its model; the fields are those of `motion.field`, the residual
+        flexibility of contact and loads included.
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
     every : int, optional
@@ -64,8 +64,8 @@ def write_animation(
     if model is None:
         raise on_all_ranks(
             SolveError(
-                "write_animation: the motion keeps no fields, being that of an unreduced model, of matrices, or read "
-                "from a file; give one that transient or periodic has just made of a Model"
+                "write_animation: the motion keeps no fields, being that of an unreduced model, of "
+                "matrices, or read from a file; give one that transient or periodic has just made of a Model"
             )
         )
     with collective(model.comm):

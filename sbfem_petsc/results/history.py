@@ -49,8 +49,8 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
     complete = head.done == settings["count"]
     if not complete:
         warnings.warn(
-            f"{WHAT} {os.fspath(path)!r} is incomplete: its run has recorded {head.done} of {settings['count']} "
-            "steps; restart=True continues it",
+            f"{WHAT} {os.fspath(path)!r} is incomplete: its run has recorded {head.done} of "
+            f"{settings['count']} steps; restart=True continues it",
             IncompleteHistory,
             stacklevel=2,
         )
@@ -58,8 +58,8 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
         return reduced_history(rows, reduced, settings["step"], recorded_exchanges(states), complete)
     return unreduced_history(
         rows,
-        contents.texts["points"],
-        contents.texts["tips"],
+        tuple(contents.texts["points"]),
+        tuple(contents.texts["tips"]),
         pairs=settings["pairs"],
         step=settings["step"],
         damped_modes=settings["damped_modes"],

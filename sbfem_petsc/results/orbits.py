@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import h5py
 
 from ..checks import shown
@@ -47,8 +49,8 @@ _NUMBERS = {
 
 
 def save_orbit(orbit: Orbit, path: str) -> None:
-    """Write a periodic motion, with displacement and harmonics of every named point for other programs; the file
-    takes its name when it is whole.
+    """Write a periodic motion, with displacement and harmonics of every named point for other programs; the
+    file takes its name when it is whole.
 
     Raises
     ------
@@ -106,7 +108,7 @@ def _read_states(group: h5py.Group) -> ModalStates | SampledStates:
     if group.attrs["kind"] == "modal":
         arrays = {name: group[name][()] for name in _MODAL}
         return ModalStates(**arrays, reduced=read_reduced_model(group["reduced_model"]))
-    tables = {
+    tables: dict[str, Any] = {
         name: {str(key): group[name][f"{k:03d}"][()] for k, key in enumerate(group[name].attrs["names"])}
         for name in _SAMPLES
     }

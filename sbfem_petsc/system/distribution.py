@@ -28,7 +28,8 @@ class Distribution:
     tip_elements : tuple of Tip
         Those that have an S-element around them.
     tip_face_sets : tuple of (tuple of str, tuple of str)
-        Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong to.
+        Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong
+        to.
     material_names, edge_sets : tuple of str
     pairs : ContactPairs
     points : dict of str to ((x, y), (2,) int tuple, int)

@@ -76,7 +76,9 @@ def t_stresses(
 
 
 def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
-    """(m, 2): contact forces on this rank's nodes, also on those held fixed; sums over the ranks are the whole."""
+    """(m, 2): contact forces on this rank's nodes, also on those held fixed; sums over the ranks are the
+    whole.
+    """
     result = np.zeros((len(model.part.nodes), 2))
     gap = model.gap_operator
     if model.comm.rank == 0:

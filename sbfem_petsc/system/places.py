@@ -1,4 +1,6 @@
-"""Displacement and stress at any point of the structure, as linear forms of the displacements and face forces."""
+"""Displacement and stress at any point of the structure, as linear forms of the displacements and face
+forces.
+"""
 
 from __future__ import annotations
 
@@ -34,7 +36,9 @@ class PlaceRows:
     faces: dict[int, np.ndarray]
 
     def direct(self, model, tip_forces: dict[int, np.ndarray], count: int) -> np.ndarray:
-        """(rows, k): what loads on the faces inside tip elements add, from their forces (m, k). Collective."""
+        """(rows, k): what loads on the faces inside tip elements add, from their forces (m, k).
+        Collective.
+        """
         total = np.zeros((len(self.rows), count))
         for number, form in self.faces.items():
             if number in tip_forces:
@@ -91,8 +95,9 @@ def places(model, points: list[tuple[float, float]]) -> Places:
             if element == np.iinfo(np.int64).max:
                 lower, upper = model.extent
                 raise ValueError(
-                    f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches from "
-                    f"({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside holes)"
+                    f"the point ({point[0]:g}, {point[1]:g}) m lies outside the structure, which reaches "
+                    f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
+                    "holes)"
                 )
     tractions = {faces.number: faces for faces in model.tip_faces}
     numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
@@ -139,7 +144,9 @@ def places(model, points: list[tuple[float, float]]) -> Places:
 
 
 def _home(model, point: np.ndarray) -> tuple[int, Any, int, Located] | None:
-    """The S-element of this rank with the lowest number that holds a point: its number, group, member, place."""
+    """The S-element of this rank with the lowest number that holds a point: its number, group, member,
+    place.
+    """
     boxes, part = model.element_boxes, model.part
     slack = TOLERANCE * (boxes[:, 2:] - boxes[:, :2]).max(axis=1, initial=0.0)[:, None]
     inside = ((point >= boxes[:, :2] - slack) & (point <= boxes[:, 2:] + slack)).all(axis=1)

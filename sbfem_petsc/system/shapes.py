@@ -142,7 +142,7 @@ def _similar(part: Part, order: int, materials) -> list[list]:
     for closed, material, rows in batches:
         outlines = part.coordinates[np.stack([part.chains[i] for i in rows])] - part.centres[rows][:, None]
         for i, placement in zip(rows, placements(outlines, order, closed, materials[material].isotropic)):
-            tolerance = 1e-11 + noise / placement.size
+            tolerance = float(1e-11 + noise / placement.size)
             key = shape_key(placement.shape) + bytes((closed,)) + material.to_bytes(4, "little")
             for bucket in members.setdefault(key, []):
                 if same_shape(bucket[0].shape, placement.shape, max(tolerance, bucket[0].tolerance)):
@@ -217,7 +217,9 @@ class Solutions:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
         def solve(number: int) -> Inertia:
-            return self._solved[number].with_inertia(terms).dynamics
+            dynamics = self._solved[number].with_inertia(terms).dynamics
+            assert dynamics is not None  # `with_inertia` has just made them
+            return dynamics
 
         return self._sent_back(self._each(solve))
 

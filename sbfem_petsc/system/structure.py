@@ -1,4 +1,6 @@
-"""The discrete structure: S-elements on their ranks, numbered unknowns, stiffness, loads, contact rows, fields."""
+"""The discrete structure: S-elements on their ranks, numbered unknowns, stiffness, loads, contact rows,
+fields.
+"""
 
 from __future__ import annotations
 
@@ -233,7 +235,9 @@ class Structure:
 
     @functools.cached_property
     def element_boxes(self) -> np.ndarray:
-        """(elements, 4): least and greatest x and y of this rank's S-elements, their scaling centres included, m."""
+        """(elements, 4): least and greatest x and y of this rank's S-elements, their scaling centres
+        included, m.
+        """
         boxes = []
         for chain, centre in zip(self.part.chains, self.part.centres):
             places = np.vstack([self.part.coordinates[chain], centre])
@@ -292,7 +296,9 @@ class Structure:
         return source.array_r.copy()
 
     def destroy(self) -> None:
-        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different times."""
+        """Free the PETSc objects now instead of at garbage collection, which ranks reach at different
+        times.
+        """
         if alone(self.comm):
             return
         self._freed = True
