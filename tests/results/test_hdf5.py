@@ -112,7 +112,7 @@ def test_files_that_are_missing_truncated_incomplete_or_foreign(serial_files, tm
         read_results(str(tmp_path / "none.h5"))
     for length in (0, 100, len(whole) // 2, len(whole) - 1):
         (tmp_path / "cut.h5").write_bytes(whole[:length])
-        with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
+        with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file|its end is missing"):
             read_results(str(tmp_path / "cut.h5"))
     (tmp_path / "changed.h5").write_bytes(whole)
     with h5py.File(tmp_path / "changed.h5", "a") as file:
