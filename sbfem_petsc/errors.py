@@ -18,6 +18,10 @@ class SolveError(RuntimeError):
     """
 
 
+class RoundOffWarning(UserWarning):
+    """Round-off limits the digits of a result to less than is usual."""
+
+
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]
