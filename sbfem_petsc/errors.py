@@ -28,6 +28,10 @@ class BandWarning(UserWarning):
     """The modes kept, or the mesh behind them, do not reach the band of the loads."""
 
 
+class RoundOffWarning(UserWarning):
+    """Round-off limits the digits of a result to less than is usual."""
+
+
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]

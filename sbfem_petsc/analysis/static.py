@@ -7,7 +7,7 @@ import warnings
 
 from ..checks import choice, flag, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..errors import SolveError, on_all_ranks
+from ..errors import RoundOffWarning, SolveError, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import agree, collective
 from ..system.equilibrium import equilibrium
@@ -15,16 +15,11 @@ from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from .static_result import Static
 
-# Residual, relative to the load, beyond which a solution is refused, and beyond which the user is warned:
-# displacements are wrong by ten times the residual or so (cantilevers with a length of 300 to 1000 heights).
+# Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the user is
+# warned: displacements are wrong by ten times the residual or so.
 REFUSED, ROUND_OFF = 1e-2, 1e-5
 
-
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
-
-
-class RoundOffWarning(UserWarning):
-    """Round-off limits the digits of a result to less than is usual."""
 
 
 def static(model: Model, load, *, contact: bool = True, method: str = "active_set") -> Static:
@@ -59,6 +54,7 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
     columns = model.load_columns([load])
     found = equilibrium(model, columns, contact, solve)
     _judge(found.residual)
+    model.refinement.judge("static")
     return Static(
         model.at_points(found.owned),
         found.force[: model.gap_operator.pairs],

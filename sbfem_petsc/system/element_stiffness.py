@@ -8,15 +8,22 @@ product and out of its forces after it.
 
 from __future__ import annotations
 
+import functools
+import warnings
+
 import numpy as np
 from scipy import sparse
 
-from ..petsc import PETSc
+from ..errors import RoundOffWarning, SolveError, on_all_ranks
+from ..petsc import MPI, PETSc
 from ..selement.rigid_motions import rigid_body_basis
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections that
 # end it at once, and once they fall no more; and how many are made at most.
 NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 30
+# Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off was
+# measured to do to slender cantilevers.
+ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
 
 
 class ElementStiffness:
@@ -121,6 +128,34 @@ class Refinement:
         if self._operator is None:
             self._operator = ElementStiffness(self.model)
         return self._operator
+
+    @functools.cached_property
+    def cell_error(self) -> float:
+        """What the round-off inside S-elements leaves of the digits, relative: that of the stiffest S-element's
+        softest deformation, which cells of very small height meet. Collective.
+        """
+        ratios = [0.0]
+        for group in self.model.groups:
+            values = np.linalg.eigvalsh(group.solution.stiffness)
+            ratios.append(values[-1] / max(values[3], np.finfo(float).eps * values[-1]))
+        return _SOFTEST * np.finfo(float).eps * self.model.comm.allreduce(max(ratios), MPI.MAX)
+
+    def judge(self, analysis: str) -> None:
+        """Warn, or refuse, where the round-off inside S-elements reaches a refined result. Collective.
+
+        Raises
+        ------
+        SolveError
+        """
+        if self._operator is None or self.cell_error <= ROUND_OFF:
+            return
+        text = (
+            f"{analysis}: round-off in the stiffness of the most slender S-elements leaves results an error of "
+            f"about {self.cell_error:.1g}, for they are much longer than high; use shorter cells (size)"
+        )
+        if self.cell_error > REFUSED:
+            raise on_all_ranks(SolveError(text))
+        warnings.warn(text, RoundOffWarning, stacklevel=4)
 
     def refine(self, right: np.ndarray, solution: np.ndarray, solve) -> np.ndarray:
         """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve as

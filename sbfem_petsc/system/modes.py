@@ -31,7 +31,8 @@ class Modal:
     frequencies : (n,) array
         Hz.
     residuals : (n,) array
-        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode).
+        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode); of slender
+        structures' lowest modes, where round-off hides it, the relative change ||omega^2 K^-1 M x - x|| / ||x||.
     shapes : (owned, n) array
         This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x =
         1).
@@ -142,9 +143,16 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
     for attempt in range(4):
         found = _solve(pencil, wanted, 0.0, attempt)
         values = (2.0 * math.pi * found.frequencies) ** 2
-        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual, a
-        # slender beam's is larger
-        last = values[count - 1] * (1.0 - max(1e-6, 30.0 * float(found.residuals[:count].max())))
+        # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
+        # eigenvalues that are counted are those of the assembled stiffness, refined or not
+        model = pencil.model
+        squares = float(_summed(model, found.shapes[:, :count] ** 2).max())
+        margin = max(
+            1e-6,
+            30.0 * float(found.residuals[:count].max()),
+            10.0 * model.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
+        )
+        last = values[count - 1] * (1.0 - min(margin, 1.0))
         if not verify or values[count - 1] <= _lowest_scale(pencil.model) * 1e-3:
             break  # below rigid-body modes there is nothing
         below = pencil.eigenvalues_below(last)
@@ -254,7 +262,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
             )
         values = np.array([eps.getEigenvalue(i).real for i in range(count)])
         return _collect(
-            pencil, eps, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
+            pencil, eps, solve, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
         )
     finally:
         # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
@@ -262,7 +270,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         solve.release()
 
 
-def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) -> Modal:
+def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.ndarray, solver: str) -> Modal:
     """Eigenpairs in ascending order with their residuals."""
     model, count, order = pencil.model, len(values), np.argsort(values)
     values = values[order]
@@ -275,12 +283,14 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     vectors.assemble()
     products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
     kx, mx = (product.getDenseArray() for product in products)
+    # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
     noise = model.refinement.scale * np.sqrt(_summed(model, array**2))
-    refined = model.supported and bool((noise > NEEDED * np.sqrt(_summed(model, kx**2))).any())
-    if refined:
-        # the product with the assembled stiffness is round-off, and so is its Rayleigh quotient
-        kx = np.concatenate([model.refinement.operator(array[: pencil.owned]), kx[pencil.owned :]])
-        values = _summed(model, array * kx) / _summed(model, array * mx)
+    slender = np.flatnonzero(noise > NEEDED * np.sqrt(_summed(model, mx**2)) * np.abs(values))
+    if not (model.supported and solve.refinement):
+        slender = slender[:0]
+    if len(slender):
+        kx[: pencil.owned, slender] = model.refinement.operator(array[: pencil.owned, slender])
+        values[slender] = _summed(model, array * kx)[slender] / _summed(model, array * mx)[slender]
     sums = np.stack(
         [
             (array * mx).sum(axis=0),
@@ -294,6 +304,9 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     floor = _lowest_scale(model) if not model.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
     residuals = np.sqrt(sums[2]) / sizes
+    for k in slender:
+        # the forces of rounded displacements hide the residual; the change by an inverse iteration does not
+        residuals[k] = _change(pencil, solve, array[:, k], values[k] * mx[:, k])
     # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
     # first
     round_off = (
@@ -309,12 +322,16 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     iterations = eps.getIterationNumber()
     for item in (vectors, x, *products):
         item.destroy()
-    if not (residuals <= np.maximum(RESIDUAL_LIMIT, round_off)).all():
-        worst = int(np.argmax(residuals / np.maximum(RESIDUAL_LIMIT, round_off)))
+    limits = np.maximum(RESIDUAL_LIMIT, round_off)
+    limits[slender] = RESIDUAL_LIMIT
+    if len(slender):
+        model.refinement.judge("modal")
+    if not (residuals <= limits).all():
+        worst = int(np.argmax(residuals / limits))
         raise on_all_ranks(
             SolveError(
                 f"modal: the residual of mode {worst + 1} is {residuals[worst]:.2g}, more than "
-                f"{RESIDUAL_LIMIT:g}; tighten -modal_eps_tol or choose another "
+                f"{limits[worst]:.2g}; tighten -modal_eps_tol or choose another "
                 "-modal_st_pc_factor_mat_solver_type"
             )
         )
@@ -329,6 +346,20 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
         pencil.unknowns,
         model,
     )
+
+
+def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np.ndarray) -> float:
+    """||K^-1 f - x|| / ||x|| of a mode x and its forces f = w2 M x. Collective."""
+    left, right = pencil.stiffness.createVecs()
+    try:
+        right.array = forces
+        solve.apply(None, right, left)
+        left.array -= shape
+        size = math.sqrt(float(_summed(pencil.model, shape[:, None] ** 2)[0]))
+        return left.norm() / size
+    finally:
+        left.destroy()
+        right.destroy()
 
 
 def _summed(model: Structure, products: np.ndarray) -> np.ndarray:

@@ -1,0 +1,129 @@
+"""Assembly by blocks against a dense sum; inertia when it is asked for; contact of many rows."""
+
+import numpy as np
+import pytest
+from mpi4py import MPI
+
+import sbfem_petsc as sb
+from meshing import Beam, CrackLine, Plate
+from sbfem_petsc.selement import solution
+from sbfem_petsc.system import assembly, bordered_contact
+from sbfem_petsc.system.assembly import ElementBlocks, assemble
+from tests.parallel import answer, on_ranks
+
+STEEL = sb.Material(70e9, 0.3, 2700)
+
+
+def dense(matrix):
+    starts, columns, values = matrix.getValuesCSR()
+    result = np.zeros(matrix.getSize())
+    result[np.repeat(np.arange(len(starts) - 1), np.diff(starts)), columns] = values
+    return result
+
+
+def test_blocks_are_summed(monkeypatch):
+    """Random blocks of two sizes, with unknowns that are held, in batches of one element: the dense sum, and
+    no room but what the entries take.
+    """
+    monkeypatch.setattr(assembly, "_BATCH", 1)
+    rng = np.random.default_rng(1)
+    blocks, expected = [], np.zeros((30, 30))
+    for count, rows, columns in ((7, 4, 4), (5, 3, 6)):
+        numbers = [
+            np.stack([rng.permutation(np.arange(-1, 30))[:n] for _ in range(count)]) for n in (rows, columns)
+        ]
+        values = rng.standard_normal((count, rows, columns))
+        blocks.append(ElementBlocks(*numbers, values.__getitem__))
+        for r, c, v in zip(*numbers, values):
+            kept = np.ix_(r >= 0, c >= 0)
+            expected[np.ix_(r[r >= 0], c[c >= 0])] += v[kept]
+    matrix = assemble(MPI.COMM_SELF, np.array([0, 30]), blocks, symmetric=False)
+    np.testing.assert_allclose(dense(matrix), expected, rtol=1e-14, atol=1e-14)
+    info = matrix.getInfo()
+    assert info["mallocs"] == 0 and info["nz_unneeded"] == 0
+    assert info["nz_used"] == np.count_nonzero(expected)
+
+
+ROOM = """
+import json
+import sbfem_petsc as sb
+from mpi4py import MPI
+from petsc4py import PETSc
+from tests.reference import paper_beam
+model = sb.Model(paper_beam().mesh(order=4), sb.Material(70e9, 0.33, 2700))
+matrix = model.stiffness
+info = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)
+norms = [matrix.norm(kind) for kind in (PETSc.NormType.FROBENIUS, PETSc.NormType.NORM_1)]
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"unneeded": info["nz_unneeded"], "mallocs": info["mallocs"], "used": info["nz_used"],
+                      "norms": norms}))
+"""
+
+
+def test_room_on_ranks():
+    """Rows that several ranks add to are counted exactly: no room left over, none to be got while filling."""
+    one = answer(on_ranks(1, ROOM))
+    for ranks in (2, 3):
+        found = answer(on_ranks(ranks, ROOM))
+        assert found["unneeded"] == 0 and found["mallocs"] == 0
+        assert found["used"] == one["used"]
+        np.testing.assert_allclose(found["norms"], one["norms"], rtol=1e-12)  # another order of the sum
+
+
+def test_statics_compute_no_inertia(monkeypatch):
+    """Not one mass matrix in statics, one for each shape in the first analysis that needs them, none after."""
+    calls = []
+    original = solution.SElement.with_inertia
+    monkeypatch.setattr(
+        solution.SElement, "with_inertia", lambda self, terms: calls.append(terms) or original(self, terms)
+    )
+    model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL, continued_fraction=2)
+    sb.static(model, sb.PointForce("A", fy=1.0))
+    assert calls == []
+    auxiliary = sum(2 * group.nodes.size for group in model.groups)
+    assert model.unknowns == model.boundary_unknowns + 2 * auxiliary
+    sb.modal(model, 3)
+    assert calls == [2] * model.shapes
+    sb.static(model, sb.SupportMotion(ay=9.81))
+    sb.modal(model, 5)
+    assert len(calls) == model.shapes
+
+
+def cracked():
+    cracks = [CrackLine([(0.03, y), (0.07, y + 0.006)]) for y in (0.02, 0.05, 0.08)]
+    return Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=cracks).mesh(order=4)
+
+
+# Bending, so that some of each crack's pairs open and others close.
+LOADS = [
+    sb.EdgeLoad("edge3", pressure=1e6),
+    sb.EdgeLoad("edge3", ty=-1e6, tx=8e5),
+    sb.EdgeLoad("edge2", pressure=-1e6),
+]
+
+
+@pytest.mark.parametrize("load", LOADS)
+@pytest.mark.parametrize(
+    "law", [sb.Unilateral(), sb.Tied(), sb.Unilateral(1e-13)], ids=["unilateral", "tied", "layer"]
+)
+def test_bordered_contact(monkeypatch, load, law):
+    """Factorisations with the active rows against the flexibility of all rows."""
+    mesh = cracked()
+    make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
+    expected = sb.static(make(), load)
+    monkeypatch.setattr(bordered_contact, "MANY", 0)
+    calls = []
+    original = bordered_contact.solve_bordered
+    monkeypatch.setattr(
+        bordered_contact, "solve_bordered", lambda *a: calls.append(original(*a)) or calls[-1]
+    )
+    model = make()
+    found = sb.static(model, load)
+    touched = expected.active.any()
+    assert len(calls) == touched and "compliance" not in model.__dict__
+    assert (found.active == expected.active).all()
+    for name in ("contact_force", "gap"):
+        one, other = getattr(found, name), getattr(expected, name)
+        assert np.abs(one - other).max(initial=0.0) <= 1e-9 * np.abs(other).max(initial=0.0), name
+    for tip, value in expected.stress_intensity.items():
+        np.testing.assert_allclose(found.stress_intensity[tip], value, rtol=1e-8, atol=1e-3)
