@@ -71,7 +71,8 @@ def named_points(points: object) -> Mapping[str, object]:
         return {}
     if not isinstance(points, Mapping):
         raise TypeError(
-            f'mesh: points is {shown(points)}, a dict of names to (x, y) such as {{"P": (0.1, 0.0)}} was expected.'
+            f'mesh: points is {shown(points)}, a dict of names to (x, y) such as {{"P": (0.1, 0.0)}} was '
+            "expected."
         )
     for name in points:
         if not isinstance(name, str) or not name.strip():

@@ -168,8 +168,8 @@ def names_of(owner: str, name: str, value: Any) -> tuple[str, ...]:
 
 
 def index_of(owner: str, name: str, value: Any, count: int) -> int:
-    """`value` as the index of one of so many things, from 0, or from the end if it is negative; TypeError or ValueError
-    otherwise.
+    """`value` as the index of one of so many things, from 0, or from the end if it is negative; TypeError or
+    ValueError otherwise.
     """
     index = integer(owner, name, value, least=-count, most=count - 1)
     return index % count

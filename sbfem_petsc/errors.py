@@ -39,7 +39,9 @@ def on_all_ranks(error: Exception) -> Exception:
 
 
 def at_point(table: dict, point: str, what: str = "point"):
-    """The entry of a named point, or of something else that has a name; an error that lists those that exist."""
+    """The entry of a named point, or of something else that has a name; an error that lists those that
+    exist.
+    """
     if not isinstance(point, str) or point not in table:
         raise UnknownName(f"{what} {shown(point)} does not exist; the model has {listed(table)}")
     return table[point]

@@ -472,7 +472,8 @@ class Custom(Signal):
     def __post_init__(self) -> None:
         if not callable(self.function):
             raise TypeError(
-                f"Custom: function = {shown(self.function)} cannot be called; a function of an array of times is "
+                f"Custom: function = {shown(self.function)} cannot be called; a function of an array of "
+                "times is "
                 "expected"
             )
         self._check(amplitude=real)

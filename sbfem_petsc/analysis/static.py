@@ -15,8 +15,8 @@ from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from .static_result import Static
 
-# Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the user is
-# warned: displacements are wrong by ten times the residual or so.
+# Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
+# user is warned: displacements are wrong by ten times the residual or so.
 REFUSED, ROUND_OFF = 1e-2, 1e-5
 
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}

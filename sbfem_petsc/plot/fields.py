@@ -153,8 +153,8 @@ def plot_crack(
     ----------
     model : Model
     fields : dict of str to Static or (m, 2) array
-        One row of the picture each: ``{"100 N": push}``. An array holds displacements of this rank's nodes, m;
-        what contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
+        One row of the picture each: ``{"100 N": push}``. An array holds displacements of this rank's nodes,
+        m; what contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
     crack : int
         Number of the crack, from 0.
     colour : {"von_mises", "displacement"}

@@ -42,8 +42,8 @@ def write_vtu(
         _0.vtu, _1.vtu ...).
     model : Model
     fields : dict of str to Static or (m, 2) array
-        An array holds displacements of this rank's nodes, m: `Motion.field(time)`; modes by `write_modes`. What
-        contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
+        An array holds displacements of this rank's nodes, m: `Motion.field(time)`; modes by `write_modes`.
+        What contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
     stress : bool
         Write stresses too: stress_xx, stress_yy, stress_xy, von_mises.
     subdivisions : int, optional

@@ -148,7 +148,8 @@ def _fixed(mesh: BoundaryMesh, supports: tuple[Support, ...]) -> np.ndarray:
             nodes = np.array([mesh.points[support.where]])
         else:
             raise UnknownName(
-                f"Model: support {support.where!r} is neither an edge set ({listed(mesh.edge_sets)}) nor a point "
+                f"Model: support {support.where!r} is neither an edge set ({listed(mesh.edge_sets)}) nor a "
+                "point "
                 f"({listed(mesh.points)}) of the mesh"
             )
         fixed[nodes] |= np.array(support.fixed)

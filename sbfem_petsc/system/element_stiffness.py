@@ -18,11 +18,11 @@ from ..errors import RoundOffWarning, SolveError, on_all_ranks
 from ..petsc import MPI, PETSc
 from ..selement.rigid_motions import rigid_body_basis
 
-# Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections that
-# end it at once, and once they fall no more; and how many are made at most.
+# Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
+# that end it at once, and once they fall no more; and how many are made at most.
 NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 30
-# Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off was
-# measured to do to slender cantilevers.
+# Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off
+# was measured to do to slender cantilevers.
 ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
 
 
@@ -118,8 +118,8 @@ class Refinement:
         self._operator: ElementStiffness | None = None
 
     def needed(self, right: float, solution: float) -> bool:
-        """Whether the round-off of the assembled stiffness reaches the digits of a solution, from the norms of
-        a right-hand side and of its solution.
+        """Whether the round-off of the assembled stiffness reaches the digits of a solution, from the norms
+        of a right-hand side and of its solution.
         """
         return self.scale * solution > NEEDED * right
 
@@ -131,8 +131,8 @@ class Refinement:
 
     @functools.cached_property
     def cell_error(self) -> float:
-        """What the round-off inside S-elements leaves of the digits, relative: that of the stiffest S-element's
-        softest deformation, which cells of very small height meet. Collective.
+        """What the round-off inside S-elements leaves of the digits, relative: that of the stiffest
+        S-element's softest deformation, which cells of very small height meet. Collective.
         """
         ratios = [0.0]
         for group in self.model.groups:
@@ -150,7 +150,8 @@ class Refinement:
         if self._operator is None or self.cell_error <= ROUND_OFF:
             return
         text = (
-            f"{analysis}: round-off in the stiffness of the most slender S-elements leaves results an error of "
+            f"{analysis}: round-off in the stiffness of the most slender S-elements leaves results an error "
+            "of "
             f"about {self.cell_error:.1g}, for they are much longer than high; use shorter cells (size)"
         )
         if self.cell_error > REFUSED:
@@ -158,12 +159,13 @@ class Refinement:
         warnings.warn(text, RoundOffWarning, stacklevel=4)
 
     def refine(self, right: np.ndarray, solution: np.ndarray, solve) -> np.ndarray:
-        """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve as
-        preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.
+        """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve
+        as preconditioner: two or three steps, more where round-off leaves little of the solve. Collective.
         """
         solution = solution.copy()
         residual = right - self.operator(solution)
-        direction, energy, before = np.zeros_like(right), 1.0, np.inf
+        direction, before = np.zeros_like(right), np.inf
+        energy: float | np.ndarray = 1.0
         for step in range(_MOST):
             change = solve(residual)
             former, energy = energy, self._dot(residual, change)

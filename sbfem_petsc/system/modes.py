@@ -31,8 +31,9 @@ class Modal:
     frequencies : (n,) array
         Hz.
     residuals : (n,) array
-        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode); of slender
-        structures' lowest modes, where round-off hides it, the relative change ||omega^2 K^-1 M x - x|| / ||x||.
+        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode); of
+        slender structures' lowest modes, where round-off hides it, the relative change ||omega^2 K^-1 M x -
+        x|| / ||x||.
     shapes : (owned, n) array
         This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x =
         1).

@@ -259,7 +259,8 @@ class CondensedSolve:
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
         self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
-        # without a shift the lowest modes of slender structures need more digits than the assembled stiffness has
+        # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
+        # has
         self.refinement = pencil.model.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()

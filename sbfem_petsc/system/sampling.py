@@ -122,7 +122,8 @@ def sample(
     for name, state in states.items():
         if state.nodal.shape != model.part.coordinates.shape:
             raise ValueError(
-                f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have shape "
+                f"field {name!r} has shape {state.nodal.shape}; displacements of this rank's nodes have "
+                "shape "
                 f"{model.part.coordinates.shape}"
             )
     at = np.linspace(-1.0, 1.0, (model.order if subdivisions is None else subdivisions) + 1)

@@ -1,4 +1,6 @@
-"""Cases by inspection: every argument of every public function and method with every value, and what becomes of them."""
+"""Cases by inspection: every argument of every public function and method with every value, and what
+becomes of them.
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ class Case:
         return f"{self.owner}({self.parameter.name}={self.label})"
 
     def outcome(self) -> tuple[str, str]:
-        """What came of it: "result", "sentence", or a failure ("silent", "raw", "late") and its description."""
+        """What came of it: "result", "sentence", or a failure ("silent", "raw", "late") and its
+        description.
+        """
         value = VALUES[self.label]
         try:
             with _limited(SECONDS), warnings.catch_warnings():

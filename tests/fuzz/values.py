@@ -1,4 +1,6 @@
-"""Values that are put in the place of every argument of every public function, and which of them must be refused."""
+"""Values that are put in the place of every argument of every public function, and which of them must be
+refused.
+"""
 
 from __future__ import annotations
 

@@ -71,7 +71,9 @@ def test_room_on_ranks():
 
 
 def test_statics_compute_no_inertia(monkeypatch):
-    """Not one mass matrix in statics, one for each shape in the first analysis that needs them, none after."""
+    """Not one mass matrix in statics, one for each shape in the first analysis that needs them, none
+    after.
+    """
     calls = []
     original = solution.SElement.with_inertia
     monkeypatch.setattr(
