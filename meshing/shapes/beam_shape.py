@@ -91,8 +91,8 @@ class BeamShape:
             )
         if not 0 < notch.x < self.length:
             raise ValueError(
-                f"{item}: its tip at x = {notch.x:g} m is outside the beam, 0 < x < {self.length:g} m was "
-                "expected."
+                f"{item}: its tip at x = {notch.x:g} m is outside the beam, 0 < x < {self.length:g} m (its "
+                "length) was expected."
             )
         clearance = _CLEARANCE * self.height
         for corner in (notch.x, notch.x + notch.left_offset, notch.x + notch.right_offset):

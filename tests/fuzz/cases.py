@@ -25,6 +25,7 @@ from .values import USERS, VALUES, must_be_refused
 
 ROOMS = tuple(os.path.dirname(package.__file__) + os.sep for package in (meshing, sbfem_petsc))
 KINDS = (ValueError, TypeError, KeyError, RuntimeError)
+VARIADIC = (inspect.Parameter.VAR_KEYWORD, inspect.Parameter.VAR_POSITIONAL)
 SECONDS = 20.0
 POINTS = ("point", "points", "place", "start", "end")
 OWNERS = {name.split(".")[-1] for name in public()}
@@ -71,10 +72,12 @@ class Case:
 
     def usual(self) -> str:
         """The error of the call as it is, such as that of a file which is not there."""
-        try:
-            self.call(**self.given)
-        except KINDS as error:
-            return str(error)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            try:
+                self.call(**self.given)
+            except KINDS as error:
+                return str(error)
         return ""
 
     def _judged(self, error: Exception) -> tuple[str, str]:
@@ -93,21 +96,23 @@ class Case:
         )
         if not ours or "raise" not in line:
             return "raw", _described(error)
-        if text == self.usual():
-            return "result", ""
-        if not named or "\n" in text or len(text) > 600:
+        if "\n" in text or len(text) > 600 or not (named or text == self.usual()):
             return "unnamed", _described(error)
         return "sentence", ""
 
 
 def cases() -> Iterator[Case]:
     """Every case."""
-    items = public()
-    for name, calls in CALLS.items():
-        for make in calls:
-            yield from _of(name, items[name], make())
-    for name, make_object in OBJECTS.items():
-        for method, call, given in methods(name, make_object()):
+    for name in dict.fromkeys([*CALLS, *OBJECTS]):
+        yield from cases_of(name)
+
+
+def cases_of(name: str) -> Iterator[Case]:
+    """Those of a function, or of a class and its methods."""
+    for make in CALLS.get(name, []):
+        yield from _of(name, public()[name], make())
+    if name in OBJECTS:
+        for method, call, given in methods(name, OBJECTS[name]()):
             yield from _of(f"{name}.{method}", call, given)
 
 
@@ -128,7 +133,7 @@ def methods(name: str, item: Any) -> Iterator[tuple[str, Callable[..., Any], dic
 
 def _of(owner: str, call: Callable[..., Any], given: dict[str, Any]) -> Iterator[Case]:
     for name, parameter in inspect.signature(call).parameters.items():
-        if parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL):
+        if parameter.kind in VARIADIC:
             continue
         if owner in CALLS and name not in given:
             continue
@@ -146,20 +151,13 @@ def without_example() -> list[str]:
             found.append(name)
         elif name in CALLS:
             known = {argument for make in CALLS[name] for argument in make()}
-            named = (
-                (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL) if (parameter := inspect.Parameter) else ()
-            )
             for argument in inspect.signature(item).parameters.values():
-                if argument.kind not in named and argument.name not in known:
+                if argument.kind not in VARIADIC and argument.name not in known:
                     found.append(f"{name}({argument.name})")
     for name, make in OBJECTS.items():
         for method, call, given in methods(name, make()):
             for argument in inspect.signature(call).parameters.values():
-                if (
-                    argument.default is argument.empty
-                    and argument.name not in given
-                    and argument.kind in (0, 1, 3)
-                ):
+                if argument.default is argument.empty and argument.name not in given and argument.kind not in VARIADIC:
                     found.append(f"{name}.{method}({argument.name})")
     return found
 

@@ -1,0 +1,179 @@
+"""Programs on two ranks that go wrong on one of them, or differently: all ranks end, with a sentence, or all is right.
+
+No program may hang, and none may compute with arguments that differ between its ranks.
+"""
+
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from tests.parallel import answer, on_ranks
+
+BEGIN = """
+import sys
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from meshing import Beam, VNotch
+world = MPI.COMM_WORLD
+rank = world.rank
+def structure(comm=None, density=2700.0, **more):
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]).mesh(order=1)
+    return sb.Model(mesh, sb.Material(70e9, 0.33, density), comm=comm, **more)
+push = sb.PointForce("A", fy=1.0)
+one_fails = lambda t: 1.0 / 0.0 if rank == 1 and np.max(t) > 2e-4 else np.sin(t)
+"""
+
+# Program -> what its error must say. Each fails, on one rank or on all.
+FAILING = {
+    # before anything of PETSc is used
+    "sb.Material(-1.0 if rank else 1.0, 0.3, 1.0); world.barrier()": "young = -1.0",
+    "sb.Samples.from_csv('nowhere.csv') if rank else world.barrier()": "nowhere.csv",
+    "sb.Beam if rank else world.barrier()": "has no attribute 'Beam'",
+    "Beam(-1.0, 1.0) if rank else world.barrier()": "length",
+    "raise RuntimeError('my own mistake') if rank else world.barrier()": "",
+    "1 / 0 if rank else structure()": "division by zero",
+    # leaving
+    "sys.exit(3) if rank else world.barrier()": "sys.exit(3)",
+    "sys.exit('enough') if rank else structure()": "enough",
+    "sys.exit() if rank else structure()": "rank 1 has ended",
+    "model = structure(); sb.modal(model, 2) if rank == 0 else None": "rank 1 has ended",
+    "model = structure(); sb.static(model, push) if rank else None": "rank 0 has ended",
+    "model = structure(); sb.static(model, push).stress((0.02, 0.005)) if rank else None": "rank 0 has ended",
+    # errors on one rank inside what all of them do
+    "structure(damping=2.0 if rank else 0.0)": "damping = 2.0",
+    "structure(comm='world' if rank else None)": "comm = 'world'",
+    "sb.on_root(world, lambda: 1 / 0)": "division by zero",
+    "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
+    "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, modes=4)": "Custom",
+    "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, reduction=None)": "Custom",
+    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, progress=one_fails)": "division by zero",
+    "sb.transient(structure(), push, 1e-3, 1e-4, reduction=None, progress=one_fails)": "division by zero",
+    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, start=(lambda x, y: one_fails(x), None))": "start",
+    "model = structure(); sb.static(model, push)\nwith model: 1 / 0 if rank else world.barrier()": "division by zero",
+    "model = structure(); sb.static(model, push); sb.static(model, 5 if rank else push)": "load = 5",
+    # communicators of their own
+    "1 / 0 if rank else structure(MPI.COMM_SELF)\nworld.barrier()": "division by zero",
+    "structure(MPI.COMM_SELF, damping=2.0 if rank else 0.0)\nworld.barrier()": "damping = 2.0",
+    "half = world.Split(rank)\nsb.static(structure(half), sb.PointForce('Z' if rank else 'A'))\nworld.barrier()": "'Z'",
+}
+
+# Calls with arguments that differ between the ranks -> what both ranks are told.
+DIFFERENT = {
+    "structure(density=7800.0 if rank else 2700.0)": "material differs between the ranks",
+    "structure(damping=0.02 if rank else 0.01)": "damping differs between the ranks",
+    "structure(clamped='right' if rank else 'left')": "clamped differs between the ranks",
+    "structure(tip_modes=3 + rank)": "tip_modes differs between the ranks",
+    "sb.Model(Beam(0.1, 0.01 + 1e-3 * rank).mesh(order=1), sb.Material(70e9, 0.3, 1.0))": "mesh differs between the ranks",
+    "sb.Model(Beam(0.1, 0.01).mesh(order=1 + rank), sb.Material(70e9, 0.3, 1.0))": "mesh differs between the ranks",
+    "sb.modal(structure(), 2 + rank)": "count differs between the ranks",
+    "sb.modal(structure(), **({'band': (0.0, 1e4)} if rank else {'count': 2}))": "differs between the ranks",
+    "sb.static(structure(), sb.PointForce('A', fy=1.0 + rank))": "load differs between the ranks",
+    "sb.static(structure(), push, contact=rank == 0)": "contact differs between the ranks",
+    "sb.reduce(structure(), push, modes=4 + rank)": "modes differs between the ranks",
+    "sb.transient(structure(), push, 1e-3 * (1 + rank), 1e-4, modes=4)": "duration differs between the ranks",
+    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, file='h.h5' if rank else None)": "file differs",
+    "sb.periodic(structure(damping=0.02), push, 300.0 + rank, modes=4, steps=64)": "frequency differs",
+    "sb.periodic(structure(damping=0.02), push, 300.0, modes=4, steps=64 + rank)": "settings differs",
+    "sb.frequency_response(structure(), push, 300.0, 310.0 + rank, modes=4)": "stop differs",
+    "sb.modal(model, 2) if rank else sb.static(model, push)": "call the same on all ranks",
+}
+
+# Programs that are right.
+RIGHT = {
+    "model = structure(damping=0.01 * (1.0 + 1e-14 * rank)); print('fine')",
+    "sb.static(structure(MPI.COMM_SELF, density=2700.0 + rank), push); world.barrier(); print('fine')",
+    "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
+    "sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')",
+    "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); print('fine')",
+}
+
+
+ALL_DIFFERENT = """
+import json
+model, said = structure(), {}
+for case in json.loads(sys.argv[1]):
+    try:
+        eval(case)
+        mine = "no error"
+    except ValueError as error:
+        mine = str(error)
+    said[case] = world.allgather(mine)
+if rank == 0:
+    print(json.dumps(said))
+"""
+
+
+@pytest.fixture(scope="module")
+def said():
+    return answer(on_ranks(2, BEGIN + ALL_DIFFERENT, json.dumps(list(DIFFERENT)), timeout=150))
+
+
+@pytest.mark.parametrize("case", DIFFERENT)
+def test_arguments_that_differ_are_told(said, case):
+    first, second = said[case]
+    assert first == second
+    assert DIFFERENT[case] in first and "\n" not in first
+
+
+def run(program: str) -> subprocess.CompletedProcess[str]:
+    return on_ranks(2, BEGIN + program, check=False, timeout=150)
+
+
+@pytest.mark.parametrize("program", FAILING)
+def test_failure_ends_all_ranks(program):
+    done = run(program)
+    assert done.returncode != 0, done.stdout + done.stderr
+    assert FAILING[program] in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("program", sorted(RIGHT))
+def test_right_programs_are_left_alone(program):
+    done = run(program)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("fine") == 2
+
+
+def test_exit_code_is_kept():
+    assert run("sys.exit(7) if rank else world.barrier()").returncode == 7
+
+
+def test_error_known_to_all_is_printed_once():
+    done = run("sb.modal(structure(), 0)")
+    assert done.returncode == 1
+    assert done.stderr.count("modal: count = 0") == 1
+
+
+def test_error_keeps_its_type_and_attributes():
+    """Also one whose arguments do not make it again."""
+    done = run(
+        "import json\n"
+        "try: sb.on_root(world, lambda: json.loads('{'))\n"
+        "except json.JSONDecodeError as error: print('same', error.pos)\n"
+        "class Odd(KeyError):\n"
+        "    def __init__(self, one, two): super().__init__(f'{one}-{two}')\n"
+        "try: sb.on_root(world, lambda: (_ for _ in ()).throw(Odd(1, 2)))\n"
+        "except KeyError as error: print('odd', str(error).count('1-2'))\n"
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("same 1") == 2 and done.stdout.count("odd 1") == 2
+
+
+def test_excepthook_of_the_program_is_kept():
+    """A program's own hook prints, and is called under mpiexec too."""
+    program = "import sys\nsys.excepthook = lambda *error: sys.stderr.write('mine: ' + str(error[1]) + '\\n')\n"
+    done = on_ranks(2, program + BEGIN + "sb.modal(structure(), 0)", check=False, timeout=150)
+    assert done.stderr.count("mine: modal: count = 0") == 1
+
+
+def test_alone_without_a_launcher():
+    """One process is left as it is: hook, exit code, nothing of MPI started by the import."""
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI", "PMI"))}
+    program = (
+        "import sys; before = sys.excepthook, sys.exit; import sbfem_petsc\n"
+        "assert before == (sys.excepthook, sys.exit) and 'mpi4py' not in sys.modules\nsys.exit(5)"
+    )
+    assert subprocess.run([sys.executable, "-c", program], env=environment).returncode == 5
