@@ -98,7 +98,8 @@ def test_loads_beyond_the_mesh_warn(frequency):
     model = sb.Model(Beam(0.1, 0.005).mesh(), ALUMINIUM, damping=0.01)
     with pytest.warns(sb.MeshWarning, match="periodic: the load has frequencies up to") as told:
         sb.periodic(model, sb.EdgeLoad("right", ty=1e5), frequency, contact=False)
-    assert told[0].filename == __file__
+    ours = [one for one in told if one.category is sb.MeshWarning]
+    assert all(one.filename == __file__ for one in ours)
 
 
 def test_too_few_modes_for_the_load_warn():
