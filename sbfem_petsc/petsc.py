@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
+
 try:
     import petsc4py
     import slepc4py
@@ -18,12 +21,25 @@ except ImportError as error:  # pragma: no cover - depends on the machine
 from .errors import SolveError, on_all_ranks
 from .parallel import install_abort
 
-__all__ = ["MPI", "PETSc", "SLEPc", "direct_solver", "make_ksp", "check_ksp", "solver_name", "version_line"]
+__all__ = [
+    "MPI",
+    "PETSc",
+    "SLEPc",
+    "direct_solver",
+    "make_ksp",
+    "check_ksp",
+    "told",
+    "solver_name",
+    "version_line",
+]
 
 if PETSc.Sys.getVersion() < (3, 18, 0):  # pragma: no cover - depends on the machine
     raise ImportError(f"petsc4py {petsc4py.__version__} is too old: 3.18 or newer is needed")
 
 install_abort(MPI.COMM_WORLD)
+
+# PETSC_ERR_MEM
+_OUT_OF_MEMORY = 55
 
 
 def version_line() -> str:
@@ -67,9 +83,30 @@ def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> 
     pc = ksp.getPC()
     pc.setType(factorisation)
     pc.setFactorSolverType(package)
-    ksp.setFromOptions()
-    ksp.setUp()
+    with told(f"linear solver -{prefix}..."):
+        ksp.setFromOptions()
+        ksp.setUp()
     return ksp
+
+
+@contextlib.contextmanager
+def told(what: str) -> Iterator[None]:
+    """Errors of PETSc in the body as a `SolveError` of one sentence.
+
+    The body is collective, so that the error is one of all ranks.
+    """
+    try:
+        yield
+    except PETSc.Error as error:
+        if error.ierr == _OUT_OF_MEMORY:
+            reason = (
+                "there is not enough memory; use more ranks on more machines, a coarser mesh, or for statics an "
+                "iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+            )
+        else:
+            lines = [line.split("] ", 1)[-1].strip() for line in str(error).splitlines()]
+            reason = f"PETSc says: {lines[-1]} (error {error.ierr}); check the options"
+        raise on_all_ranks(SolveError(f"{what}: {reason}")) from None
 
 
 def solver_name(ksp: PETSc.KSP) -> str:
@@ -85,7 +122,12 @@ def check_ksp(ksp: PETSc.KSP, what: str) -> None:
     if reason > 0:
         return
     names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
-    if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+    if _memory_failed(ksp):
+        remedy = (
+            "the factorisation ran out of memory; use more ranks on more machines, a coarser mesh, or for statics "
+            "an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+        )
+    elif reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
         remedy = (
             "the factorisation failed: is the structure supported against every rigid-body motion, and is "
             "every part of it connected?"
@@ -98,3 +140,11 @@ def check_ksp(ksp: PETSc.KSP, what: str) -> None:
             f"{ksp.getIterationNumber()} iterations); {remedy}"
         )
     )
+
+
+def _memory_failed(ksp: PETSc.KSP) -> bool:
+    """Whether MUMPS has told that it had too little memory: -9 and -13, or -8 and -19 for parts of it."""
+    pc = ksp.getPC()
+    if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
+        return False
+    return pc.getFactorMatrix().getMumpsInfog(1) in (-8, -9, -13, -19)
