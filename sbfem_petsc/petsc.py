@@ -122,7 +122,10 @@ def solving(what: str) -> Iterator[None]:
         yield
     except PETSc.Error as error:
         if error.ierr == OUT_OF_MEMORY:
-            said = "PETSc has not enough memory for it; use a coarser mesh, a lower order or more ranks"
+            said = (
+                "PETSc has not enough memory for it; use more ranks on more machines, a coarser mesh, or for "
+                "statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+            )
         else:
             said = (
                 f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of "
@@ -161,7 +164,13 @@ def check_ksp(ksp: PETSc.KSP, what: str) -> None:
     if reason > 0:
         return
     names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
-    if reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
+    if _memory_failed(ksp):
+        remedy = (
+            "the factorisation ran out of memory; use more ranks on more machines, a coarser mesh, or for "
+            "statics "
+            "an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+        )
+    elif reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
         remedy = (
             "the factorisation failed: is the structure supported against every rigid-body motion, and is "
             "every part of it connected?"
@@ -174,3 +183,11 @@ def check_ksp(ksp: PETSc.KSP, what: str) -> None:
             f"{ksp.getIterationNumber()} iterations); {remedy}"
         )
     )
+
+
+def _memory_failed(ksp: PETSc.KSP) -> bool:
+    """Whether MUMPS has told that it had too little memory: -9 and -13, or -8 and -19 for parts of it."""
+    pc = ksp.getPC()
+    if pc.getType() not in ("cholesky", "lu") or pc.getFactorSolverType() != "mumps":
+        return False
+    return pc.getFactorMatrix().getMumpsInfog(1) in (-8, -9, -13, -19)

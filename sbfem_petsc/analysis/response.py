@@ -158,7 +158,8 @@ def load_response(
     comm = communicator(model)
     with collective(comm):
         start, stop = (
-            real(what, name, value, least=0.0, most=1e15) for name, value in (("start", start), ("stop", stop))
+            real(what, name, value, least=0.0, most=1e15)
+            for name, value in (("start", start), ("stop", stop))
         )
         if start == stop:
             raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ..capacity import KEPT, default_decimation, require_disk, require_memory
 from ..checks import choice, flag, instance, integer, path, positive, real_array, shown
 from ..checks import progress as check_progress
 from ..dynamics.history import History
@@ -26,7 +27,6 @@ from ..errors import on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..progress import progress_bar
-from ..recording.capacity import KEPT, default_decimation, require_disk, require_memory
 from ..recording.history_file import FormerRun, HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel

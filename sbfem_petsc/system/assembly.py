@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from ..petsc import MPI, PETSc
+from ..petsc import MPI, PETSc, solving
 
 Triples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -65,11 +65,13 @@ def assemble(
         Unknowns a node, where it is the same at all of them.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
+    lengths = row_lengths(comm, ranges, column_ranges, blocks)
     matrix = PETSc.Mat().create(comm)
     matrix.setType(PETSc.Mat.Type.AIJ)
     matrix.setSizes(_sizes(comm, ranges, column_ranges))
     matrix.setBlockSize(block_size)
-    matrix.setPreallocationNNZ(tuple(row_lengths(comm, ranges, column_ranges, blocks)))
+    with solving("assembly"):
+        matrix.setPreallocationNNZ(lengths)
     for block in blocks:
         rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
         for batch in block.batches():
@@ -89,11 +91,12 @@ def from_rows(
 ) -> PETSc.Mat:
     """Distributed matrix from this rank's compressed rows (starts, global columns, values)."""
     starts, columns, values = rows
-    matrix = PETSc.Mat().createAIJ(
-        size=_sizes(comm, ranges, column_ranges),
-        csr=(starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values),
-        comm=comm,
-    )
+    with solving("assembly"):
+        matrix = PETSc.Mat().createAIJ(
+            size=_sizes(comm, ranges, column_ranges),
+            csr=(starts.astype(PETSc.IntType), columns.astype(PETSc.IntType), values),
+            comm=comm,
+        )
     _mark(matrix, symmetric)
     return matrix
 

@@ -157,7 +157,11 @@ def without_example() -> list[str]:
     for name, make in OBJECTS.items():
         for method, call, given in methods(name, make()):
             for argument in inspect.signature(call).parameters.values():
-                if argument.default is argument.empty and argument.name not in given and argument.kind not in VARIADIC:
+                if (
+                    argument.default is argument.empty
+                    and argument.name not in given
+                    and argument.kind not in VARIADIC
+                ):
                     found.append(f"{name}.{method}({argument.name})")
     return found
 

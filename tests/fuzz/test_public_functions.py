@@ -1,6 +1,8 @@
-"""Every argument of every public function and method with every value of a table: a result, or one clear sentence.
+"""Every argument of every public function and method with every value of a table: a result, or one clear
+sentence.
 
-The functions are found by inspection. A new one fails here until `examples` has a call of it; then it is covered.
+The functions are found by inspection. A new one fails here until `examples` has a call of it; then it is
+covered.
 """
 
 from __future__ import annotations
@@ -21,7 +23,9 @@ MEMORY = 12 << 30  # bytes; an argument that asks for more ends in a MemoryError
 
 @pytest.fixture(scope="module", autouse=True)
 def room(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """A folder with what is read, a limit of memory and, should compiled code not return, an end of the process."""
+    """A folder with what is read, a limit of memory and, should compiled code not return, an end of the
+    process.
+    """
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("fuzz"))
         examples.write_files()
@@ -43,7 +47,9 @@ def test_there_are_enough_cases():
 
 @pytest.mark.parametrize("owner", OWNERS)
 def test_result_or_sentence(owner):
-    """No argument is accepted that cannot have a meaning, nothing ends in an error from below, nothing hangs."""
+    """No argument is accepted that cannot have a meaning, nothing ends in an error from below, nothing
+    hangs.
+    """
     outcomes = {str(case): case.outcome() for case in cases.cases_of(owner)}
     failed = {name: found for name, found in outcomes.items() if found[0] not in ("result", "sentence")}
     assert not failed, "\n".join(f"{kind}: {name}: {text}" for name, (kind, text) in failed.items())

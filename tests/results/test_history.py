@@ -19,8 +19,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc import capacity
 from sbfem_petsc.dynamics import reduced_history as module
-from sbfem_petsc.recording import capacity
 from sbfem_petsc.results.history import IncompleteHistory, read_history
 from tests.parallel import ROOT, answer, on_ranks
 
@@ -454,7 +454,7 @@ def test_free_memory_is_the_systems():
     free = capacity.available_memory()
     assert 0 < free <= os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     program = (
-        "import resource; from sbfem_petsc.recording import capacity; "
+        "import resource; from sbfem_petsc import capacity; "
         "used = int(open('/proc/self/statm').read().split()[0]) * resource.getpagesize(); "
         "resource.setrlimit(resource.RLIMIT_AS, (used + 10**8, -1)); print(capacity.available_memory())"
     )

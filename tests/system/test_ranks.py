@@ -1,4 +1,5 @@
-"""Programs on two ranks that go wrong on one of them, or differently: all ranks end, with a sentence, or all is right.
+"""Programs on two ranks that go wrong on one of them, or differently: all ranks end, with a sentence, or all
+is right.
 
 No program may hang, and none may compute with arguments that differ between its ranks.
 """
@@ -58,7 +59,8 @@ FAILING = {
     # communicators of their own
     "1 / 0 if rank else structure(MPI.COMM_SELF)\nworld.barrier()": "division by zero",
     "structure(MPI.COMM_SELF, damping=2.0 if rank else 0.0)\nworld.barrier()": "damping = 2.0",
-    "half = world.Split(rank)\nsb.static(structure(half), sb.PointForce('Z' if rank else 'A'))\nworld.barrier()": "'Z'",
+    "half = world.Split(rank)\nsb.static(structure(half), sb.PointForce('Z' if rank else "
+    "'A'))\nworld.barrier()": "'Z'",
 }
 
 # Calls with arguments that differ between the ranks -> what both ranks are told.
@@ -88,7 +90,8 @@ RIGHT = {
     "sb.static(structure(MPI.COMM_SELF, density=2700.0 + rank), push); world.barrier(); print('fine')",
     "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
     "sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')",
-    "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); print('fine')",
+    "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); "
+    "print('fine')",
 }
 
 
@@ -164,7 +167,9 @@ def test_error_keeps_its_type_and_attributes():
 
 def test_excepthook_of_the_program_is_kept():
     """A program's own hook prints, and is called under mpiexec too."""
-    program = "import sys\nsys.excepthook = lambda *error: sys.stderr.write('mine: ' + str(error[1]) + '\\n')\n"
+    program = (
+        "import sys\nsys.excepthook = lambda *error: sys.stderr.write('mine: ' + str(error[1]) + '\\n')\n"
+    )
     done = on_ranks(2, program + BEGIN + "sb.modal(structure(), 0)", check=False, timeout=150)
     assert done.stderr.count("mine: modal: count = 0") == 1
 

@@ -9,8 +9,8 @@ import resource
 import shutil
 from collections.abc import Callable
 
-from ..parallel import collective
-from ..petsc import MPI
+from .parallel import collective
+from .petsc import MPI
 
 # Bytes of rows that a history keeps by default; longer ones are decimated.
 KEPT = 1_000_000_000
