@@ -50,11 +50,15 @@ FAILING = {
     "sb.on_root(world, lambda: 1 / 0)": "division by zero",
     "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
     "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, modes=4)": "Custom",
-    "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, reduction=None)": "Custom",
+    "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, reduction=None)": (
+        "Custom"
+    ),
     "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, progress=one_fails)": "division by zero",
     "sb.transient(structure(), push, 1e-3, 1e-4, reduction=None, progress=one_fails)": "division by zero",
     "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, start=(lambda x, y: one_fails(x), None))": "start",
-    "model = structure(); sb.static(model, push)\nwith model: 1 / 0 if rank else world.barrier()": "division by zero",
+    "model = structure(); sb.static(model, push)\nwith model: 1 / 0 if rank else world.barrier()": (
+        "division by zero"
+    ),
     "model = structure(); sb.static(model, push); sb.static(model, 5 if rank else push)": "load = 5",
     # communicators of their own
     "1 / 0 if rank else structure(MPI.COMM_SELF)\nworld.barrier()": "division by zero",
@@ -69,8 +73,12 @@ DIFFERENT = {
     "structure(damping=0.02 if rank else 0.01)": "damping differs between the ranks",
     "structure(clamped='right' if rank else 'left')": "clamped differs between the ranks",
     "structure(tip_modes=3 + rank)": "tip_modes differs between the ranks",
-    "sb.Model(Beam(0.1, 0.01 + 1e-3 * rank).mesh(order=1), sb.Material(70e9, 0.3, 1.0))": "mesh differs between the ranks",
-    "sb.Model(Beam(0.1, 0.01).mesh(order=1 + rank), sb.Material(70e9, 0.3, 1.0))": "mesh differs between the ranks",
+    "sb.Model(Beam(0.1, 0.01 + 1e-3 * rank).mesh(order=1), sb.Material(70e9, 0.3, 1.0))": (
+        "mesh differs between the ranks"
+    ),
+    "sb.Model(Beam(0.1, 0.01).mesh(order=1 + rank), sb.Material(70e9, 0.3, 1.0))": (
+        "mesh differs between the ranks"
+    ),
     "sb.modal(structure(), 2 + rank)": "count differs between the ranks",
     "sb.modal(structure(), **({'band': (0.0, 1e4)} if rank else {'count': 2}))": "differs between the ranks",
     "sb.static(structure(), sb.PointForce('A', fy=1.0 + rank))": "load differs between the ranks",
