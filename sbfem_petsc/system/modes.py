@@ -145,7 +145,7 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual, a
         # slender beam's is larger
         last = values[count - 1] * (1.0 - max(1e-6, 30.0 * float(found.residuals[:count].max())))
-        if not verify or values[count - 1] <= _lowest_scale(pencil.model) * 1e-3:
+        if not verify or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
             break  # below rigid-body modes there is nothing
         below = pencil.eigenvalues_below(last)
         if below is None or below <= int((values[:count] < last).sum()):
@@ -214,7 +214,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
     zero.
     """
     model = pencil.model
-    shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
+    shift = -lowest_scale(model) if target == 0.0 and not model.supported else target
     solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
     eps = SLEPc.EPS().create(model.comm)
     st = eps.getST()
@@ -291,7 +291,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, values: np.ndarray, solver: str) ->
     )
     model.comm.Allreduce(MPI.IN_PLACE, sums)
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
-    floor = _lowest_scale(model) if not model.supported else 0.0
+    floor = lowest_scale(model) if not model.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
     residuals = np.sqrt(sums[2]) / sizes
     # what round-off in K x alone may leave: a slender or softly held structure's lowest modes meet this limit
@@ -336,7 +336,7 @@ def _summed(model: Structure, products: np.ndarray) -> np.ndarray:
     return model.comm.allreduce(products.sum(axis=0))
 
 
-def _lowest_scale(model: Structure) -> float:
+def lowest_scale(model: Structure) -> float:
     """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
     (rad/s)^2.
     """
