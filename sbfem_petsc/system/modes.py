@@ -186,7 +186,7 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
             10.0 * model.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
         )
         last = values[count - 1] * (1.0 - min(margin, 1.0))
-        if not verify or values[count - 1] <= _lowest_scale(pencil.model) * 1e-3:
+        if not verify or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
             break  # below rigid-body modes there is nothing
         below = pencil.eigenvalues_below(last)
         if below is None or below <= int((values[:count] < last).sum()):
@@ -255,7 +255,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
     zero.
     """
     model = pencil.model
-    shift = -_lowest_scale(model) if target == 0.0 and not model.supported else target
+    shift = -lowest_scale(model) if target == 0.0 and not model.supported else target
     solve = CondensedSolve(pencil, shift, prefix="modal_st_", what="modal")
     eps = SLEPc.EPS().create(model.comm)
     st = eps.getST()
@@ -334,7 +334,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     )
     model.comm.Allreduce(MPI.IN_PLACE, sums)
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
-    floor = _lowest_scale(model) if not model.supported else 0.0
+    floor = lowest_scale(model) if not model.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
     residuals = np.sqrt(sums[2]) / sizes
     for k in slender:
@@ -400,7 +400,7 @@ def _summed(model: Structure, products: np.ndarray) -> np.ndarray:
     return model.comm.allreduce(products.sum(axis=0))
 
 
-def _lowest_scale(model: Structure) -> float:
+def lowest_scale(model: Structure) -> float:
     """A positive omega^2 well below the elastic modes of a free structure of the model's extent,
     (rad/s)^2.
     """

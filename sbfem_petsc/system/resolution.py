@@ -13,7 +13,7 @@ from numpy.polynomial import legendre
 from meshing.gll import gll_nodes, lagrange_values
 
 from ..selement.solution import SElement, solve_selement
-from .modes import Modal
+from .modes import Modal, lowest_scale
 from .shapes import Group
 from .structure import Structure
 
@@ -73,6 +73,8 @@ def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
         if len(rows):
             lost += _add_group(model, group.select(rows), omega, shapes, edges)
     lost = model.comm.allreduce(lost) + FURTHER * edges.energies()
+    if not model.supported:  # rigid-body modes have nothing to lose
+        lost[omega**2 < lowest_scale(model)] = 0.0
     return np.divide(lost, 2.0 * omega**2, out=np.zeros(len(modes)), where=omega > 0.0)
 
 
@@ -262,6 +264,15 @@ class _Edges:
     def __init__(self, model: Structure, modes: int):
         self.model, self.modes = model, modes
         self.found: dict[tuple[int, ...], tuple[np.ndarray, np.ndarray, np.ndarray]] = {}
+        # where springs act the S-elements alone are not in balance: nothing is said of these edges
+        self._elastic: dict[frozenset[int], np.ndarray] = {}
+        for support in model.supports:
+            for edge in model.part.edge_sets.get(support.where, ()):
+                key = frozenset(int(node) for node in edge)
+                springs = np.array(support.springs) > 0.0
+                self._elastic[key] = springs | self._elastic.get(key, np.zeros(2, dtype=bool))
+        # nor of those at a support on a point, whose reaction is singular
+        self._points = {model.points[s.where][2] for s in model.supports if s.where in model.points}
 
     def add(
         self,
@@ -285,7 +296,10 @@ class _Edges:
                 odd = np.repeat([(-1.0) ** n for n in range(order + 1, order + MORE_ORDERS + 1)], 2)
                 change = turn * odd
             force, stiffness = change.T @ residual[own], change.T @ block[own, own] @ change
-            free = np.tile((part.unknowns[edge] >= 0).any(axis=0), MORE_ORDERS)
+            free = (part.unknowns[edge] >= 0).any(axis=0)
+            free &= self._points.isdisjoint(int(node) for node in name)
+            free &= ~self._elastic.get(frozenset(int(node) for node in edge), np.zeros(2, dtype=bool))
+            free = np.tile(free, MORE_ORDERS)
             key = tuple(int(n) for n in name)
             former = self.found.get(key)
             if former is not None:

@@ -108,6 +108,19 @@ def test_too_few_modes_for_the_load_warn():
         sb.periodic(model, sb.EdgeLoad("right", ty=1e5), 2e4, modes=5, contact=False)
 
 
+def test_elastic_supports_are_no_error():
+    """A stiff foundation below a beam whose mesh carries its modes: clamped edges say the same without a
+    word.
+    """
+    stiff = [sb.Support("bottom", x=1e12, y=1e12)]
+    found = []
+    for options in ({"supports": stiff, "clamped": None}, {"clamped": "bottom"}):
+        model = sb.Model(Beam(0.02, 0.005).mesh(order=7, size=0.005), ALUMINIUM, **options)
+        modal = sb.modal(model, 6)
+        found.append(frequency_errors(modal, range(6)))
+    assert max(errors.max() for errors in found) < 1e-3
+
+
 PROGRAM = """
 import json, warnings
 import sbfem_petsc as sb
