@@ -80,7 +80,7 @@ def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
             _panel(axes, mesh, tip - half, tip + half, nodes=True)
             axes.set_title(text, fontsize=8)
             if column == 0:
-                scale = place_unit(2.0 * half)[0]
+                scale = place_unit(float(extent.max()))[0]
                 axes.add_patch(
                     Rectangle(
                         (float(tip[0] - near) * scale, float(tip[1] - near) * scale),
@@ -114,8 +114,8 @@ def _tip_size(mesh, crack) -> float:
 
 
 def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretch: float = 1.0) -> None:
-    """The part of the mesh in a window."""
-    scale, unit = place_unit(float((upper - lower).max()))
+    """The part of the mesh in a window; places are told in one unit in all windows."""
+    scale, unit = place_unit(float(np.ptp(mesh.nodes, axis=0).max()))
     values, _ = shape_functions(mesh.order, np.linspace(-1.0, 1.0, max(2 * mesh.order, 8) + 1))
     lines = values @ mesh.nodes[mesh.edges]
     seen = ((lines.max(axis=1) >= lower) & (lines.min(axis=1) <= upper)).all(axis=1)
@@ -194,6 +194,10 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     _label_points(axes, mesh, lower, upper, scale)
     axes.set_xlim(lower[0] * scale, upper[0] * scale)
     axes.set_ylim(lower[1] * scale, upper[1] * scale)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(
+            MaxNLocator(9 if stretch > 1.0 and axis is axes.xaxis else 5, steps=[1, 2, 5, 10])
+        )
     axes.set_aspect(stretch)
     if nodes:  # a small panel: numbers of five digits would meet
         axes.xaxis.set_major_locator(MaxNLocator(5))
