@@ -199,8 +199,6 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
             MaxNLocator(9 if stretch > 1.0 and axis is axes.xaxis else 5, steps=[1, 2, 5, 10])
         )
     axes.set_aspect(stretch)
-    if nodes:  # a small panel: numbers of five digits would meet
-        axes.xaxis.set_major_locator(MaxNLocator(5))
     axes.set_xlabel(f"x ({unit})")
     axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
     style(axes)
