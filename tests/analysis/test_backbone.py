@@ -233,12 +233,12 @@ def own_shift(r):
 @pytest.mark.parametrize(
     "arguments, sentence",
     [
-        ({"mode": 0}, "mode = 0 must be at least 1"),
+        ({"mode": 0}, "mode = 0 must be between 1 and 1000000"),
         ({"mode": 2}, "mode = 2 must be an elastic one of the 1 modes kept"),
         ({"mode": 1.0}, "mode = 1.0 must be an integer"),
         ({"start": 0.0}, "start = 0"),
         ({"stop": 4e-4}, "start and stop are both"),
-        ({"steps": 3}, "steps = 3 must be at least 48"),
+        ({"steps": 3}, "steps = 3 must be between 48 and 1000000"),
     ],
 )
 def test_bad_requests(arguments, sentence):
