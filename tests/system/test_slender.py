@@ -99,6 +99,7 @@ def test_refusal():
 
 
 RANKS = """
+import json
 import sbfem_petsc as sb
 from mpi4py import MPI
 from meshing import Beam
