@@ -1,11 +1,11 @@
-"""Statics with contact and modes of plates with random cracks and holes, or of a beam with notches, by stages.
+"""Statics with contact and modes of plates with random cracks and holes, or of notched beams, by stages.
 
     python benchmarks/plate.py --unknowns 100000 --cracks 10 --holes 2 --modes 20 --file plate.json
     mpiexec -n 2 python benchmarks/plate.py --unknowns 100000 --cracks 10
     python benchmarks/plate.py --notches 100
 
-Every stage has its wall and CPU seconds (the slowest rank's) and the largest peak of resident memory of a rank
-after it. `--file` writes the table as JSON, for two versions to be compared. PETSc's options may follow, after
+Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
+rank after it. `--file` writes the table as JSON, to compare two versions. Options of PETSc may follow, after
 `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
 -static_pc_gamg_threshold 0.02`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
 """
@@ -27,15 +27,15 @@ import petsc4py
 _SPLIT = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
 petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
 
-import sbfem_petsc as sb
-from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
-from sbfem_petsc.petsc import MPI, version_line
+import sbfem_petsc as sb  # noqa: E402
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch  # noqa: E402
+from sbfem_petsc.petsc import MPI, version_line  # noqa: E402
 
 MATERIAL = sb.Material(70e9, 0.33, 2700)
 
 
 def plate(cracks: int, holes: int, seed: int) -> Plate:
-    """A square of 1 m with cracks of any direction and holes, one in each field of a chequer board at most."""
+    """A square of 1 m with cracks of any direction and holes, at most one in each field of a board."""
     generator = np.random.default_rng(seed)
     side = max(1, math.ceil(math.sqrt(cracks + holes)))
     fields = generator.permutation(side * side)[: cracks + holes]
@@ -52,7 +52,7 @@ def plate(cracks: int, holes: int, seed: int) -> Plate:
 
 
 def plate_mesh(body: Plate, unknowns: int, order: int) -> BoundaryMesh:
-    """A mesh with about so many displacement unknowns: three tries, for features have cells of their own size."""
+    """A mesh with about so many displacement unknowns: three tries, for features have their own cell size."""
     size = math.sqrt((4 * order - 2) / unknowns)
     for _ in range(3):
         mesh = body.mesh(order=order, size=size)
