@@ -185,9 +185,9 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
             30.0 * float(found.residuals[:count].max()),
             10.0 * model.refinement.scale * squares / max(values[count - 1], np.finfo(float).tiny),
         )
-        last = values[count - 1] * (1.0 - min(margin, 1.0))
-        if not verify or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
-            break  # below rigid-body modes there is nothing
+        last = values[count - 1] * (1.0 - margin)
+        if not verify or margin > 0.5 or values[count - 1] <= lowest_scale(pencil.model) * 1e-3:
+            break  # the assembled stiffness cannot tell; below rigid-body modes there is nothing
         below = pencil.eigenvalues_below(last)
         if below is None or below <= int((values[:count] < last).sum()):
             break

@@ -124,15 +124,13 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
     local[nodes] = np.arange(len(nodes))
     owner = np.full(len(mesh.edges), -1)
     backwards = np.zeros(len(mesh.edges), dtype=bool)
-    # An edge inside a set on an interface belongs to the lowest of its elements.
-    for e in elements[::-1]:
-        part = slice(mesh.element_start[e], mesh.element_start[e + 1])
-        owner[mesh.element_edges[part]] = e
-        backwards[mesh.element_edges[part]] = mesh.element_reversed[part]
+    element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
+    # An edge inside a set on an interface belongs to the lowest of its elements, which is written last.
+    held = np.flatnonzero(numbering.assignment[element_of] == rank)[::-1]
+    owner[mesh.element_edges[held]] = element_of[held]
+    backwards[mesh.element_edges[held]] = mesh.element_reversed[held]
     lowest = np.full(len(mesh.edges), mesh.elements)
-    np.minimum.at(
-        lowest, mesh.element_edges, np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
-    )
+    np.minimum.at(lowest, mesh.element_edges, element_of)
     sets = {}
     for name, members in mesh.edge_sets.items():
         mine = np.asarray(members, dtype=int)

@@ -99,6 +99,7 @@ def test_refusal():
 
 
 RANKS = """
+import json
 import sbfem_petsc as sb
 from mpi4py import MPI
 from meshing import Beam
@@ -114,9 +115,13 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def test_ranks_agree():
+<<<<<<< HEAD
     """1e-9 in all, the first two frequencies included: rounded displacements leave 2.5e-10 at 10,000
     heights.
     """
+=======
+    """1e-9 in all frequencies: rounded displacements leave 2.5e-10 at 10,000 heights."""
+>>>>>>> scale
     one = answer(on_ranks(1, RANKS))
     for ranks in (2, 4):
         found = answer(on_ranks(ranks, RANKS))

@@ -1,0 +1,163 @@
+"""Statics with contact and modes of plates with random cracks and holes, or of notched beams, by stages.
+
+    python benchmarks/plate.py --unknowns 100000 --cracks 10 --holes 2 --modes 20 --file plate.json
+    mpiexec -n 2 python benchmarks/plate.py --unknowns 100000 --cracks 10
+    python benchmarks/plate.py --notches 100
+
+Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
+rank after it. `--file` writes the table as JSON, to compare two versions. Options of PETSc may follow, after
+`--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
+-static_pc_gamg_threshold 0.02`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import resource
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import petsc4py
+
+_SPLIT = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
+petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
+
+import sbfem_petsc as sb  # noqa: E402
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch  # noqa: E402
+from sbfem_petsc.petsc import MPI, version_line  # noqa: E402
+
+MATERIAL = sb.Material(70e9, 0.33, 2700)
+
+
+def plate(cracks: int, holes: int, seed: int) -> Plate:
+    """A square of 1 m with cracks of any direction and holes, at most one in each field of a board."""
+    generator = np.random.default_rng(seed)
+    side = max(1, math.ceil(math.sqrt(cracks + holes)))
+    fields = generator.permutation(side * side)[: cracks + holes]
+    lines, circles = [], []
+    for k, field in enumerate(fields):
+        centre = (np.array(divmod(int(field), side)) + generator.uniform(0.45, 0.55, 2)) / side
+        if k < cracks:
+            angle, half = generator.uniform(0.0, math.pi), generator.uniform(0.2, 0.35) / side
+            along = half * np.array([math.cos(angle), math.sin(angle)])
+            lines.append(CrackLine([tuple(centre - along), tuple(centre + along)]))
+        else:
+            circles.append(Hole(*centre, diameter=generator.uniform(0.2, 0.4) / side))
+    return Plate([(0, 0), (1, 0), (1, 1), (0, 1)], holes=circles, cracks=lines)
+
+
+def plate_mesh(body: Plate, unknowns: int, order: int) -> BoundaryMesh:
+    """A mesh with about so many displacement unknowns: three tries, for features have their own cell size."""
+    size = math.sqrt((4 * order - 2) / unknowns)
+    for _ in range(3):
+        mesh = body.mesh(order=order, size=size)
+        ratio = 2 * len(mesh.nodes) / unknowns
+        if 0.85 < ratio < 1.15:
+            break
+        size *= math.sqrt(ratio)
+    return mesh
+
+
+def notched_beam(notches: int, order: int) -> BoundaryMesh:
+    """A beam 5 mm high with closed notches every 20 mm, half through."""
+    places = 0.02 * (1 + np.arange(notches))
+    cuts = [VNotch(x=float(x), depth=0.0025, opening=0.0) for x in places]
+    return Beam(length=0.02 * (notches + 1), height=0.005, notches=cuts).mesh(order=order)
+
+
+class Stages:
+    """Times of the stages on all ranks of a communicator."""
+
+    def __init__(self, comm: MPI.Comm):
+        self.comm, self.rows = comm, []
+
+    def __call__(self, name: str, work: Callable[[], Any]) -> Any:
+        """`work()`, timed."""
+        self.comm.Barrier()
+        wall, cpu = time.perf_counter(), time.process_time()
+        result = work()
+        spent = (time.perf_counter() - wall, time.process_time() - cpu)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        wall, cpu, peak = (self.comm.allreduce(value, MPI.MAX) for value in (*spent, peak))
+        self.rows.append({"stage": name, "wall_s": wall, "cpu_s": cpu, "peak_MB_a_rank": peak})
+        if self.comm.rank == 0:
+            print(f"{name:14s} {wall:9.2f} {cpu:9.2f} {peak:9.0f}", flush=True)
+        return result
+
+
+def run(arguments: argparse.Namespace) -> dict[str, Any]:
+    """One table."""
+    comm = MPI.COMM_WORLD
+    stages = Stages(comm)
+    if comm.rank == 0:
+        print(f"{'stage':14s} {'wall s':>9s} {'CPU s':>9s} {'peak MB':>9s}")
+
+    def make() -> BoundaryMesh:
+        if arguments.notches:
+            return notched_beam(arguments.notches, arguments.order)
+        body = plate(arguments.cracks, arguments.holes, arguments.seed)
+        return plate_mesh(body, arguments.unknowns, arguments.order)
+
+    mesh = stages("mesh", lambda: sb.on_root(comm, make))
+    clamped, load = (
+        ("left", sb.PointForce("A", fy=1.0))
+        if arguments.notches
+        else ("edge1", sb.EdgeLoad("edge3", pressure=1e6, tx=2e5))
+    )
+    model = stages("model, kernel", lambda: sb.Model(mesh, MATERIAL, clamped=clamped))
+    stages("assembly", lambda: model.stiffness)
+    stages("factorisation", lambda: model.solver)
+    stages("contact rows", lambda: (model.gap_operator, model.tips))
+    solved = stages("static", lambda: sb.static(model, load))
+    if arguments.flexibility:
+        stages("flexibility W", lambda: model.compliance)
+    if arguments.modes:
+        stages("inertia", lambda: model.moving_groups)
+        stages("modes", lambda: sb.modal(model, arguments.modes))
+    return {
+        "versions": version_line(),
+        "ranks": comm.size,
+        **{
+            name: getattr(arguments, name)
+            for name in ("order", "cracks", "holes", "notches", "seed", "modes")
+        },
+        "s_elements": model.elements,
+        "shapes": model.shapes,
+        "boundary_unknowns": model.boundary_unknowns,
+        "unknowns": model.unknowns,
+        "pairs": len(model.pairs),
+        "pairs_in_contact": int(solved.active.sum()),
+        "contact_resultant_N": solved.contact_resultant,
+        "solver": solved.solver,
+        "linear_iterations": model.solver.ksp.getIterationNumber(),
+        "stages": stages.rows,
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
+    parser.add_argument("--unknowns", type=int, default=30_000)
+    parser.add_argument("--order", type=int, default=5)
+    parser.add_argument("--cracks", type=int, default=10)
+    parser.add_argument("--holes", type=int, default=0)
+    parser.add_argument("--notches", type=int, default=0, help="a beam with so many instead of the plate")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--modes", type=int, default=0)
+    parser.add_argument("--flexibility", action="store_true", help="also all contact rows' flexibility")
+    parser.add_argument("--file")
+    arguments = parser.parse_args(sys.argv[1:_SPLIT])
+    result = run(arguments)
+    if MPI.COMM_WORLD.rank == 0:
+        print({name: value for name, value in result.items() if name != "stages"})
+        if arguments.file:
+            with open(arguments.file, "w", encoding="utf-8") as file:
+                json.dump(result, file, indent=2)
+
+
+if __name__ == "__main__":
+    main()
