@@ -27,9 +27,9 @@ import petsc4py
 _SPLIT = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
 petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
 
-import sbfem_petsc as sb  # noqa: E402
-from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch  # noqa: E402
-from sbfem_petsc.petsc import MPI, version_line  # noqa: E402
+import sbfem_petsc as sb
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
+from sbfem_petsc.petsc import MPI, version_line
 
 MATERIAL = sb.Material(70e9, 0.33, 2700)
 

@@ -139,8 +139,8 @@ def test_a_motion_of_one_period_over_two(reduction):
 
 @pytest.mark.slow
 def test_subcritical_doubling():
-    """A beam whose motions of two periods begin unstable: their branch first goes back, turns in a fold and becomes
-    stable.
+    """A beam whose motions of two periods begin unstable: their branch first goes back, turns in a fold and
+    becomes stable.
     """
     model = sb.Model(
         Beam(0.200, 0.005, [VNotch(0.050, 0.0025, 0.03)]).mesh(order=5, tip_size=2e-6),

@@ -115,13 +115,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 
 def test_ranks_agree():
-<<<<<<< HEAD
-    """1e-9 in all, the first two frequencies included: rounded displacements leave 2.5e-10 at 10,000
-    heights.
-    """
-=======
     """1e-9 in all frequencies: rounded displacements leave 2.5e-10 at 10,000 heights."""
->>>>>>> scale
     one = answer(on_ranks(1, RANKS))
     for ranks in (2, 4):
         found = answer(on_ranks(ranks, RANKS))
