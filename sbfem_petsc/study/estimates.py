@@ -36,7 +36,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
         "unknowns": int(model.unknowns),
         "contact_pairs": len(model.pairs),
         "cracks": [crack.name for crack in model.cracks],
-        "points": {name: list(map(float, place)) for name, (place, _) in model.points.items()},
+        "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
         "edge_sets": list(model.edge_set_names),
         "regions": list(model.material_names),
         "analyses": {},

@@ -196,7 +196,7 @@ class _Run:
             "contact_pairs": len(model.pairs),
             "extent": [*map(float, lower), *map(float, upper)],
             "area": float(model.area),
-            "points": {name: list(map(float, place)) for name, (place, _) in model.points.items()},
+            "points": {name: list(map(float, place)) for name, (place, _, _) in model.points.items()},
         }
 
     def _write(self) -> dict[str, Any] | None:

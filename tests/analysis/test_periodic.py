@@ -436,7 +436,7 @@ def test_what_an_orbit_tells(case_p):
         ({"frequency": float("nan")}, "frequency"),
         ({"frequency": "fast"}, "frequency"),
         ({"steps": 0}, "steps = 0"),
-        ({"steps": 16}, "steps = 16 must be at least 48"),
+        ({"steps": 16}, "steps = 16 must be between 48 and"),
         ({"steps": 100.0}, "steps = 100.0 must be an integer"),
         ({"steps": True}, "steps"),
         ({"periods": 0}, "periods = 0"),
@@ -467,7 +467,7 @@ def test_bad_loads(case_p):
     for other in (sb.PointForce("A", fx=1.0), sb.PointForce("B", fy=1.0)):
         with pytest.raises(ValueError, match="the reduced model was made for other loads than PointForce"):
             sb.periodic(orbit.reduced, other, 3000.0)
-    with pytest.raises(ValueError, match="does not repeat"):
+    with pytest.raises(ValueError, match="is not periodic"):
         sb.periodic(model, sb.PointForce("A", fy=sb.ToneBurst(300.0, 3000.0, 5)), 3000.0)
     with pytest.raises(ValueError, match="433 Hz has no common period with 3000 Hz"):
         sb.periodic(model, sb.PointForce("A", fy=sb.Harmonic(1.0, 433.0)), 3000.0)
@@ -500,7 +500,7 @@ def test_no_convergence():
 def test_contact_problem_that_is_not_solved(case_p, monkeypatch):
     """An error inside SNES' callback comes out as itself."""
     model, orbit = case_p
-    monkeypatch.setattr(shooting, "march", lambda *arguments: (7, 0))
+    monkeypatch.setattr(shooting, "march", lambda *arguments, **named: (7, 0))
     with pytest.raises(sb.SolveError, match="contact problem of step .* at 3000 Hz was not solved"):
         sb.periodic(orbit.reduced, FORCE, 3000.0)
 
