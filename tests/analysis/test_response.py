@@ -229,7 +229,8 @@ def test_curves_of_the_paper(case_p, force):
 
 @pytest.mark.slow
 def test_verdicts_do_not_depend_on_the_grid(case_p):
-    """700 N at 512 and 1024 steps: the same bifurcations within 1e-5, one for each change of the number of
+    """700 N at 512 and 1024 steps: the same bifurcations within 3e-5 (one whose multipliers pass the circle
+    at a slope of 1e-6 a hertz moves by 1.5e-5), one for each change of the number of
     unstable multipliers, and four changes of the verdict.
     """
     found = [
@@ -238,7 +239,7 @@ def test_verdicts_do_not_depend_on_the_grid(case_p):
     ]
     kinds = [[b.kind for b in curve.bifurcations] for curve in found]
     assert kinds[0] == kinds[1] and len(kinds[0]) >= 4
-    np.testing.assert_allclose(*([b.value for b in curve.bifurcations] for curve in found), rtol=1e-5)
+    np.testing.assert_allclose(*([b.value for b in curve.bifurcations] for curve in found), rtol=3e-5)
     for curve in found:
         assert np.count_nonzero(curve.stable[1:] != curve.stable[:-1]) == 4
         outside = (np.abs(curve.multipliers) > 1).sum(axis=1)
@@ -282,7 +283,7 @@ def test_three_motions_with_little_damping():
         ({"stop": -1.0}, "stop"),
         ({"stop": 0.08}, "both 0.08 Hz"),
         ({"start": "low"}, "start"),
-        ({"steps": 10}, "steps = 10 must be at least 48"),
+        ({"steps": 10}, "steps = 10 must be between 48 and"),
         ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"),
         ({"load": [sb.ToneBurst(0.1, 0.08, 3)]}, "does not follow the swept frequency"),
         ({"load": [0.0]}, "no load oscillates"),

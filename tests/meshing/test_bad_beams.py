@@ -106,7 +106,7 @@ def test_wrong_types(make):
         ({"layout": "star"}, "layout is 'star'"),
         ({"corner_size": 0.0025}, "corner_size 0.0025 m"),
         ({"corner_size": 0.0}, "corner_size is 0 m"),
-        ({"corner_size": 1e-4, "corners": ["top"]}, "corners contains 'top'"),
+        ({"corner_size": 1e-4, "corners": ["top"]}, "corners is 'top'"),
         ({"points": {"P": (0.5, 0.001)}}, "point 'P' at (0.5, 0.001) m is outside the beam"),
         ({"points": {"P": (0.08, 0.004)}}, "in or on notch 1"),
         ({"points": {"P": (0.065, 0.0025)}}, "in or on hole 1"),
