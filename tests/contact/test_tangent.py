@@ -10,7 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.shooting import Period, shoot_nearby
-from sbfem_petsc.dynamics.steady import steady_state
+from sbfem_petsc.dynamics.steady import find_steady_state
 from tests.parallel import ROOT
 
 
@@ -134,7 +134,7 @@ def test_fixed_point_nearby():
     has nothing to do with it none, and not a wrong one.
     """
     period, driven, state = driven_chain()
-    found, _ = steady_state(period, driven.frequency, state)
+    found, _ = find_steady_state(period, driven.frequency, state)
     derivative = driven.monodromy(found.motion)
     size = np.linalg.norm(driven.linear_state)
     start = found.state + 1e-4 * size * np.cos(np.arange(len(state)))
