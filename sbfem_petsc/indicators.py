@@ -16,6 +16,7 @@ import numpy as np
 from scipy.fft import rfft, rfftfreq
 from scipy.signal import detrend as remove_trend
 from scipy.signal import get_window
+from scipy.stats import chi2, ncx2
 
 from .checks import choice, integer, positive, real, real_array, shown
 
@@ -595,3 +596,55 @@ def frequency_shift(cracked: Sequence[float], healthy: Sequence[float]) -> np.nd
         if not (np.isfinite(array) & (array > 0.0)).all():
             raise ValueError(f"frequency_shift: {name} frequencies must be positive and finite, in Hz")
     return (pair[0] - pair[1]) / pair[1]
+
+
+def detection_probability(values, noise: float, false_alarm: float = 0.01) -> np.ndarray:
+    """Probability that a crack is seen in quantities that are zero without it and measured with noise.
+
+    The sum of squares of the measured quantities is compared with the threshold that noise alone exceeds with
+    the probability `false_alarm`. With normal noise it has a chi-square distribution, noncentral where there
+    is a crack (Kay, Fundamentals of Statistical Signal Processing: Detection Theory, 1998, chapter 2).
+
+    Parameters
+    ----------
+    values : (..., k) array
+        Indicators in the last axis: relative frequency shifts, or complex amplitudes of lines of a spectrum
+        (two quantities each, real and imaginary part).
+    noise : float
+        Standard deviation of each quantity, in the unit of the values.
+    false_alarm : float
+        Probability of an alarm without a crack, between 0 and 1.
+
+    Returns
+    -------
+    (...) array
+        Between `false_alarm` (values 0) and 1.
+
+    Raises
+    ------
+    ValueError
+        For values that are not finite or have no last axis, noise or a probability out of range.
+    """
+    owner = "detection_probability"
+    try:
+        array = np.asarray(values)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{owner}: values = {shown(values)} must be an array of real or complex numbers")
+    if array.ndim < 1 or array.shape[-1] < 1:
+        raise ValueError(
+            f"{owner}: values of shape {array.shape} were given; indicators stand in a last axis"
+        )
+    if not np.isfinite(array).all():
+        raise ValueError(f"{owner}: values must be finite; leave out rows that failed")
+    noise = positive(owner, "noise", noise)
+    false_alarm = positive(owner, "false_alarm", false_alarm)
+    if false_alarm >= 1.0:
+        raise ValueError(f"{owner}: false_alarm = {false_alarm:g} must be between 0 and 1, for example 0.01")
+    freedom = array.shape[-1] * (2 if array.dtype.kind == "c" else 1)
+    energy = np.sum((np.abs(array) / noise) ** 2, axis=-1)
+    threshold = chi2.isf(false_alarm, freedom)
+    # beyond this the far tail of the distribution is no longer summed; the probability is 1 to round-off
+    seen = ncx2.sf(threshold, freedom, np.minimum(energy, 1e4 + 4.0 * threshold))
+    return np.where(energy > 0.0, np.clip(seen, false_alarm, 1.0), false_alarm)

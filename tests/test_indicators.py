@@ -9,6 +9,7 @@ from sbfem_petsc.indicators import (
     beta,
     coherent_record,
     contact_duty,
+    detection_probability,
     frequency_shift,
     gamma,
     harmonic_ratios,
@@ -355,3 +356,51 @@ def test_rounded_times_are_uniform():
     t = np.cumsum(np.full(132000, 0.25e-6))
     assert abs(harmonics(t, np.sin(2.0 * np.pi * 3000.0 * t), 3000.0, 1)[1]) == pytest.approx(1.0, rel=1e-9)
     spectrum(grid(1000, 1e-6, start=1e3), U)
+
+
+class TestDetectionProbability:
+    """The chance that a sum of squares exceeds what noise alone reaches with a given probability."""
+
+    def test_one_line_is_marcums_q(self):
+        """An amplitude a in complex noise has Rice's distribution, without a crack Rayleigh's."""
+        from scipy.stats import rayleigh, rice
+
+        a, noise, false_alarm = np.array([0.3, 1.0, 2.5, 6.0]), 0.7, 0.02
+        threshold = rayleigh.isf(false_alarm)
+        expected = rice.sf(threshold, a / noise)
+        found = detection_probability((a * np.exp(0.4j))[:, None], noise, false_alarm)
+        assert found == pytest.approx(expected, rel=1e-9)  # two codes of one integral
+
+    def test_one_shift_is_the_normal_distributions(self):
+        from scipy.stats import norm
+
+        limit = norm.isf(0.005)
+        expected = norm.sf(limit - 2.0) + norm.cdf(-limit - 2.0)
+        assert detection_probability([2e-3], 1e-3, 0.01) == pytest.approx(expected, rel=1e-9)
+
+    def test_counted(self):
+        """By drawing noise 200,000 times: four standard errors of a share."""
+        values, draws = np.array([0.5, -1.0, 0.2, 0.8]), 200_000
+        noise = np.random.default_rng(3).normal(size=(draws, 4))
+        limit = np.quantile(np.sum(noise**2, axis=1), 0.95)
+        share = np.mean(np.sum((values + noise) ** 2, axis=1) > limit)
+        assert detection_probability(values, 1.0, 0.05) == pytest.approx(
+            share, abs=4.0 * np.sqrt(0.25 / draws)
+        )
+
+    def test_limits(self):
+        found = detection_probability([[0.0, 0.0], [1e-12, 0.0], [1e6, 0.0]], 1.0, 0.03)
+        assert found == pytest.approx([0.03, 0.03, 1.0], rel=1e-9)
+
+    @pytest.mark.parametrize(
+        "arguments, sentence",
+        [
+            (([np.nan], 1.0), "values must be finite"),
+            ((1.0, 1.0), "shape"),
+            (([1.0], 0.0), "noise"),
+            (([1.0], 1.0, 1.0), "false_alarm = 1 must be between 0 and 1"),
+        ],
+    )
+    def test_bad_input(self, arguments, sentence):
+        with pytest.raises(ValueError, match=sentence):
+            detection_probability(*arguments)

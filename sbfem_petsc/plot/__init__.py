@@ -8,6 +8,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from .branches import plot_branches
+from .detection import plot_detection
 from .drawing import save_picture
 from .fields import plot_contact, plot_crack, plot_modes
 from .histories import Panel, plot_histories, plot_history, plot_spectra
@@ -19,6 +20,7 @@ __all__ = [
     "plot_branches",
     "plot_contact",
     "plot_crack",
+    "plot_detection",
     "plot_discretisation",
     "plot_harmonics",
     "plot_histories",

@@ -202,7 +202,7 @@ def test_decrement(modal):
         ((-1.0, 0.0), ValueError),
         ((0.0, float("nan")), ValueError),
         (0.1, TypeError),
-        ((1.0,), TypeError),
+        ((1.0,), ValueError),
         (("1", 0.0), TypeError),
     ],
 )

@@ -340,6 +340,9 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"time": TIME, "values": WAVE, "carrier": 30.0, "modulation": 4.0, "order": 1}
     ],
     "indicators.contact_duty": [lambda: {"time": TIME, "contact_force": WAVE, "threshold": 0.1}],
+    "indicators.detection_probability": [
+        lambda: {"values": [1e-3, 2e-3], "noise": 1e-3, "false_alarm": 0.05}
+    ],
     "indicators.frequency_shift": [lambda: {"cracked": [1.0, 2.0], "healthy": [1.0, 2.0]}],
 }
 
