@@ -23,6 +23,7 @@ GRACE = 5.0
 # Relative difference of numbers that different processors explain.
 ROUND_OFF = 1e-9
 WIDTH = 17  # bytes of an exchange: its kind and a digest
+TAG = 29_875  # of its messages
 FINE, FAILED, AGREE = b"\0", b"\1", b"\2"
 
 Result = TypeVar("Result")
@@ -156,12 +157,27 @@ def _mark(error: Exception) -> Exception:
 
 
 def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
-    """The words of all ranks; an error if one of them has ended its program."""
+    """The words of all ranks; an error if one of them has ended its program.
+
+    By messages through rank 0, whose wait can be given up; a collective operation would meet those by which MPI or
+    PETSc end on a rank that has left.
+    """
     mine = np.frombuffer(word.ljust(WIDTH, b"\0"), dtype=np.uint8)
     table = np.empty((comm.size, WIDTH), dtype=np.uint8)
-    request = comm.Iallgather(mine, table)
+    if comm.rank > 0:
+        sent = comm.Isend(mine, dest=0, tag=TAG)
+        _wait(comm, [sent, comm.Irecv(table, source=0, tag=TAG)])
+    else:
+        table[0] = mine
+        _wait(comm, [comm.Irecv(table[rank], source=rank, tag=TAG) for rank in range(1, comm.size)])
+        _wait(comm, [comm.Isend(table, dest=rank, tag=TAG) for rank in range(1, comm.size)])
+    return [row.tobytes() for row in table]
+
+
+def _wait(comm: MPI.Comm, requests: list[MPI.Request]) -> None:
+    """Wait for messages, and for no rank that has left."""
     missing, since, turns = None, 0.0, 0
-    while not request.Test():
+    while not MPI.Request.Testall(requests):
         turns += 1
         if turns < 1000:
             continue
@@ -173,7 +189,6 @@ def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
                 f"rank {missing} has ended its program, but rank {comm.rank} of {comm.size} still waits for "
                 "it: what works on a model, or with its results on several ranks, is called on all of them"
             )
-    return [row.tobytes() for row in table]
 
 
 def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:
