@@ -1,4 +1,6 @@
-"""Branches, sweeps and histories that are ended from outside: readable afterwards, and continued to the same numbers."""
+"""Branches, sweeps and histories that are ended from outside: readable afterwards, and continued to the same
+numbers.
+"""
 
 import os
 import resource
@@ -76,9 +78,13 @@ def undisturbed(tmp_path_factory):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["branch", "history", "unreduced"])
-@pytest.mark.parametrize("ranks, number", [(1, SIGNALS[0]), (1, SIGNALS[1]), (1, SIGNALS[2]), (2, SIGNALS[0])])
+@pytest.mark.parametrize(
+    "ranks, number", [(1, SIGNALS[0]), (1, SIGNALS[1]), (1, SIGNALS[2]), (2, SIGNALS[0])]
+)
 def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
-    """On two ranks one of them is killed: both end. What is on disk is read, and the run goes on to the same numbers."""
+    """On two ranks one of them is killed: both end. What is on disk is read, and the run goes on to the same
+    numbers.
+    """
     file = tmp_path / "run.h5"
     process = begun(ranks, kind, file, 0.05)
     victim, told = process.pid, 0
