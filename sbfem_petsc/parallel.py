@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import pickle
 import sys
 import time
@@ -17,12 +16,15 @@ from .checks import callback, shown
 from .errors import SolveError, UnknownName
 from .fingerprint import Fingerprint, fingerprint
 
-# Seconds after which an exchange with a rank that has left is given up: it may have taken part before it
-# left.
-GRACE = 5.0
+# Seconds after which an exchange with a rank that has left is given up: its last word may be on the way.
+GRACE = 1.0
+# A wait first looks this many times without a pause, then for PROMPT seconds as often as the core is free,
+# then every PAUSE seconds: where there are more ranks than cores, those that work need them.
+SPIN, PROMPT, PAUSE = 1000, 0.05, 1e-3
 # Relative difference of numbers that different processors explain.
 ROUND_OFF = 1e-9
 WIDTH = 17  # bytes of an exchange: its kind and a digest
+TAG = 29_875  # of its messages
 FINE, FAILED, AGREE = b"\0", b"\1", b"\2"
 
 Result = TypeVar("Result")
@@ -156,24 +158,39 @@ def _mark(error: Exception) -> Exception:
 
 
 def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
-    """The words of all ranks; an error if one of them has ended its program."""
+    """The words of all ranks; an error if one of them has ended its program.
+
+    By messages through rank 0, which can be given up while they are waited for; a collective operation would
+    be matched by those with which PETSc and MPI end on a rank that has left.
+    """
     mine = np.frombuffer(word.ljust(WIDTH, b"\0"), dtype=np.uint8)
     table = np.empty((comm.size, WIDTH), dtype=np.uint8)
-    request = comm.Iallgather(mine, table)
-    missing, since, turns = None, 0.0, 0
-    while not request.Test():
+    if comm.rank > 0:
+        sent = comm.Isend(mine, dest=0, tag=TAG)
+        _wait(comm, [sent, comm.Irecv(table, source=0, tag=TAG)])
+    else:
+        table[0] = mine
+        _wait(comm, [comm.Irecv(table[rank], source=rank, tag=TAG) for rank in range(1, comm.size)])
+        _wait(comm, [comm.Isend(table, dest=rank, tag=TAG) for rank in range(1, comm.size)])
+    return [row.tobytes() for row in table]
+
+
+def _wait(comm: MPI.Comm, requests: list[MPI.Request]) -> None:
+    """Wait for messages, but not for a rank that has left; a long wait leaves the core to others."""
+    begun, missing, since, turns = time.monotonic(), None, 0.0, 0
+    while not MPI.Request.Testall(requests):
         turns += 1
-        if turns < 1000:
+        if turns < SPIN:
             continue
-        os.sched_yield() if hasattr(os, "sched_yield") else time.sleep(0)
+        now = time.monotonic()
+        time.sleep(0.0 if now - begun < PROMPT else PAUSE)
         if missing is None:
-            missing, since = (abort.left(comm) if turns % 100 == 0 else None), time.monotonic()
-        elif time.monotonic() - since > GRACE:
+            missing, since = abort.left(comm), now
+        elif now - since > GRACE:
             raise SolveError(
                 f"rank {missing} has ended its program, but rank {comm.rank} of {comm.size} still waits for "
                 "it: what works on a model, or with its results on several ranks, is called on all of them"
             )
-    return [row.tobytes() for row in table]
 
 
 def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:

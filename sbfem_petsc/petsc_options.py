@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import sys
 import warnings
 
@@ -37,6 +38,8 @@ def start() -> None:
     """Start PETSc with the options in `sys.argv` that are meant for it, unless the program has started it
     itself.
 
+    Each rank starts it for itself: a rank that has left, or never uses it, is not waited for, at the start
+    as at the end. Only where an option asks for what is of all ranks, such as -log_view, they start together.
     An option that no solve has asked for is named by PETSc at the end of the program.
 
     Warns
@@ -48,11 +51,19 @@ def start() -> None:
         _complete(meant(sys.argv[1:]))
         return
     import petsc4py
+    from mpi4py import MPI
 
-    words = meant(sys.argv[1:])
-    if words:
-        left = [] if any(word.startswith("-options_left") for word in words) else ["-options_left"]
-        petsc4py.init([sys.argv[0], *words, *left])
+    world, words = MPI.COMM_WORLD, meant(sys.argv[1:])
+    everything = [*words, *os.environ.get("PETSC_OPTIONS", "").split()]
+    together = world.size == 1 or any(
+        word.startswith(tuple("-" + name for name in WHOLE_RUN)) for word in everything
+    )
+    told = any(word.startswith("-options_left") for word in words)
+    left = ["-options_left"] if words and not told and (together or world.rank == 0) else []
+    petsc4py.init([*sys.argv[:1], *words, *left], comm=world if together else MPI.COMM_SELF)
+    from petsc4py import PETSc
+
+    PETSc.Sys.setDefaultComm(world)  # as a program that goes on with PETSc itself knows it
 
 
 def meant(words: list[str]) -> list[str]:

@@ -7,7 +7,9 @@ import fcntl
 import json
 import os
 import pathlib
+import shlex
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -30,7 +32,7 @@ def all_cores() -> Iterator[None]:
 
 
 def on_ranks(
-    ranks: int, script: str | os.PathLike[str], *arguments: str, check: bool = True, timeout: float = 300
+    ranks: int, script: str | os.PathLike[str], *arguments: str, check: bool = True, timeout: float = 120
 ) -> subprocess.CompletedProcess[str]:
     """Run `script`, a file or a program's text, on `ranks` ranks with the project importable; a missing
     mpiexec skips the test.
@@ -49,17 +51,47 @@ def on_ranks(
         "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
     }
     with all_cores() if ranks > 1 else contextlib.nullcontext():
-        done = subprocess.run(
-            [mpiexec, "-n", str(ranks), sys.executable, *program, *arguments],
-            cwd=ROOT,
-            env=environment,
-            capture_output=True,
-            text=True,
-            timeout=timeout,
-        )
+        done = whole([mpiexec, "-n", str(ranks), sys.executable, *program, *arguments], environment, timeout)
     if check:
         assert done.returncode == 0, done.stdout + done.stderr
     return done
+
+
+def whole(
+    command: list[str], environment: dict[str, str], timeout: float
+) -> subprocess.CompletedProcess[str]:
+    """Run a command in a session of its own; after `timeout` seconds all of it is killed and the test
+    fails with what it has written until then.
+    """
+    process = subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        output, errors = process.communicate(timeout=timeout)
+    except BaseException as error:  # also when the test itself is interrupted
+        kill_all(process)
+        output, errors = process.communicate()
+        if not isinstance(error, subprocess.TimeoutExpired):
+            raise
+        pytest.fail(f"not ended after {timeout:g} s: {shlex.join(command)}\n{output}\n{errors}")
+    return subprocess.CompletedProcess(command, process.returncode, output, errors)
+
+
+def kill_all(process: subprocess.Popen[str]) -> None:
+    """Kill a process that leads a session and all in it; mpiexec gives each rank a process group of its
+    own.
+    """
+    found = [int(name) for name in os.listdir("/proc") if name.isdigit()] if os.path.isdir("/proc") else []
+    for number in [*found, process.pid]:
+        with contextlib.suppress(ProcessLookupError, PermissionError):
+            if number == process.pid or os.getsid(number) == process.pid:
+                os.kill(number, signal.SIGKILL)
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict:

@@ -72,6 +72,9 @@ def assemble(
     matrix.setBlockSize(block_size)
     with solving("assembly"):
         matrix.setPreallocationNNZ(lengths)
+    # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless it
+    # is said on all of them.
+    matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
     for block in blocks:
         rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
         for batch in block.batches():

@@ -120,7 +120,7 @@ if rank == 0:
 
 @pytest.fixture(scope="module")
 def said():
-    return answer(on_ranks(2, BEGIN + ALL_DIFFERENT, json.dumps(list(DIFFERENT)), timeout=150))
+    return answer(on_ranks(2, BEGIN + ALL_DIFFERENT, json.dumps(list(DIFFERENT)), timeout=90))
 
 
 @pytest.mark.parametrize("case", DIFFERENT)
@@ -131,7 +131,7 @@ def test_arguments_that_differ_are_told(said, case):
 
 
 def run(program: str) -> subprocess.CompletedProcess[str]:
-    return on_ranks(2, BEGIN + program, check=False, timeout=150)
+    return on_ranks(2, BEGIN + program, check=False, timeout=60)
 
 
 @pytest.mark.parametrize("program", FAILING)
@@ -163,11 +163,11 @@ def test_error_keeps_its_type_and_attributes():
     done = run(
         "import json\n"
         "try: sb.on_root(world, lambda: json.loads('{'))\n"
-        "except json.JSONDecodeError as error: print('same', error.pos)\n"
+        "except json.JSONDecodeError as error: sys.stdout.write(f'same {error.pos}\\n')\n"
         "class Odd(KeyError):\n"
         "    def __init__(self, one, two): super().__init__(f'{one}-{two}')\n"
         "try: sb.on_root(world, lambda: (_ for _ in ()).throw(Odd(1, 2)))\n"
-        "except KeyError as error: print('odd', str(error).count('1-2'))\n"
+        "except KeyError as error: sys.stdout.write(f'odd {str(error).count(\"1-2\")}\\n')\n"
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.count("same 1") == 2 and done.stdout.count("odd 1") == 2
@@ -178,7 +178,7 @@ def test_excepthook_of_the_program_is_kept():
     program = (
         "import sys\nsys.excepthook = lambda *error: sys.stderr.write('mine: ' + str(error[1]) + '\\n')\n"
     )
-    done = on_ranks(2, program + BEGIN + "sb.modal(structure(), 0)", check=False, timeout=150)
+    done = on_ranks(2, program + BEGIN + "sb.modal(structure(), 0)", check=False, timeout=60)
     assert done.stderr.count("mine: modal: count = 0") == 1
 
 
