@@ -16,7 +16,7 @@ import numpy as np
 from scipy import linalg
 
 from ..contact.marching import contact_forces, march, thin_factors
-from ..contact.tangent import ClosedSets, Derivative, exact_contacts, located_contacts
+from ..contact.tangent import ClosedSets, Derivative, Propagation, exact_contacts, located_contacts
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, configure
 from ..reduction.reduced_model import ReducedModel
@@ -112,6 +112,11 @@ class DrivenPeriod:
             self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
         )
 
+    @functools.cached_property
+    def propagation(self) -> Propagation:
+        """The free motion over the steps."""
+        return Propagation(self.coefficients, self.period.weights, self.period.steps)
+
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
 
@@ -205,7 +210,7 @@ class DrivenPeriod:
             )
         else:
             contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
-        result = Derivative(self.coefficients, contacts, p.steps)
+        result = Derivative(self.propagation, contacts, p.steps)
         if gap_rates.shape[2] == 0:
             self._kept = key, result
         return result
