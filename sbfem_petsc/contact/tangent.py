@@ -521,7 +521,7 @@ class Derivative:
         inside = frame < final
         late = ends[inside] - self._begin[frame[inside]]
         late -= self._onward[frame[inside]] & (late > 0)
-        halves = found[inside].reshape(len(late), 2, -1, found.shape[2])
+        halves = found[inside].reshape(len(late), 2, found.shape[1] // 2, found.shape[2])
         moved = np.einsum("nijm,njme->nime", self.propagation.inverses[late], halves)
         found[inside] = moved.reshape(len(late), *found.shape[1:])
         total = np.concatenate([np.zeros((1, *found.shape[1:])), np.cumsum(found, axis=0)])
