@@ -11,7 +11,9 @@ def compiled(function):
     The machine code is kept in NUMBA_CACHE_DIR if that is set, else beside the source, or where that is not
     writable in the user's cache directory. Where nothing is writable each process compiles for itself.
     """
+    # quotients by zero give infinity, as in NumPy, and a product and a sum may be one operation
+    options = {"error_model": "numpy", "fastmath": {"contract"}}
     try:
-        return njit(cache=True)(function)
+        return njit(cache=True, **options)(function)
     except RuntimeError:  # numba finds no directory to write to
-        return njit(function)
+        return njit(**options)(function)

@@ -28,55 +28,60 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
     """Solve 0 <= force _|_ W force + gap >= 0, and W force + gap = 0 in tied rows, by block principal
     pivoting from the active set of the step before, which holds the tied rows.
 
-    `active` and the Cholesky factor of W over its `members` are kept between steps; members (n + 1,) ends
-    with their number, -1 where nothing is factorised. Returns the exchanges of the active set, -1 if the
-    iteration did not end or W is not definite.
+    `active` and the Cholesky factor of W over its `members`, mirrored above the diagonal, are kept between
+    steps; rows that join stand behind the others, so that those before the first one that leaves stay as they
+    are. members (n + 1,) ends with their number, -1 where nothing is factorised. Returns the exchanges of the
+    active set, -1 if the iteration did not end or W is not definite.
     """
     n = gap.size
+    solved, free = np.empty(n), np.empty(n)
     count = members[n]
+    kept = count
+    if count < 0:
+        count = kept = 0
+        for i in range(n):
+            if active[i]:
+                members[count] = i
+                count += 1
     best, patience, exchange = n + 1, PATIENCE, 0
     while exchange < 100 + 20 * n:
-        if count < 0:
-            count = 0
-            for i in range(n):
-                if active[i]:
-                    members[count] = i
-                    count += 1
-            for i in range(count):
-                for j in range(i + 1):
-                    total = flexibility[members[i], members[j]]
-                    for k in range(j):
-                        total -= factor[i, k] * factor[j, k]
-                    if i > j:
-                        factor[i, j] = total / factor[j, j]
-                    elif total > 0.0:
-                        factor[i, i] = np.sqrt(total)
-                    else:
-                        members[n] = -1
-                        return -1
+        for i in range(kept, count):
+            for j in range(i + 1):
+                factor[i, j] = flexibility[members[i], members[j]]
+            for j in range(i):
+                entry = factor[i, j] / factor[j, j]
+                factor[i, j] = entry
+                factor[j, i] = entry
+                for k in range(j + 1, i + 1):
+                    factor[i, k] -= entry * factor[j, k]
+            if not factor[i, i] > 0.0:
+                members[n] = -1
+                return -1
+            factor[i, i] = np.sqrt(factor[i, i])
+        for i in range(count):
+            solved[i] = -gap[members[i]]
+        for k in range(count):
+            entry = solved[k] / factor[k, k]
+            solved[k] = entry
+            for i in range(k + 1, count):
+                solved[i] -= entry * factor[k, i]
+        for k in range(count - 1, -1, -1):
+            entry = solved[k] / factor[k, k]
+            solved[k] = entry
+            for i in range(k):
+                solved[i] -= entry * factor[k, i]
         for i in range(n):
             force[i] = 0.0
-        for i in range(count):
-            total = -gap[members[i]]
-            for k in range(i):
-                total -= factor[i, k] * force[members[k]]
-            force[members[i]] = total / factor[i, i]
-        for i in range(count - 1, -1, -1):
-            total = force[members[i]]
-            for k in range(i + 1, count):
-                total -= factor[k, i] * force[members[k]]
-            force[members[i]] = total / factor[i, i]
+            free[i] = gap[i]
+        for k in range(count):
+            entry = solved[k]
+            force[members[k]] = entry
+            for i in range(n):
+                free[i] += entry * flexibility[members[k], i]
         # an exchange of all rows with a wrong sign; `last` is what a single one would exchange
         infeasible, last = 0, -1
         for i in range(n):
-            if active[i]:
-                wrong = force[i] < 0.0 and not tied[i]
-            else:
-                total = gap[i]
-                for k in range(count):
-                    total += flexibility[i, members[k]] * force[members[k]]
-                wrong = total < 0.0
-            if wrong:
+            if (force[i] < 0.0 and not tied[i]) if active[i] else free[i] < 0.0:
                 active[i] = not active[i]
                 infeasible += 1
                 last = i
@@ -95,7 +100,21 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
             for k in range(count):
                 if members[k] != last:
                     active[members[k]] = True
-        count = -1
+        former, count, kept = count, 0, count
+        for i in range(n):
+            free[i] = 1.0
+        for k in range(former):
+            i = members[k]
+            free[i] = 0.0
+            if active[i]:
+                members[count] = i
+                count += 1
+            elif kept > count:
+                kept = count
+        for i in range(n):
+            if active[i] and free[i] > 0.0:
+                members[count] = i
+                count += 1
         exchange += 1
     members[n] = -1
     return -1
@@ -149,7 +168,8 @@ def march(
     """
     left, right = factors
     arrays = (coefficients, left.T, right, right.T, flexibility, tied, external, free_gap)
-    steps, exchanges = _march(*map(np.ascontiguousarray, arrays), *state, *history)
+    loaded = bool(external.any())
+    steps, exchanges = _march(*map(np.ascontiguousarray, arrays), loaded, *state, *history)
     return steps, exchanges
 
 
@@ -163,6 +183,7 @@ def _march(
     tied,
     external,
     free_gap,
+    loaded,
     q,
     v,
     force,
@@ -180,33 +201,26 @@ def _march(
     exchanges, pulled = 0, True
     for step in range(-1, steps):
         if step >= 0:
+            for j in range(m):
+                position = coefficients[0, j] * q[j] + coefficients[1, j] * v[j] + coefficients[4, j] * pull[j]
+                v[j] = coefficients[5, j] * q[j] + coefficients[6, j] * v[j] + coefficients[9, j] * pull[j]
+                q[j] = position
+            if loaded:
+                for j in range(m):
+                    before, following = external[step, j], external[step + 1, j]
+                    q[j] += coefficients[2, j] * before + coefficients[3, j] * following
+                    v[j] += coefficients[7, j] * before + coefficients[8, j] * following
             for k in range(rank):
                 thin[k] = 0.0
             for j in range(m):
-                before, following = external[step, j], external[step + 1, j]
-                position = (
-                    coefficients[0, j] * q[j]
-                    + coefficients[1, j] * v[j]
-                    + coefficients[2, j] * before
-                    + coefficients[3, j] * following
-                    + coefficients[4, j] * pull[j]
-                )
-                v[j] = (
-                    coefficients[5, j] * q[j]
-                    + coefficients[6, j] * v[j]
-                    + coefficients[7, j] * before
-                    + coefficients[8, j] * following
-                    + coefficients[9, j] * pull[j]
-                )
-                q[j] = position
                 for k in range(rank):
-                    thin[k] += right[j, k] * position
-            pulled = members[pairs] != 0
+                    thin[k] += right[j, k] * q[j]
             for i in range(pairs):
                 gap[i] = free_gap[step + 1, i]
             for k in range(rank):
                 for i in range(pairs):
                     gap[i] += left_rows[k, i] * thin[k]
+            pulled = members[pairs] != 0
             for i in range(pairs):
                 pulled |= gap[i] < 0.0
             if pulled:

@@ -5,17 +5,19 @@ contact forces p = U^T force obey dp = -K (V^T dq + ...) with the position dq be
 K = U_A^T W_AA^-1 U_A. With K_R = U_A^T R_AA^-1 U_A, which knows nothing of the step's length and is kept for
 every set that has occurred, and M = V^T diag(cq) V, K = (K_R^-1 + M)^-1.
 
-In coordinates in which M = S S^T is one, S^T K_R S = E diag(l) E^T, the modal forces of contact are
--B B^T dq with B = V S^-T E diag(l / (1 + l))^(1/2). Its columns are few: what l tells to move the state by
-less than rounding is left out, and of some twenty rows in contact about six directions remain.
+The modal forces of contact are then -B B^T dq. The columns of B are few: what moves the state by less than
+rounding is left out, and of some twenty rows in contact about six directions remain.
 
 Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
 state at its beginning, coupled by a small triangular matrix, so that many columns are carried through a block
-by a few products of large matrices. Between the blocks the modes move freely, closed form.
+by a few products of large matrices. The free motion of the modes between is not computed at all: the state is
+kept as what it was at an earlier instant but for contact (a frame), and the rows take the free motion up to
+their own instants.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -24,27 +26,69 @@ from scipy import linalg
 
 # Directions of contact that change the position by less than this share in a step are left out.
 LEAST = 1e-14
-# Consecutive instants with contact that are condensed into one.
-BLOCK = 8
+# Rows that are condensed into one block.
+BLOCK = 48
+# Longest frame, and what it may not exceed: condition of a mode's free motion over its length, decades by
+# which areas in its phase plane shrink. The decay itself costs no digits, each mode only changes its unit.
+FRAME, WORST, DECAY = 2048, 1e6, 40.0
 
 
-@dataclass(frozen=True, eq=False)
 class ClosedSet:
     """Rows that keep their gaps, condensed.
 
+    Parameters
+    ----------
+    left : (c, r) array
+        U.
+    residual : (c, c) array
+        R.
+    closed : (c,) bool array
+
     Attributes
     ----------
-    spread : (r, c) array
-        U_A^T R_AA^-1 over all rows.
     operator : (r, r) array
         K_R.
-    stiffness : (c,) array
-        Diagonal of R_AA^-1, zero for the other rows, N/m.
+
+    Raises
+    ------
+    LinAlgError
+        If R is not definite in these rows.
     """
 
-    spread: np.ndarray
-    operator: np.ndarray
-    stiffness: np.ndarray
+    def __init__(self, left: np.ndarray, residual: np.ndarray, closed: np.ndarray):
+        self.rows, self.count = np.flatnonzero(closed), len(closed)
+        block = residual[self.rows[:, None], self.rows]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._weight = 1.0 / np.sqrt(np.diagonal(block))
+            scaled = self._weight[:, None] * block * self._weight
+        # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
+        self._factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1) if len(scaled) else (scaled, 0)
+        if failed:
+            raise np.linalg.LinAlgError(
+                "the residual flexibility of the rows in contact is not positive definite"
+            )
+        self._half = self._weight[:, None] * left[self.rows]
+        if len(scaled):
+            self._half, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1)
+        self.operator = self._half.T @ self._half
+
+    @functools.cached_property
+    def spread(self) -> np.ndarray:
+        """(r, c): U_A^T R_AA^-1 over all rows."""
+        result = np.zeros((self._half.shape[1], self.count))
+        if len(self.rows):
+            solved, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1, trans=1)
+            result[:, self.rows] = solved.T * self._weight
+        return result
+
+    @functools.cached_property
+    def stiffness(self) -> np.ndarray:
+        """(c,): diagonal of R_AA^-1, zero for the other rows, N/m."""
+        result = np.zeros(self.count)
+        if len(self.rows):
+            inverse, _ = linalg.lapack.dtrtri(self._factor, lower=1)
+            result[self.rows] = self._weight**2 * (np.tril(inverse) ** 2).sum(axis=0)
+        return result
 
 
 class ClosedSets:
@@ -64,24 +108,12 @@ class ClosedSets:
 
     def __getitem__(self, closed: np.ndarray) -> ClosedSet:
         key = closed.tobytes()
-        if key not in self._known:
+        found = self._known.get(key)
+        if found is None:
             if len(self._known) > 4096:
                 self._known.clear()
-            self._known[key] = self._condense(np.flatnonzero(closed))
-        return self._known[key]
-
-    def _condense(self, rows: np.ndarray) -> ClosedSet:
-        count, rank = self.left.shape
-        spread, stiffness = np.zeros((rank, count)), np.zeros(count)
-        if len(rows):
-            block = self.residual[np.ix_(rows, rows)]
-            weight = 1.0 / np.sqrt(np.diag(block))
-            factor = linalg.cho_factor(weight[:, None] * block * weight, check_finite=False)
-            inverse = weight[:, None] * linalg.cho_solve(factor, np.diag(weight), check_finite=False)
-            spread[:, rows] = self.left[rows].T @ inverse
-            stiffness[rows] = np.diag(inverse)
-        operator = spread @ self.left
-        return ClosedSet(spread, 0.5 * (operator + operator.T), stiffness)
+            found = self._known[key] = ClosedSet(self.left, self.residual, closed)
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,13 +124,16 @@ class Contacts:
     ----------
     instants : (k,) int array
         Those at which it does something.
-    factors : (k, r', m) array
-        B^T of each.
-    shifts : (k, r', e) array
+    counts : (k,) int array
+        How many rows of the next arrays belong to each.
+    factors : (s, m) array
+        The rows of B^T of all instants, one instant after the other.
+    shifts : (s, e) array
         B^T dq is added to by so much for each of e parameters.
     """
 
     instants: np.ndarray
+    counts: np.ndarray
     factors: np.ndarray
     shifts: np.ndarray
 
@@ -133,13 +168,14 @@ def exact_contacts(
     which = np.cumsum(changed) - 1
     found = [sets[closed[n]] for n in instants[changed]]
     operators = np.array([item.operator for item in found]).reshape(len(found), *[right.shape[1]] * 2)
-    factors, maps = _factors(operators, right, coefficients[4], instants[changed] == 0)
-    shifts = np.zeros((len(instants), factors.shape[1], gap_rates.shape[2]))
-    if gap_rates.shape[2]:
-        for k, item in enumerate(found):
-            here = which == k
-            shifts[here] = (maps[k] @ item.spread) @ gap_rates[instants[here]]
-    return Contacts(instants, factors[which], shifts)
+    thin = _Thin(operators, right, coefficients[4], instants[changed] == 0)
+    parameters = gap_rates.shape[2]
+    pressed = np.zeros((len(instants), right.shape[1], parameters))
+    if parameters:
+        ends = np.append(np.flatnonzero(changed), len(instants))
+        for item, first, last in zip(found, ends[:-1], ends[1:]):
+            pressed[first:last] = item.spread @ gap_rates[instants[first:last]]
+    return thin.contacts(instants, which, pressed)
 
 
 def located_contacts(
@@ -165,124 +201,255 @@ def located_contacts(
     gaps, forces : (n + 1, c) arrays
     """
     steps = len(closed) - 1
-    switches = np.flatnonzero((closed[1:] != closed[:-1]).any(axis=1))
-    touching = closed[0].copy()
-    before = sets[touching].operator
-    # operators by number, and the number that acts in each step
-    operators, acting, done = [before], np.zeros(steps, dtype=int), 0
-    for n in switches:
-        acting[done:n] = len(operators) - 1
-        rows = np.flatnonzero(closed[n] != closed[n + 1])
-        opens = closed[n, rows]
-        at = np.where(opens, n, n + 1)
-        stiffness = np.where(opens, sets[closed[n]].stiffness[rows], sets[closed[n + 1]].stiffness[rows])
-        overlap, gap = forces[at, rows] / stiffness, np.maximum(gaps[2 * n + 1 - at, rows], 0.0)
-        moments = np.where(opens, overlap, gap) / (overlap + gap)
-        mean, passed = np.zeros_like(before), 0.0
-        for k in np.argsort(moments, kind="stable"):
-            mean += (moments[k] - passed) * sets[touching].operator
-            passed = moments[k]
-            touching[rows[k]] = ~touching[rows[k]]
-        after = sets[touching].operator
-        operators += [mean + (1.0 - passed) * after, after]
-        acting[n], done = len(operators) - 2, n + 1
-    acting[done:] = len(operators) - 1
+    switched, switching = np.nonzero(closed[1:] != closed[:-1])
+    switches, first = np.unique(switched, return_index=True)
+    # the sets between the switches, and where in its step each row switches
+    between = [sets[closed[0]], *(sets[closed[n + 1]] for n in switches)]
+    number = np.repeat(np.arange(len(switches)), np.diff(first, append=len(switched)))
+    opens = closed[switched, switching]
+    at = np.where(opens, switched, switched + 1)
+    holding = number + ~opens
+    stiffness = np.array([between[k].stiffness[row] for k, row in zip(holding, switching)])
+    overlap = forces[at, switching] / stiffness
+    gap = np.maximum(gaps[2 * switched + 1 - at, switching], 0.0)
+    moments = np.where(opens, overlap, gap) / (overlap + gap)
+    # operators of the sets and of the steps with a switch by turns, and the number that acts in each step
+    table = np.zeros((2 * len(switches) + 1, right.shape[1], right.shape[1]))
+    table[::2] = [item.operator for item in between]
+    bounds = np.append(first, len(switched))
+    for k, (one, other) in enumerate(zip(bounds[:-1], bounds[1:])):
+        touching, passed = closed[switches[k]].copy(), 0.0
+        order = one + np.argsort(moments[one:other], kind="stable")
+        for place in order[:-1]:
+            table[2 * k + 1] += (moments[place] - passed) * sets[touching].operator
+            passed = moments[place]
+            touching[switching[place]] = ~touching[switching[place]]
+        last = moments[order[-1]]
+        before = sets[touching] if len(order) > 1 else between[k]
+        table[2 * k + 1] += (last - passed) * before.operator + (1.0 - last) * between[k + 1].operator
+    acting = 2 * np.searchsorted(switches, np.arange(steps))
+    acting[switches] += 1
     pairs = np.stack([np.append(acting[:1], acting), np.append(acting, acting[-1:])], axis=1)
-    table = np.array(operators)
     instants = np.flatnonzero(table.any(axis=(1, 2))[pairs].any(axis=1))
-    fixed = instants == 0
-    kinds, which = np.unique(
-        np.concatenate([pairs[instants], fixed[:, None]], axis=1), axis=0, return_inverse=True
-    )
-    means = 0.5 * (table[kinds[:, 0]] + table[kinds[:, 1]])
-    factors, _ = _factors(means, right, coefficients[4], kinds[:, 2].astype(bool))
-    factors = factors[which.ravel()]
-    return Contacts(instants, factors, np.zeros((*factors.shape[:2], 0)))
+    # two neighbours follow each other along the table: their numbers and their sum tell the pair
+    key = 2 * pairs[instants].sum(axis=1) + (instants == 0)
+    _, kinds, which = np.unique(key, return_index=True, return_inverse=True)
+    kinds = instants[kinds]
+    means = 0.5 * (table[pairs[kinds, 0]] + table[pairs[kinds, 1]])
+    thin = _Thin(means, right, coefficients[4], kinds == 0)
+    return thin.contacts(instants, which.ravel(), np.zeros((len(instants), right.shape[1], 0)))
 
 
-def _factors(
-    operators: np.ndarray, right: np.ndarray, gain: np.ndarray, fixed: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """B^T (k, r', m) of operators K_R (k, r, r), and the (k, r', r) matrices that take U_A^T R_AA^-1 times a
-    change of the gaps to the same coordinates. Where `fixed`, K_R itself acts and not (K_R^-1 + M)^-1.
+class _Thin:
+    """B^T of operators K_R (k, r, r). Where `fixed`, K_R itself acts and not (K_R^-1 + M)^-1.
+
+    With S^T K_R S = F F^T by Cholesky with pivots, up to columns that move the state by less than rounding,
+    and 1 + F^T F = C C^T, B^T = C^-1 F^T S^-1 V^T.
     """
-    if not operators.size:
-        return np.zeros((len(operators), 0, len(right))), np.zeros((len(operators), 0, right.shape[1]))
-    values, axes = linalg.eigh((right.T * gain) @ right)
-    root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-    scaled = axes * root  # S
-    inverse = axes / root  # S^-T
-    size, turn = np.linalg.eigh(scaled.T @ operators @ scaled)
-    size, turn = np.maximum(size[:, ::-1], 0.0), turn[:, :, ::-1]
-    acts = np.where(fixed[:, None], size, size / (1.0 + size))
-    rank = int((acts > LEAST).sum(axis=1).max(initial=0))
-    size, turn, acts = size[:, :rank], turn[:, :, :rank], acts[:, :rank]
-    thin = np.swapaxes((inverse @ turn) * np.sqrt(acts)[:, None, :], 1, 2)
-    # (I + K_R M)^-1 = S^-T E (1 + l)^-1 E^T S^T, or 1 where fixed
-    held = np.where(fixed[:, None], 1.0, 1.0 + size)
-    weight = np.divide(1.0, held * np.sqrt(acts), out=np.zeros_like(acts), where=acts > LEAST)
-    maps = np.swapaxes((scaled @ turn) * weight[:, None, :], 1, 2)
-    return thin @ right.T, maps
+
+    def __init__(self, operators: np.ndarray, right: np.ndarray, gain: np.ndarray, fixed: np.ndarray):
+        values, axes = np.linalg.eigh((right.T * gain) @ right)
+        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
+        self.scaled = axes * root  # S
+        self.columns, self.pivots, self.ranks = pivoted_cholesky(self.scaled.T @ operators @ self.scaled)
+        rank = self.columns.shape[2]
+        transposed = np.swapaxes(self.columns, 1, 2)
+        moved = np.where(fixed[:, None, None], 0.0, transposed @ self.columns) + np.eye(rank)
+        self.held = np.linalg.cholesky(moved)  # C
+        self.factors = np.linalg.solve(self.held, transposed) @ ((axes / root).T @ right.T)
+
+    def contacts(self, instants: np.ndarray, which: np.ndarray, pressed: np.ndarray) -> Contacts:
+        """Of instants with these operators; `pressed` (k, r, e) are U_A^T R_AA^-1 times changes of the
+        gaps.
+        """
+        counts = self.ranks[which]
+        owner = np.repeat(np.arange(len(instants)), counts)
+        place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
+        shifts = np.zeros((len(owner), pressed.shape[2]))
+        if shifts.size:
+            # in the range of F: its coordinates follow from the rows of the pivots, which are triangular
+            known = np.take_along_axis(self.columns, self.pivots[:, :, None], axis=1)
+            empty = np.arange(known.shape[1]) >= self.ranks[:, None]
+            known[empty] = np.eye(known.shape[1])[np.nonzero(empty)[1]]
+            maps = np.linalg.solve(self.held, np.linalg.solve(known, self.scaled.T[self.pivots]))
+            shifts = (maps[which] @ pressed)[owner, place]
+        return Contacts(instants, counts, self.factors[which[owner], place], shifts)
 
 
-class Derivative:
-    """The linearised motion over all steps.
+def pivoted_cholesky(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """F (k, r, n) with F F^T = the semidefinite matrices (k, r, r) but for what is below `LEAST`, the rows of
+    the pivots (k, n), and the number of columns of each (k,); the columns beyond are zero.
+    """
+    count, size = matrices.shape[:2]
+    every = np.arange(count)
+    left = np.einsum("kii->ki", matrices).copy()
+    least = LEAST * np.maximum(left.max(axis=1, initial=0.0), 1.0)
+    columns, pivots = np.zeros((count, size, size)), np.zeros((count, size), dtype=int)
+    ranks = np.zeros(count, dtype=int)
+    for n in range(size):
+        pivot = left.argmax(axis=1)
+        largest = left[every, pivot]
+        more = largest > least
+        if not more.any():
+            break
+        column = matrices[every, :, pivot]
+        column -= (columns[:, :, :n] @ columns[every, pivot, :n, None])[:, :, 0]
+        column *= np.where(more, 1.0 / np.sqrt(np.where(more, largest, 1.0)), 0.0)[:, None]
+        columns[:, :, n], pivots[:, n] = column, pivot
+        # what has been a pivot is used up, and zero above the later ones
+        left -= column**2
+        left[every, pivot] = -1.0
+        columns[every[:, None], pivots[:, :n], n] = 0.0
+        ranks += more
+    rank = int(ranks.max(initial=0))
+    return columns[:, :, :rank], pivots[:, :rank], ranks
 
-    Contacts at consecutive instants make a block: the P = B^T dq of all of them obey coupling P = rows x +
-    shifts with the state x at the first one, and the state after the block is D^length x - effects^T P.
+
+class Propagation:
+    """The free motion of the modes over the steps of a history, and what forces do in it.
 
     Parameters
     ----------
     coefficients : (10, m) array
         See `marching`.
+    weights : (m,) array
+        Ratio of velocity to displacement of each mode, 1/s.
+    steps : int
+
+    Attributes
+    ----------
+    step : (2, 2, m) array
+        D, of displacement and velocity.
+    push : (2, m) array
+        What a contact force adds in a step.
+    reach : int
+        Most steps over which the free motion is inverted, at their cost in digits; 0: none.
+    powers : (reach + 2, 2, 2, m) array
+        D^0, D^1, ...
+    pushes : (reach + 2, 2, m) array
+        Their inverses applied to `push`.
+    """
+
+    def __init__(self, coefficients: np.ndarray, weights: np.ndarray, steps: int):
+        aqq, aqv, _, _, cq, avq, avv, _, _, cv = coefficients
+        self.step, self.push = np.array([[aqq, aqv], [avq, avv]]), np.array([cq, cv])
+        length = min(steps, FRAME) + 1
+        powers = np.empty((length + 1, 2, 2, len(weights)))
+        powers[0] = np.eye(2)[:, :, None]
+        done, jump = 1, self.step
+        while done <= length:
+            more = min(done, length + 1 - done)
+            powers[done : done + more] = _products(powers[:more], jump)
+            done, jump = done + more, _products(jump[None], jump)[0]
+        reach = self._reach(powers, weights)
+        self.reach, self.powers = reach, powers[: reach + 2 if reach else 1]
+        a, b, c, d = (self.powers[:, i, j] for i in (0, 1) for j in (0, 1))
+        self._determinant = a * d - b * c
+        self.pushes = np.stack([d * cq - b * cv, a * cv - c * cq], axis=1) / self._determinant[:, None]
+
+    @staticmethod
+    def _reach(powers: np.ndarray, weights: np.ndarray) -> int:
+        """Looked for at every power up to 8 and at every eighth one: WORST leaves room for those between."""
+        length = len(powers) - 1
+        tried = np.unique(np.append(np.arange(8, length, 8), [*range(2, min(8, length)), length]))
+        a, b, c, d = (powers[tried, i, j] for i in (0, 1) for j in (0, 1))
+        determinant, size = a * d - b * c, a**2 + d**2 + (b * weights) ** 2 + (c / weights) ** 2
+        fine = (size <= WORST * determinant) & (determinant >= 10.0**-DECAY) & (size <= 10.0**DECAY)
+        fit = fine.all(axis=1)
+        if fit.all():
+            return length - 1
+        worse = int(np.argmin(fit))
+        return int(tried[worse - 1]) - 1 if worse else 0
+
+    @functools.cached_property
+    def inverses(self) -> np.ndarray:
+        """(reach + 2, 2, 2, m): inverses of the powers."""
+        result = np.empty_like(self.powers)
+        result[:, 0, 0], result[:, 1, 1] = self.powers[:, 1, 1], self.powers[:, 0, 0]
+        result[:, 0, 1], result[:, 1, 0] = -self.powers[:, 0, 1], -self.powers[:, 1, 0]
+        return result / self._determinant[:, None, None]
+
+    def power(self, steps: int) -> np.ndarray:
+        """D^steps, (2, 2, m)."""
+        if steps < len(self.powers):
+            return self.powers[steps]
+        return np.moveaxis(np.linalg.matrix_power(np.moveaxis(self.step, 2, 0), steps), 0, 2)
+
+
+class Derivative:
+    """The linearised motion over all steps.
+
+    The contacts of a block, P = B^T dq at each of its instants, obey coupling P = rows y + shifts with the
+    state y in the frame before the block, and y - effects^T P is the state behind it.
+
+    Parameters
+    ----------
+    propagation : Propagation
     contacts : Contacts
     steps : int
     """
 
-    def __init__(self, coefficients: np.ndarray, contacts: Contacts, steps: int):
-        aqq, aqv, _, _, cq, avq, avv, _, _, cv = coefficients
-        self.contacts, self.steps = contacts, steps
-        # D^0 .. D^BLOCK of each mode, (., 2, 2, m), and the state so many steps after a force
-        step, push = np.array([[aqq, aqv], [avq, avv]]), np.array([cq, cv])
-        powers = [np.broadcast_to(np.eye(2)[..., None], step.shape)]
-        for _ in range(BLOCK):
-            powers.append(_product(step, powers[-1]))
-        self._step, self._powers = step, np.array(powers)
-        done = np.einsum("nijm,jm->nim", self._powers, push)
-        # a force acts at the end of one step and at the start of the next
-        effect = done[1:] + done[:-1]
-        instants, factors = contacts.instants, contacts.factors
-        first = self._first_of_blocks()
-        self._blocks = np.append(first, len(instants))
-        length = np.diff(self._blocks)
-        self._place = np.arange(len(instants)) - np.repeat(first, length)
-        after = np.repeat(length, length) - 1 - self._place
-        effects = effect[after]
-        # at the first and the last instant it acts in one step alone
-        effects[np.isin(instants, (0, steps))] = push
-        self._rows = factors[:, :, None, :] * self._powers[self._place, 0][:, None]
-        self._effects = factors[:, :, None, :] * effects[:, None]
-        count, rank, _ = factors.shape
-        self._couplings = np.zeros((count, rank, BLOCK, rank))
-        for d in range(1, int(length.max(initial=0))):
-            here = np.flatnonzero(self._place >= d)
-            products = (factors[here] * effect[d - 1, 0]) @ np.swapaxes(factors[here - d], 1, 2)
-            self._couplings[here, :, self._place[here] - d] = products
+    def __init__(self, propagation: Propagation, contacts: Contacts, steps: int):
+        self.propagation, self.contacts, self.steps = propagation, contacts, steps
+        instants, counts = contacts.instants, contacts.counts
+        self._first, self._begin, self._onward = self._frames()
+        self._frame = np.repeat(np.arange(len(self._first)), np.diff(self._first, append=len(instants)))
+        # steps from the frame's beginning
+        self._late = instants - self._begin[self._frame]
+        pushes = propagation.pushes
+        # a force acts at the end of one step and at the start of the next; at the first and the last instant
+        # in one step alone
+        if propagation.reach:
+            effect = (pushes[:-1] + pushes[1:])[np.minimum(self._late, propagation.reach)]
+            effect[instants == 0] = pushes[1]
+            at_end = instants == steps
+            effect[at_end] = pushes[self._late[at_end]]
+        else:
+            both = _applied(propagation.step, propagation.push) + propagation.push
+            effect = np.where(((instants == 0) | (instants == steps))[:, None, None], propagation.push, both)
+        owner = np.repeat(np.arange(len(instants)), counts)
+        modes = contacts.factors.shape[1]
+        self._rows = np.empty((len(owner), 2, modes))
+        np.multiply(contacts.factors[:, None], propagation.powers[self._late, 0][owner], out=self._rows)
+        self._effects = np.empty_like(self._rows)
+        np.multiply(contacts.factors[:, None], effect[owner], out=self._effects)
+        self._rows = self._rows.reshape(len(owner), 2 * modes)
+        self._effects = self._effects.reshape(len(owner), 2 * modes)
+        self._owner = owner
+        self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 
-    def _first_of_blocks(self) -> np.ndarray:
-        """Numbers of the contacts that begin a block; the first and the last instant are by themselves."""
-        first: list[int] = []
-        instants = self.contacts.instants.tolist()
-        for k, instant in enumerate(instants):
-            if (
-                k == 0
-                or k - first[-1] == BLOCK
-                or instant != instants[k - 1] + 1
-                or instants[k - 1] == 0
-                or instant == self.steps
-            ):
-                first.append(k)
-        return np.array(first, dtype=int)
+    def _frames(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Number of the first contact and instant of the beginning of each frame, and whether the state is
+        moved on by a step before contact acts on it: where free motion cannot be inverted a frame holds one
+        instant.
+        """
+        instants, reach = self.contacts.instants, self.propagation.reach
+        if not reach:
+            return np.arange(len(instants)), instants, instants < self.steps
+        first, place = [], 0
+        while place < len(instants):
+            first.append(place)
+            place = int(np.searchsorted(instants, instants[place] + reach, side="right"))
+        numbers = np.array(first, dtype=int)
+        return numbers, instants[numbers], np.zeros(len(numbers), dtype=bool)
+
+    def _blocks_of(self, frame: int) -> list[tuple[int, int, np.ndarray]]:
+        """Rows from .. to, and the coupling, of the blocks of a frame."""
+        last = self._first[frame + 1] if frame + 1 < len(self._first) else len(self.contacts.instants)
+        counts = self.contacts.counts
+        place = int(counts[: self._first[frame]].sum())
+        result, begin = [], place
+        for count in [*counts[self._first[frame] : last].tolist(), None]:
+            if count is None or (place + count - begin > BLOCK and place > begin):
+                if place > begin:
+                    owner = self._owner[begin:place]
+                    coupling = self._rows[begin:place] @ self._effects[begin:place].T
+                    # an instant does not act on itself
+                    coupling[owner[:, None] == owner] = 0.0
+                    result.append((begin, place, coupling))
+                begin = place
+            place += count or 0
+        return result
 
     def __call__(self, q: np.ndarray, v: np.ndarray, sources: Callable | None = None) -> np.ndarray:
         """Columns of dq above those of dv after the last step, (2 m, k).
@@ -296,38 +463,33 @@ class Derivative:
             What the parameters themselves add to q and v over moves from one instant to another without
             contact between: (starts, ends) -> (n, 2 m, e).
         """
-        m, columns = q.shape
-        x, rank = np.concatenate([q, v]), self.contacts.factors.shape[1]
-        first = columns - self.contacts.shifts.shape[2]
-        shifts, ends, between = self._of_parameters(sources)
+        columns = q.shape[1]
+        x = np.concatenate([q, v])
+        first = columns - self.contacts.shifts.shape[1]
+        shifts, added = self._of_parameters(sources)
         now = 0
-        for block, (one, other) in enumerate(zip(self._blocks[:-1], self._blocks[1:])):
-            start, length = int(self.contacts.instants[one]), other - one
-            if start > now:
-                x = self._moved(x, start - now)
-                x[:, first:] += between.get(now, 0.0)
-            size = length * rank
-            forces = self._rows[one:other].reshape(size, 2 * m) @ x
-            forces[:, first:] += shifts[one:other].reshape(size, columns - first)
-            if length > 1:
-                coupling = self._couplings[one:other, :, :length].reshape(size, size)
-                # the diagonal, ones, is not referred to
-                forces = linalg.blas.dtrsm(1.0, coupling, forces, lower=1, diag=1)
-            now = start
-            if start < self.steps:
-                x = self._moved(x, length)
-                now += length
-            x -= self._effects[one:other].reshape(size, 2 * m).T @ forces
-            x[:, first:] += ends[block]
-        if self.steps > now:
-            x = self._moved(x, self.steps - now)
-            x[:, first:] += between.get(now, 0.0)
+        for frame, begin in enumerate(self._begin.tolist()):
+            x = self._moved(x, begin - now)
+            now = begin
+            for one, other, coupling in self._blocks[frame]:
+                forces = self._rows[one:other] @ x
+                forces[:, first:] += shifts[one:other]
+                # the diagonal, ones, is not referred to; transposed, these are LAPACK's own layout
+                linalg.blas.dtrsm(1.0, coupling.T, forces.T, side=1, lower=0, diag=1, overwrite_b=1)
+                if self._onward[frame]:
+                    x, now = self._moved(x, 1), begin + 1
+                x -= self._effects[one:other].T @ forces
+            if added is not None:
+                x[:, first:] += added[frame]
+        x = self._moved(x, self.steps - now)
+        if added is not None:
+            x[:, first:] += added[-1]
         return x
 
     def _moved(self, x: np.ndarray, steps: int) -> np.ndarray:
         """D^steps x."""
         m = len(x) // 2
-        power = self._powers[steps] if steps <= BLOCK else _power(self._step, steps)
+        power = self.propagation.power(steps)
         result, other = np.empty_like(x), np.empty_like(x[:m])
         for k in (0, 1):
             part = result[k * m : (k + 1) * m]
@@ -336,49 +498,44 @@ class Derivative:
             part += other
         return result
 
-    def _of_parameters(
-        self, sources: Callable | None
-    ) -> tuple[np.ndarray, np.ndarray, dict[int, np.ndarray]]:
-        """What parameters add to the P of each contact, to the state at the end of each block, and over each
-        move between the blocks, by its start.
+    def _of_parameters(self, sources: Callable | None) -> tuple[np.ndarray, np.ndarray | None]:
+        """What parameters add to the P of each contact and to the state at the end of each frame; the last
+        row is for the end of the last step.
         """
-        shifts, instants, m = self.contacts.shifts, self.contacts.instants, self._step.shape[2]
-        parameters = shifts.shape[2]
-        ends = np.zeros((len(self._blocks) - 1, 2 * m, parameters))
-        if sources is None or parameters == 0:
-            return shifts, ends, {}
+        shifts, instants = self.contacts.shifts, self.contacts.instants
+        if sources is None or shifts.shape[1] == 0:
+            return shifts, None
         taken = instants[instants < self.steps]
         begin, end = np.append(0, taken + 1), np.append(taken, self.steps)
         longer = begin < end
-        begin, end = begin[longer], end[longer]
-        added = sources(np.concatenate([taken, begin]), np.concatenate([taken + 1, end]))
-        of_steps = np.zeros((len(instants), 2 * m, parameters))
-        of_steps[: len(taken)] = added[: len(taken)]
-        # within a block, the motion without contact that the sources cause
-        motion = np.zeros_like(of_steps)
-        for place in range(1, BLOCK):
-            here = np.flatnonzero(self._place == place)
-            motion[here] = self._stepped(motion[here - 1]) + of_steps[here - 1]
-        last = self._blocks[1:] - 1
-        ends = self._stepped(motion[last]) + of_steps[last]
-        ends[instants[last] == self.steps] = 0.0
-        return (
-            shifts + self.contacts.factors @ motion[:, :m],
-            ends,
-            dict(zip(begin.tolist(), added[len(taken) :])),
-        )
-
-    def _stepped(self, states: np.ndarray) -> np.ndarray:
-        """D of (n, 2 m, e) states."""
-        m = states.shape[1] // 2
-        halves = states.reshape(len(states), 2, m, states.shape[2])
-        return np.einsum("ijm,njme->nime", self._step, halves).reshape(states.shape)
+        starts, ends = np.concatenate([taken, begin[longer]]), np.concatenate([taken + 1, end[longer]])
+        order = np.argsort(ends)
+        starts, ends = starts[order], ends[order]
+        found = sources(starts, ends)
+        # each belongs to the last frame that begins before it ends or there, and what comes with the end of
+        # the last step to that
+        frame = np.searchsorted(self._begin, ends, side="right") - 1
+        final = len(self._begin)
+        frame[(ends == self.steps) & ~np.isin(self.steps, instants)] = final
+        frame[frame < 0] = final
+        inside = frame < final
+        late = ends[inside] - self._begin[frame[inside]]
+        late -= self._onward[frame[inside]] & (late > 0)
+        halves = found[inside].reshape(len(late), 2, found.shape[1] // 2, found.shape[2])
+        moved = np.einsum("nijm,njme->nime", self.propagation.inverses[late], halves)
+        found[inside] = moved.reshape(len(late), *found.shape[1:])
+        total = np.concatenate([np.zeros((1, *found.shape[1:])), np.cumsum(found, axis=0)])
+        edges = np.searchsorted(frame, np.arange(final + 2))
+        added = total[edges[1:]] - total[edges[:-1]]
+        before = total[np.searchsorted(ends, instants, side="right")] - total[edges[self._frame]]
+        return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
 
 
-def _product(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Products of (2, 2, m) matrices of each mode."""
-    return np.einsum("ijm,jkm->ikm", one, other)
+def _products(some: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Products of (n, 2, 2, m) matrices of each mode with one (2, 2, m)."""
+    return some[:, :, :1] * other[:1] + some[:, :, 1:] * other[1:]
 
 
-def _power(matrix: np.ndarray, exponent: int) -> np.ndarray:
-    return np.moveaxis(np.linalg.matrix_power(np.moveaxis(matrix, 2, 0), exponent), 0, 2)
+def _applied(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
+    """(2, m) of (2, 2, m) and (2, m)."""
+    return matrix[:, 0] * vector[0] + matrix[:, 1] * vector[1]

@@ -77,9 +77,9 @@ def between(
             size / continuation.parameter.extent * heading[-1],
         )
 
-    fixed = shoot_along(
-        continuation.period, guess, value, continuation.driven, continuation.parameter.name, condition
-    )
+    name = continuation.parameter.name
+    near = (one if fraction < 0.5 else other).derivative(name)
+    fixed = shoot_along(continuation.period, guess, value, continuation.driven, name, condition, near)
     return ContinuationPoint(fixed, float(fixed.parameters[0]))
 
 

@@ -305,7 +305,15 @@ class Continuation:
             )
 
         try:
-            fixed = shoot_along(self.period, guess, value, self.driven, self.parameter.name, condition)
+            fixed = shoot_along(
+                self.period,
+                guess,
+                value,
+                self.driven,
+                self.parameter.name,
+                condition,
+                last.derivative(self.parameter.name),
+            )
         except (SolveError, ValueError):
             return None
         point = ContinuationPoint(fixed, end if outside else float(fixed.parameters[0]))
@@ -320,13 +328,12 @@ class Continuation:
             return None
         onward = self._tangent(point.derivative(self.parameter.name), chord)
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
-        iterations = len(fixed.residuals) - 1
-        if length > CORNER and (turn > TOO_SHARP or iterations > TOO_MANY):
+        if length > CORNER and (turn > TOO_SHARP or fixed.effort > TOO_MANY):
             return None
         if onward @ chord < 0.0:  # a branch point: the determinant has changed its sign on a smooth branch
             assert self.sign is not None  # set with the first tangent
             self.sign = -self.sign
         self.length = min(
-            LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(iterations, 1) + 0.25)) * length
+            LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(fixed.effort, 1.0) + 0.25)) * length
         )
         return point

@@ -146,7 +146,7 @@ def moved_by_half_a_step(period: Period) -> Period:
     """The same period on a time grid between the first one's instants."""
     excitation = period.excitation
     turned = excitation.amplitudes * np.exp(1j * np.pi * excitation.orders[:, None] / period.steps)
-    return Period(period.reduced, replace(excitation, amplitudes=turned), period.steps, period.pairs > 0)
+    return period.under(replace(excitation, amplitudes=turned))
 
 
 def state_at(fixed: FixedPoint, k: int) -> np.ndarray:

@@ -8,6 +8,7 @@ motion without contact is exact whatever the step.
 
 from __future__ import annotations
 
+import copy
 import functools
 import math
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ import numpy as np
 from scipy import linalg
 
 from ..contact.marching import contact_forces, march, thin_factors
-from ..contact.tangent import ClosedSets, Derivative, exact_contacts, located_contacts
+from ..contact.tangent import ClosedSets, Derivative, Propagation, exact_contacts, located_contacts
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, configure
 from ..reduction.reduced_model import ReducedModel
@@ -25,6 +26,9 @@ from .steps import step_coefficients
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
 RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
+# An iteration with an updated derivative that gains less than this factor is the last one with it; so
+# converging more slowly, a smaller residual is asked for.
+GAIN, RELATIVE_UPDATED = 0.2, 1e-11
 # Residual relative to the linear state at which a fixed point nearby is taken.
 NEARBY = 1e-8
 PREFIX = "shooting_"
@@ -78,6 +82,22 @@ class Period:
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self.phases = excitation.phases(steps)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._lengths: dict[float, _Length] = {}
+
+    def under(self, excitation: Excitation) -> Period:
+        """The same period under other loads, over as many forcing periods."""
+        result = copy.copy(self)
+        result.excitation, result.phases = excitation, excitation.phases(self.steps)
+        result._prepared = {}
+        return result
+
+    def length(self, step: float) -> _Length:
+        """What the length of a step (s) alone determines."""
+        if step not in self._lengths:
+            if len(self._lengths) > 4:
+                self._lengths.clear()
+            self._lengths[step] = _Length(self, step)
+        return self._lengths[step]
 
     def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
         """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
@@ -89,6 +109,20 @@ class Period:
         return self._prepared[key]
 
 
+class _Length:
+    """Coefficients of a step of some length, W, and the free motion over all steps, whatever the loads."""
+
+    def __init__(self, period: Period, step: float):
+        r, self._weights, self._steps = period.reduced, period.weights, period.steps
+        self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
+        self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + period.residual_flexibility
+
+    @functools.cached_property
+    def propagation(self) -> Propagation:
+        """For derivatives."""
+        return Propagation(self.coefficients, self._weights, self._steps)
+
+
 class DrivenPeriod:
     """A `Period` at one frequency and load: all that its steps need."""
 
@@ -97,8 +131,8 @@ class DrivenPeriod:
         p, r = period, period.reduced
         self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
-        self.coefficients = step_coefficients(r.omega, r.damping, self.step, "exact")
-        self.flexibility = (p.rows * self.coefficients[4]) @ p.rows.T + p.residual_flexibility
+        self.length = p.length(self.step)
+        self.coefficients, self.flexibility = self.length.coefficients, self.length.flexibility
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads = (p.phases @ p.excitation.scaled(factor).amplitudes).real
@@ -205,7 +239,7 @@ class DrivenPeriod:
             )
         else:
             contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
-        result = Derivative(self.coefficients, contacts, p.steps)
+        result = Derivative(self.length.propagation, contacts, p.steps)
         if gap_rates.shape[2] == 0:
             self._kept = key, result
         return result
@@ -288,6 +322,8 @@ class FixedPoint:
     motion : PeriodMotion
     residuals : tuple of float
         Norm of x(T) - x(0), and of the conditions on the parameters, at each Newton iterate.
+    derivatives : int
+        How many of the iterations had a derivative of their own.
     """
 
     state: np.ndarray
@@ -295,6 +331,12 @@ class FixedPoint:
     driven: DrivenPeriod
     motion: PeriodMotion
     residuals: tuple[float, ...]
+    derivatives: int = 0
+
+    @property
+    def effort(self) -> float:
+        """Newton iterations; two with an updated derivative count as one."""
+        return 0.5 * (self.derivatives + len(self.residuals) - 1)
 
 
 def shoot(
@@ -316,10 +358,11 @@ def shoot(
         Hz.
     factor : float
         On the oscillating loads.
-    jacobian : {"dense", "matrix-free", "differences"}
-        Exact derivative as a matrix and its LU factors; as products, with GMRES preconditioned by the motion
-        without contact; or finite differences, an integration for each unknown (the paper's way).
-
+    jacobian : {"auto", "dense", "matrix-free", "differences"}
+        "dense": the exact derivative as a matrix and its LU factors; "matrix-free": as products, with GMRES
+        preconditioned by the motion without contact; "differences": finite differences, an integration for
+        each unknown (the paper's way); "auto": matrix-free above 1200 unknowns, otherwise the dense one, with
+        Broyden's rank-one updates from an iteration to the next while they gain enough.
     iterations : int, optional
         Newton iterations at most. Default: `ITERATIONS`.
 
@@ -329,13 +372,21 @@ def shoot(
         If Newton's method does not converge; the message gives the residual.
     """
     if jacobian == "auto":
-        jacobian = "dense" if 2 * period.modes <= WHOLE else "matrix-free"
+        jacobian = "updated" if 2 * period.modes <= WHOLE else "matrix-free"
     return _Newton(period, jacobian, (), None, iterations).solve(
         state, lambda _: period.at(frequency, factor), np.zeros(0)
     )
 
 
-def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: str, condition) -> FixedPoint:
+def shoot_along(
+    period: Period,
+    state: np.ndarray,
+    value: float,
+    driven,
+    name: str,
+    condition,
+    near: np.ndarray | None = None,
+) -> FixedPoint:
     """Fixed point with one free parameter and one condition.
 
     Parameters
@@ -350,10 +401,12 @@ def shoot_along(period: Period, state: np.ndarray, value: float, driven, name: s
     name : {"frequency", "load"}
     condition : callable
         (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
+    near : (2 m, 2 m + 1) array, optional
+        Derivative of x(T) at a fixed point nearby, to begin with.
     """
-    return _Newton(period, "dense", (name,), condition).solve(
-        state, lambda p: driven(float(p[0])), np.array([value])
-    )
+    newton = _Newton(period, "updated", (name,), condition)
+    newton.near = near
+    return newton.solve(state, lambda p: driven(float(p[0])), np.array([value]))
 
 
 def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
@@ -389,6 +442,9 @@ class _Newton:
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
         self.residuals: list[float] = []
         self.key: bytes | None = None
+        self.near: np.ndarray | None = None
+        self.derivatives = 0
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
@@ -423,7 +479,7 @@ class _Newton:
         snes.setJacobian(self._jacobian, matrix)
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
-            rtol=RELATIVE,
+            rtol=RELATIVE_UPDATED if self.jacobian == "updated" else RELATIVE,
             atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
             stol=0.0,
             max_it=self.iterations,
@@ -447,7 +503,8 @@ class _Newton:
         finally:
             for item in (snes, x, f, matrix):
                 item.destroy()
-        return FixedPoint(state, values, driven, motion, tuple(self.residuals))
+        own = self.derivatives if self.jacobian == "updated" else len(self.residuals) - 1
+        return FixedPoint(state, values, driven, motion, tuple(self.residuals), own)
 
     def _motion(self, array: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
         key = array.tobytes()
@@ -458,36 +515,60 @@ class _Newton:
         return self.kept
 
     def _function(self, snes, x, f) -> None:
+        f.array[:] = self._residual(x.array_r)
+
+    def _residual(self, array: np.ndarray) -> np.ndarray:
         m2 = 2 * self.period.modes
-        _, motion = self._motion(x.array_r)
-        f.array[:m2] = motion.residual
-        if self.condition is not None:
-            f.array[m2] = self.condition(x.array_r[:m2], float(x.array_r[m2] / self.scale))[0]
+        _, motion = self._motion(array)
+        if self.condition is None:
+            return motion.residual
+        return np.append(motion.residual, self.condition(array[:m2], float(array[m2] / self.scale))[0])
 
     def _jacobian(self, snes, x, matrix, preconditioner) -> None:
-        driven, motion = self._motion(x.array_r)
         if self.jacobian == "matrix-free":
-            matrix.getPythonContext().at = driven, motion
-            matrix.assemble()
-            return
+            matrix.getPythonContext().at = self._motion(x.array_r)
+        elif self.jacobian == "differences":
+            self._by_differences(x.array_r.copy(), matrix.getDenseArray())
+        elif self.jacobian == "dense":
+            self._by_derivative(x.array_r, matrix.getDenseArray())
+        else:
+            self._by_update(x.array_r.copy(), matrix.getDenseArray())
+        matrix.assemble()
+
+    def _by_differences(self, state: np.ndarray, array: np.ndarray) -> None:
+        driven, motion = self._motion(state)
+        step = np.sqrt(np.finfo(float).eps) * max(
+            np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300
+        )
+        for k, unit in enumerate(np.eye(len(state))):
+            array[:, k] = (driven.run(state + step * unit).residual - motion.residual) / step
+
+    def _by_derivative(self, x: np.ndarray, array: np.ndarray, near: np.ndarray | None = None) -> None:
+        """The exact derivative, or one of x(T) that is given."""
         m2 = 2 * self.period.modes
-        array = matrix.getDenseArray()
-        if self.jacobian == "differences":
-            state = x.array_r.copy()
-            step = np.sqrt(np.finfo(float).eps) * max(
-                np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300
-            )
-            for k, unit in enumerate(np.eye(m2)):
-                array[:, k] = (driven.run(state + step * unit).residual - motion.residual) / step
-            matrix.assemble()
-            return
-        array[:m2] = driven.carried(motion, np.eye(m2), self.parameters)
+        if near is None:
+            driven, motion = self._motion(x)
+            near = driven.carried(motion, np.eye(m2), self.parameters)
+            self.derivatives += 1
+        array[:m2] = near
         array[:m2, :m2] -= np.eye(m2)
         array[:m2, m2:] /= self.scale
         if self.condition is not None:
-            _, row, slope = self.condition(x.array_r[:m2], float(x.array_r[m2] / self.scale))
+            _, row, slope = self.condition(x[:m2], float(x[m2] / self.scale))
             array[m2, :m2], array[m2, m2] = row, slope / self.scale
-        matrix.assemble()
+
+    def _by_update(self, x: np.ndarray, array: np.ndarray) -> None:
+        """Broyden's update of the last iteration's derivative, if that was good enough."""
+        residual = self._residual(x)
+        if self.last is None:
+            self._by_derivative(x, array, self.near)
+        else:
+            step, change = x - self.last[0], residual - self.last[1]
+            if np.linalg.norm(residual) <= GAIN * np.linalg.norm(self.last[1]):
+                array += np.outer((change - array @ step) / (step @ step), step)
+            else:
+                self._by_derivative(x, array)
+        self.last = x, residual
 
     def _check(self, snes, size: float) -> None:
         reason = snes.getConvergedReason()

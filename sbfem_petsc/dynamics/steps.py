@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
+# Terms of the power series of phi_2 for |z| < 1; the next is below rounding.
+TERMS = 20
 
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
     """(10, m) coefficients of one step of each mode, see `contact.marching`.
@@ -21,9 +23,47 @@ def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, schem
 
 
 def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
-    """Exact for loads linear over the step and contact forces held at the mean of its ends: exponential of
-    [q, v, p, p'] of each mode.
+    """Exact for loads linear over the step and contact forces held at the mean of its ends.
+
+    With z = (-zeta omega + i omega_d) h, the displacement that a unit force makes in a step h is the imaginary
+    part of h phi_1(z) / omega_d, and that of a force which grows to one is that of h phi_2(z) / omega_d; phi_1
+    = (exp z - 1) / z, phi_2 = (phi_1 - 1) / z. Near critical damping and for motions as a rigid body the
+    exponential of a matrix is taken.
     """
+    result = np.empty((10, len(omega)))
+    swings = (omega > 0.0) & (damping < 0.9)
+    if not swings.all():
+        result[:, ~swings] = _by_exponential(omega[~swings], damping[~swings], step)
+    omega, damping = omega[swings], damping[swings]
+    decay, turn = damping * omega, omega * np.sqrt(1.0 - damping**2)
+    z = step * (-decay + 1j * turn)
+    e = np.exp(z)
+    small = np.abs(z) < 1.0
+    series = np.ones_like(z)
+    for n in range(TERMS, 2, -1):  # the differences would lose digits
+        series = 1.0 + np.where(small, z, 0.0) * series / n
+    first = np.where(small, 1.0 + 0.5 * z * series, (e - 1.0) / z)
+    second = np.where(small, 0.5 * series, (first - 1.0) / z)
+    sine = e.imag / turn
+    by_force, by_slope = step * first.imag / turn, step * second.imag / turn
+    rate = first.imag / turn
+    result[:, swings] = [
+        e.real + decay * sine,
+        sine,
+        by_force - by_slope,
+        by_slope,
+        0.5 * by_force,
+        -(omega**2) * sine,
+        e.real - decay * sine,
+        sine - rate,
+        rate,
+        0.5 * sine,
+    ]
+    return result
+
+
+def _by_exponential(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
+    """The same from the exponential of [q, v, p, p'] of each mode."""
     generator = np.zeros((len(omega), 4, 4))
     generator[:, 0, 1] = generator[:, 1, 2] = generator[:, 2, 3] = step
     generator[:, 1, 0], generator[:, 1, 1] = -(omega**2) * step, -2.0 * damping * omega * step
