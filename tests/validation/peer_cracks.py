@@ -12,6 +12,7 @@ import gmsh
 import numpy as np
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import eigsh
 from skfem import (
     Basis,
     BilinearForm,
@@ -170,8 +171,8 @@ class Solution:
         if circles:
             mesh = _bent(MeshTri2.from_mesh(mesh), circles)
         self.basis = Basis(mesh, ElementVector(ElementTriP3()), intorder=8)
-        middles = mesh.p[:, mesh.t].mean(axis=1)
-        self._lame = [np.asarray(c)[:, None] for c in constants(middles)]
+        self._middles = mesh.p[:, mesh.t].mean(axis=1)
+        self._lame = [np.asarray(c)[:, None] for c in constants(self._middles)]
 
         @BilinearForm
         def stiffness(u, v, w):
@@ -184,7 +185,8 @@ class Solution:
 
         facets = mesh.facets_satisfying(pulled, boundaries_only=True)
         force = load.assemble(FacetBasis(mesh, ElementVector(ElementTriP3()), facets=facets, intorder=8))
-        self.u = self._free(stiffness.assemble(self.basis), force)
+        self._matrix = stiffness.assemble(self.basis)
+        self.u = self._free(self._matrix, force)
 
     def _free(self, matrix, force: np.ndarray) -> np.ndarray:
         """Solution held at three displacements, for forces in balance."""
@@ -213,11 +215,30 @@ class Solution:
             item.destroy()
         return u
 
-    def displacement(self, points: np.ndarray) -> np.ndarray:
-        """(n, 2) at nodes nearest to points (n, 2)."""
-        p = self.basis.mesh.p.T
-        near = [int(np.argmin(((p - point) ** 2).sum(axis=1))) for point in np.asarray(points)]
-        return self.u[self.basis.nodal_dofs[:, near]].T
+    def opening(self, mouth: Point) -> np.ndarray:
+        """(2,): displacement of the upper corner of a mouth less that of the lower one."""
+        p = self.basis.mesh.p
+        corners = np.flatnonzero(np.hypot(*(p - np.array(mouth)[:, None])) < 1e-9)
+        u = self.u[self.basis.nodal_dofs[:, corners]].T
+        upper, lower = np.argmax(u[:, 1]), np.argmin(u[:, 1])
+        return u[upper] - u[lower]
+
+    def frequencies(self, count: int, density: Callable) -> np.ndarray:
+        """The lowest natural frequencies of the free body that are not rigid-body motions, Hz."""
+        rho = np.asarray(density(self._middles))[:, None]
+
+        @BilinearForm
+        def mass(u, v, w):
+            return rho * dot(u, v)
+
+        values = eigsh(self._matrix, count + 3, mass.assemble(self.basis), sigma=-1e-2)[0]
+        return np.sqrt(np.sort(values)[3:]) / (2.0 * np.pi)
+
+    def energy_release_rate(self, tip: Point, ahead: Point, radius: float) -> float:
+        """J over a disc; an interface may run along the crack."""
+        disc = self._disc(tip, ahead, radius)
+        energy = 0.5 * np.einsum("ij...,ij...", disc.stress, disc.gradient)
+        return disc.integral(np.einsum("ijqe,iqe->jqe", disc.stress, disc.gradient[:, 0]), energy)
 
     def intensity(self, tip: Point, ahead: Point, radius: float, young: float) -> tuple[float, float]:
         """K_I, K_II of a straight crack in one material by the interaction integral over a disc.
@@ -231,36 +252,56 @@ class Solution:
         young : float
             E in plane stress, E / (1 - nu^2) in plane strain.
         """
+        disc = self._disc(tip, ahead, radius)
+        kappa = 1.0 + 2.0 * disc.shear / (disc.first + disc.shear)
+        result = []
+        for mode in (0, 1):
+            other = _williams_gradient(*disc.polar, mode, disc.shear, kappa)
+            other_stress = _stress(other, disc.first, disc.shear)
+            energy = np.einsum("ij...,ij...", disc.stress, other)
+            flow = np.einsum("ijqe,iqe->jqe", disc.stress, other[:, 0])
+            flow += np.einsum("ijqe,iqe->jqe", other_stress, disc.gradient[:, 0])
+            result.append(0.5 * young * disc.integral(flow, energy))
+        return result[0], result[1]
+
+    def _disc(self, tip: Point, ahead: Point, radius: float) -> _Disc:
         c, s = np.array(ahead) / np.hypot(*ahead)
         turn = np.array([[c, s], [-s, c]])
-        near = np.flatnonzero(
-            ((self.basis.mesh.p[:, self.basis.mesh.t].mean(axis=1).T - tip) ** 2).sum(axis=1)
-            < (1.5 * radius) ** 2
-        )
+        off = self._middles - np.array(tip)[:, None]
+        near = np.flatnonzero((off**2).sum(axis=0) < (1.5 * radius) ** 2)
         basis = Basis(self.basis.mesh, ElementVector(ElementTriP3()), intorder=12, elements=near)
-        w = basis.interpolate(self.u)
         first, shear = (value[near] for value in self._lame)
-        local = np.einsum("ij,jqe->iqe", turn, _places(basis) - np.array(tip)[:, None, None])
-        gradient = np.einsum("ia,abqe,jb->ijqe", turn, w.grad, turn)
-        stress = _stress(gradient, first, shear)
-        r = np.hypot(*local)
-        theta = np.arctan2(local[1], local[0])
-        inside = r < radius
-        slope = np.where(inside, -4.0 / radius**2 * (1.0 - (r / radius) ** 2), 0.0)
-        weight = slope * local  # gradient of (1 - r^2 / R^2)^2
-        result = []
-        kappa = 1.0 + 2.0 * shear / (first + shear)
-        for mode in (0, 1):
-            other = _williams_gradient(r, theta, mode, shear, kappa)
-            other_stress = _stress(other, first, shear)
-            energy = np.einsum("ij...,ij...", stress, other)
-            flow = np.einsum("ijqe,iqe->jqe", stress, other[:, 0]) + np.einsum(
-                "ijqe,iqe->jqe", other_stress, gradient[:, 0]
-            )
-            flow[0] -= energy
-            value = (np.einsum("jqe,jqe->qe", flow, weight) * basis.dx).sum()
-            result.append(0.5 * young * float(value))
-        return result[0], result[1]
+        place = np.asarray(basis.global_coordinates()) - np.array(tip)[:, None, None]
+        local = np.einsum("ij,jqe->iqe", turn, place)
+        gradient = np.einsum("ia,abqe,jb->ijqe", turn, basis.interpolate(self.u).grad, turn)
+        return _Disc(local, gradient, first, shear, radius, basis.dx)
+
+
+@dataclass(frozen=True)
+class _Disc:
+    """Quadrature points around a tip, in axes ahead of the crack and across it."""
+
+    local: np.ndarray
+    gradient: np.ndarray
+    first: np.ndarray
+    shear: np.ndarray
+    radius: float
+    weight: np.ndarray
+
+    @property
+    def stress(self) -> np.ndarray:
+        return _stress(self.gradient, self.first, self.shear)
+
+    @property
+    def polar(self) -> tuple[np.ndarray, np.ndarray]:
+        return np.hypot(*self.local), np.arctan2(self.local[1], self.local[0])
+
+    def integral(self, flow: np.ndarray, energy: np.ndarray) -> float:
+        """Of (flow_j - energy delta_1j) times the gradient of (1 - r^2 / R^2)^2."""
+        share = np.clip(1.0 - (self.local**2).sum(axis=0) / self.radius**2, 0.0, None)
+        slope = -4.0 / self.radius**2 * share * self.local
+        total = np.einsum("jqe,jqe->qe", flow, slope) - energy * slope[0]
+        return float((total * self.weight).sum())
 
 
 def _bent(mesh: MeshTri2, circles: Sequence[tuple[Point, float]]) -> MeshTri2:
@@ -274,10 +315,6 @@ def _bent(mesh: MeshTri2, circles: Sequence[tuple[Point, float]]) -> MeshTri2:
         arm = places[:, on] - np.array(centre)[:, None]
         places[:, on] = np.array(centre)[:, None] + radius * arm / np.hypot(*arm)
     return MeshTri2(places, mesh.t)
-
-
-def _places(basis) -> np.ndarray:
-    return np.asarray(basis.global_coordinates())
 
 
 def _stress(gradient: np.ndarray, first, shear) -> np.ndarray:
