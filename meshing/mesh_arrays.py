@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.recipe import Recipe
 
 
 @dataclass(frozen=True)
@@ -156,7 +157,7 @@ class MeshArrays:
         (crack tip, re-entrant corner); the edges form a chain whose two ends are joined to the
         scaling centre by straight faces that carry no nodes.
     materials : (n_elements,) int array
-        Index into `material_names`.
+        Index into `material_names`; of an S-element in several materials that of its first edge.
     material_names : tuple of str
     edge_sets : dict of str to int array
         Named sets of edges: "left", "right", "top", "bottom", "hole1", "crack1_left", "crack1_right" ...,
@@ -169,6 +170,11 @@ class MeshArrays:
         Of all cracks; a crack has 0, 1 or more.
     clamped : str or None
         Edge set that a model holds fixed unless told otherwise: "left" of a beam.
+    sector_materials : dict of int to int array
+        For the S-elements in several materials, around tips at an interface: material of the sector that each
+        of the edges spans with the scaling centre.
+    recipe : Recipe or None
+        How the mesh was made; None if that is not known, as of a mesh read by `BoundaryMesh.load`.
     """
 
     order: int
@@ -187,6 +193,8 @@ class MeshArrays:
     cracks: tuple[Crack, ...] = field(default=())
     tips: tuple[Tip, ...] = field(default=())
     clamped: str | None = None
+    sector_materials: dict[int, np.ndarray] = field(default_factory=dict)
+    recipe: Recipe | None = field(default=None, compare=False)
 
     @property
     def elements(self) -> int:
@@ -281,6 +289,7 @@ def check(mesh: MeshArrays) -> None:
         ("edges", mesh.edges, nodes),
         ("element_edges", flat, len(mesh.edges)),
         ("materials", mesh.materials, len(mesh.material_names)),
+        *(("sector_materials", part, len(mesh.material_names)) for part in mesh.sector_materials.values()),
         ("pairs.nodes", mesh.pairs.nodes, nodes),
         ("pairs.crack", mesh.pairs.crack, len(mesh.cracks)),
         ("tips.crack", np.array([tip.crack for tip in mesh.tips], int), len(mesh.cracks)),
@@ -293,6 +302,9 @@ def check(mesh: MeshArrays) -> None:
                 f"{name} refers to number {numbers.min() if numbers.min() < 0 else numbers.max()}, 0 to "
                 f"{limit - 1} exist"
             )
+    for element, sectors in mesh.sector_materials.items():
+        if not 0 <= element < elements or len(sectors) != start[element + 1] - start[element]:
+            fail(f"sector_materials of S-element {element} are not one for each of its edges")
     first = np.where(mesh.element_reversed, mesh.edges[flat, -1], mesh.edges[flat, 0])
     last = np.where(mesh.element_reversed, mesh.edges[flat, 0], mesh.edges[flat, -1])
     inner = np.ones(len(flat), bool)

@@ -17,7 +17,7 @@ from meshing.whole_file import BadTarget, checked_path, read_whole, write_whole
 Mesh = TypeVar("Mesh", bound=MeshArrays)
 
 _FORMAT = "sbfem boundary mesh"
-_VERSION = 3
+_VERSION = 4
 _BLOCK = 512  # bytes ahead of the HDF5 content; the least that HDF5 knows
 _ARRAYS = {
     "nodes": "coordinates of the nodes, m",
@@ -103,6 +103,9 @@ def _packed(mesh: MeshArrays) -> bytes:
             for i, (name, numbers) in enumerate(items.items()):
                 description = f"{title.replace('_', ' ')[:-1]} {name!r}"
                 _write(group, str(i), np.asarray(numbers), description).attrs["name"] = name
+        group = file.create_group("sector_materials")
+        for element, sectors in mesh.sector_materials.items():
+            _write(group, str(element), sectors, "material of the sector of each edge of an S-element")
         for title, parts, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
             group = file.create_group(title)
             for i, item in enumerate(parts):
@@ -186,6 +189,9 @@ def _unpacked(stored: bytes) -> dict[str, Any]:
             "clamped": str(file.attrs["clamped"]) or None,
             **{name: values(name) for name in _ARRAYS},
             "material_names": tuple(name.decode() for name in values("material_names").tolist()),
+            "sector_materials": {
+                int(element): values(f"sector_materials/{element}") for element in file["sector_materials"]
+            },
             "edge_sets": named["edge_sets"],
             "points": {name: int(node) for name, node in named["points"].items()},
             "pairs": ContactPairs(**{name: values(f"pairs/{name}") for name in _PAIRS}),

@@ -61,6 +61,9 @@ def summary(mesh: MeshArrays) -> str:
         for tip in tips:
             x, y = tip.position
             element = f"S-element {tip.element}" if tip.element >= 0 else "no S-element of its own"
+            if tip.element in mesh.sector_materials:
+                meeting = dict.fromkeys(mesh.sector_materials[tip.element].tolist())
+                element += " in " + " and ".join(mesh.material_names[k] for k in meeting)
             lines.append(
                 f"  tip       {tip.name}: ({x:.6g}, {y:.6g}) m, opening {math.degrees(tip.opening):.4g} deg, "
                 f"{element}"

@@ -11,6 +11,7 @@ from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.plate_cells import plate_cells
 from meshing.cells.s_elements import build_mesh
 from meshing.input_checks import checked_order, flag, named_points, positive
+from meshing.recipe import Recipe
 from meshing.shapes.features import corners_of
 from meshing.shapes.plate_shape import PlateShape
 
@@ -85,6 +86,7 @@ class Plate(PlateShape):
         ValueError, TypeError
             One sentence that names the input, its value and what was expected.
         """
+        given = {name: value for name, value in locals().items() if name != "self"}
         order = checked_order(order)
         size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else positive("mesh", "size", size)
         if size < 1e-3 * self.diagonal:
@@ -97,4 +99,5 @@ class Plate(PlateShape):
             named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
         flag("mesh", "tip_element", tip_element)
         meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
-        return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate")
+        recipe = Recipe(self.mesh, given)
+        return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate", recipe=recipe)

@@ -56,6 +56,7 @@ class Material:
             raise ValueError(f"Material: poisson = {self.poisson!r} is outside its range ({limit})")
 
     isotropic = True
+    densities = None  # of sectors, relative to `density`
 
     @property
     def modulus(self) -> float:
@@ -130,6 +131,7 @@ class OrthotropicMaterial:
             )
 
     isotropic = False
+    densities = None
 
     def _compliance(self) -> np.ndarray:
         """(4, 4) compliance of (11, 22, 33, 12)."""
@@ -161,6 +163,45 @@ class OrthotropicMaterial:
             [[c * c, s * s, c * s], [s * s, c * c, -c * s], [-2 * c * s, 2 * c * s, c * c - s * s]]
         )
         return turn.T @ principal @ turn / self.modulus
+
+
+@dataclass(frozen=True)
+class SectorMaterials:
+    """Materials of the sectors of one S-element, as one material.
+
+    Attributes
+    ----------
+    parts : tuple of Material or OrthotropicMaterial
+        Of the sector that each edge spans with the scaling centre.
+    """
+
+    parts: tuple[Material | OrthotropicMaterial, ...]
+
+    # turned and reflected copies of an outline have their materials elsewhere
+    isotropic = False
+
+    @property
+    def modulus(self) -> float:
+        """Pa."""
+        return max(part.modulus for part in self.parts)
+
+    @property
+    def density(self) -> float:
+        """kg/m^3."""
+        return max(part.density for part in self.parts)
+
+    @property
+    def elasticity(self) -> np.ndarray:
+        """(edges, 3, 3): D of each sector in units of `modulus`."""
+        return np.stack([part.elasticity * (part.modulus / self.modulus) for part in self.parts])
+
+    @property
+    def densities(self) -> np.ndarray:
+        """(edges,): densities in units of `density`."""
+        return np.array([part.density for part in self.parts]) / self.density
+
+
+AnyMaterial = Material | OrthotropicMaterial | SectorMaterials
 
 
 def _scale(owner: str, name: str, value: Any, unit: str) -> float:

@@ -26,12 +26,15 @@ class Cell:
     closed : bool
         False for the cell around a crack tip, whose scaling centre is the tip.
     material : int
+    sectors : list of int or None
+        Of the cell around a tip at an interface: material of the sector between each edge and the tip.
     """
 
     vertices: list[int]
     centre: tuple[float, float] | None = None
     closed: bool = True
     material: int = 0
+    sectors: list[int] | None = None
 
     def edges(self) -> list[tuple[int, int]]:
         """Directed edges as pairs of vertices."""

@@ -263,11 +263,14 @@ def _refine(
         if not sharp or vertex in outline or done & {vertex, *others}:
             continue
         found = rings.fan(vertex, others[0], others[0])
-        if found is None or len({cells.cells[number].material for number in found[1]}) > 1:
+        if found is None:
             continue
         reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found[0])
         rings.refine(vertex, others, *found, innermost=_INNERMOST * reach, grading=meshing.grading, tip=False)
         done |= {vertex, *others}
+    for name, edges in cells.edge_sets.items():
+        chains = [with_inserted(edge, rings.inserted) for edge in edges]
+        cells.edge_sets[name] = [part for chain in chains for part in _edges(chain)]
     for crack in cracks:
         for line in crack.lines:
             tips = [tip is not None and tip.cell >= 0 for tip in (line.start, line.end)]
@@ -323,11 +326,6 @@ def _put_tip(
             "the tip is inside the material."
         )
     chain, members = found
-    if len({cells.cells[number].material for number in members}) > 1:
-        raise ValueError(
-            f"{crack.where}: its tip lies between different materials, the element around it can have only "
-            "one; pass tip_element=False."
-        )
     reach = max(math.dist(tip.position, cells.vertices[v]) for v in chain)
     if meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
         raise ValueError(

@@ -8,6 +8,7 @@ from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
 from meshing.cells.complex import CellComplex, CrackFaces, edge_key
 from meshing.cells.contact_faces import crack_pairs, join_pairs
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
+from meshing.recipe import Recipe
 
 # Distance of the scaling centre from the nearest tangent of the outline, relative to the square root of the
 # cell's area: a centroid with less than the first is worth a search in the kernel, less than the second is no
@@ -17,7 +18,12 @@ _ADMISSIBLE = 1e-3
 
 
 def build_mesh(
-    cells: CellComplex, order: int, material_names: tuple[str, ...] = ("material",), origin: str = "mesh"
+    cells: CellComplex,
+    order: int,
+    material_names: tuple[str, ...] = ("material",),
+    origin: str = "mesh",
+    *,
+    recipe: Recipe | None = None,
 ) -> BoundaryMesh:
     """Turn cells into S-elements.
 
@@ -29,6 +35,8 @@ def build_mesh(
     material_names : tuple of str
     origin : str
         What is being meshed, for messages.
+    recipe : Recipe, optional
+        How the mesh can be made again.
 
     Returns
     -------
@@ -97,12 +105,18 @@ def build_mesh(
         scaling_centres=centres,
         closed=np.array([cells.cells[i].closed for i in sequence]),
         materials=np.array([cells.cells[i].material for i in sequence]),
+        sector_materials={
+            number: np.array(cells.cells[i].sectors)
+            for number, i in enumerate(sequence)
+            if cells.cells[i].sectors is not None
+        },
         material_names=tuple(material_names),
         edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
         points={name: node_of_vertex[vertex] for name, vertex in cells.points.items()},
         pairs=join_pairs(pairs),
         cracks=tuple(cracks),
         tips=tuple(tips),
+        recipe=recipe,
     )
 
 

@@ -20,7 +20,8 @@ class Rings:
     Attributes
     ----------
     inserted : dict of (int, int) to list of int
-        For each edge on a crack that has been divided, in both directions: the vertices between its ends.
+        For each edge on a crack or an interface that has been divided, in both directions: the vertices
+        between its ends.
     """
 
     def __init__(self, cells: CellComplex) -> None:
@@ -76,8 +77,9 @@ class Rings:
         grading : float
             Largest ratio of levels.
         tip : bool
-            Inside the innermost level: one open cell with its scaling centre at the vertex; else a closed
-            cell for each sector between rays, with the vertex.
+            Inside the innermost level: one open cell with its scaling centre at the vertex, of several
+            materials where these meet there; else a closed cell for each sector between rays and interfaces,
+            with the vertex.
 
         Returns
         -------
@@ -90,7 +92,14 @@ class Rings:
         reach = float(np.hypot(*(points - centre).T).max())
         scales = ring_scales(min(innermost / reach, 1.0 / grading), grading)
         loop = chain[0] == chain[-1]
-        curves = {place: cells.curve(vertex, v) for place, v in enumerate(chain) if v in rays}
+        materials = {number: cells.cells[number].material for number in members}
+        interfaces = {
+            place
+            for place, (one, other) in enumerate(zip(members, members[1:]), 1)
+            if materials[one] != materials[other]
+        }
+        places = [place for place, v in enumerate(chain) if v in rays or place in interfaces]
+        curves = {place: cells.curve(vertex, chain[place]) for place in places}
         levels: list[list[int]] = []
         at: dict[int, list[float]] = {place: [] for place, curve in curves.items() if curve}
         for scale in scales[:-1]:
@@ -112,7 +121,6 @@ class Rings:
             bounds = [*at[place], 1.0]
             for inner, outer, low, high in zip(levels, levels[1:], bounds, bounds[1:]):
                 cells.set_curve(inner[place], outer[place], part_of_curve(curve, low, high))
-        materials = {number: cells.cells[number].material for number in members}
         for number in materials:
             for v in cells.cells[number].vertices:
                 self._around[v].discard(number)
@@ -120,13 +128,15 @@ class Rings:
         for inner, outer in zip(levels, levels[1:]):
             for i, number in enumerate(members):
                 self._add([inner[i], outer[i], outer[i + 1], inner[i + 1]], materials[number])
-        places = [place for place, v in enumerate(chain) if v in rays]
         for place in places:
             between = [level[place] for level in levels[:-1]]
             self.inserted[vertex, chain[place]] = between
             self.inserted[chain[place], vertex] = between[::-1]
         if tip:
-            return self._add(levels[0], materials[members[0]], centre=cells.vertices[vertex])
+            cell = self._add(levels[0], materials[members[0]], centre=cells.vertices[vertex])
+            if interfaces:
+                cells.cells[cell].sectors = [materials[number] for number in members]
+            return cell
         for first, last in zip(places, places[1:]):
             self._add([vertex, *levels[0][first : last + 1]], materials[members[first]])
         return -1

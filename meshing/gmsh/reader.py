@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 
 import numpy as np
@@ -16,6 +17,7 @@ from meshing.gmsh.isolation import run_child
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
 from meshing.input_checks import checked_faces, checked_order, flag, number, positive
+from meshing.recipe import Recipe
 from meshing.whole_file import checked_path
 
 
@@ -109,6 +111,7 @@ def read_gmsh(
     RuntimeError
         gmsh cannot be loaded, or no process can be started.
     """
+    given = {name: value for name, value in locals().items() if name != "path"}
     path = checked_path("read_gmsh", path)
     order = checked_order(order)
     factor = 1.0 if scale is None else positive("read_gmsh", "scale", scale)
@@ -143,4 +146,5 @@ def read_gmsh(
     extent = float(np.ptp(np.array(built.cells.vertices), axis=0).max())
     meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
     add_cracks(built.cells, built.crack_lines, meshing, origin)
-    return build_mesh(built.cells, order, built.materials, origin)
+    recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)
+    return build_mesh(built.cells, order, built.materials, origin, recipe=recipe)

@@ -86,35 +86,33 @@ class Estimate:
 
 
 def estimate(
-    make_model: Callable[..., Model],
+    model: Model | Callable[..., Model],
     quantity: Callable[[Model], Any],
     *,
     accuracy: float = 1e-4,
     levels: int = 6,
     start: Mapping[str, Any] | None = None,
-    continued_fraction: int = 1,
-    tip_modes: int = 4,
+    continued_fraction: int | None = None,
+    tip_modes: int | None = None,
 ) -> Estimate:
     """A result on finer and finer meshes, until it keeps its value. Collective.
 
     ::
 
-        sb.estimate(
-            lambda mesh, **options: sb.Model(beam.mesh(**mesh), aluminium, **options),
-            lambda model: sb.modal(model, 20).frequencies,
-            accuracy=1e-5,
-        )
+        sb.estimate(model, lambda model: sb.periodic(model, load, 3000.0).harmonics("A"), accuracy=1e-3)
 
     From each level to the next the order rises by two, cells shrink by a quarter, the elements on crack tips
     to 0.4 of their size with rings around them, the faces of cracks get half as many edges and pairs again,
-    and the continued fraction and the pressure modes at tips a term more.
+    and the continued fraction and the pressure modes at tips a term more. `modal` and `static` do the same
+    with their own quantities where they are given an accuracy.
 
     Parameters
     ----------
-    make_model : callable
-        Makes a model of options for the mesh (a dict: order, and from the second level on size, tip_size and
-        face_edges, as `Beam.mesh`, `Plate.mesh` and `read_gmsh` take them) and the keyword arguments
-        continued_fraction and tip_modes of `Model`. The models are destroyed afterwards.
+    model : Model or callable
+        A model whose mesh comes from `Beam.mesh`, `Plate.mesh` or `read_gmsh`: the first level. Or a function
+        that makes a model of options for the mesh (a dict: order, and from the second level on size, tip_size
+        and face_edges) and the keyword arguments continued_fraction and tip_modes of `Model`. Models that are
+        made here are destroyed afterwards.
     quantity : callable
         What is wanted of a model: a number, an array (frequencies, displacements, K), or a dict of these.
         Arrays must keep their shape: things at fixed places, not at pairs or nodes.
@@ -123,9 +121,10 @@ def estimate(
     levels : int
         Most levels, 2 to 8.
     start : dict, optional
-        Options of the first mesh, such as ``{"order": 4, "size": 0.01}``; default: the mesh's own, order 5.
-    continued_fraction, tip_modes : int
-        Of the first level.
+        Options of the first mesh of a function, such as ``{"order": 4, "size": 0.01}``; default: the mesh's
+        own, order 5.
+    continued_fraction, tip_modes : int, optional
+        Of the first level of a function; default: 1 and 4.
 
     Returns
     -------
@@ -138,63 +137,146 @@ def estimate(
     SolveError
         If a level gives values that are not finite, or of another shape than the one before.
     ValueError, TypeError
-        For input that makes no sense.
+        For input that makes no sense, or a model of whose mesh it is not known how it was made.
 
     Warns
     -----
     MeshWarning
         If the accuracy is not reached with so many levels.
     """
-    for name, function in (("make_model", make_model), ("quantity", quantity)):
-        if not callable(function):
-            raise on_all_ranks(TypeError(f"estimate: {name} = {function!r} is not a function"))
-    positive("estimate", "accuracy", accuracy)
-    integer("estimate", "levels", levels, least=2, most=8)
-    mesh: dict[str, Any] = {"order": 5, **(start or {})}
-    model_options = {"continued_fraction": continued_fraction, "tip_modes": tip_modes}
+    if not callable(quantity):
+        raise on_all_ranks(TypeError(f"estimate: quantity = {quantity!r} is not a function"))
+    first = None
+    if isinstance(model, Model):
+        for name, value in (
+            ("start", start),
+            ("continued_fraction", continued_fraction),
+            ("tip_modes", tip_modes),
+        ):
+            if value is not None:
+                raise on_all_ranks(
+                    ValueError(f"estimate: {name} = {value!r} is of no use beside a model, which has its own")
+                )
+        first = model
+    elif not callable(model):
+        raise on_all_ranks(
+            TypeError(f"estimate: model = {model!r} is neither a Model nor a function that makes one")
+        )
+    finest, _, found = refined(
+        "estimate",
+        model.remade if isinstance(model, Model) else model,
+        quantity,
+        lambda value: value,
+        accuracy=accuracy,
+        levels=levels,
+        first=first,
+        mesh={"order": 5, **(start or {})},
+        options={
+            "continued_fraction": 1 if continued_fraction is None else continued_fraction,
+            "tip_modes": 4 if tip_modes is None else tip_modes,
+        },
+    )
+    if finest is not first:
+        finest.destroy()
+    return found
+
+
+def refined(
+    owner: str,
+    make_model: Callable[..., Model],
+    solve: Callable[[Model], Any],
+    quantity: Callable[[Any], Any],
+    *,
+    accuracy: float,
+    levels: int = 6,
+    first: Model | None = None,
+    mesh: Mapping[str, Any] | None = None,
+    options: Mapping[str, int] | None = None,
+    least_error: Callable[[Any], float] = lambda result: 0.0,
+) -> tuple[Model, Any, Estimate]:
+    """Solve on finer and finer meshes until a quantity keeps its value. Collective.
+
+    Parameters
+    ----------
+    owner : str
+        For messages.
+    make_model : callable
+        See `estimate`.
+    solve : callable
+        Gives a result of a model.
+    quantity : callable
+        Number, array or dict of these of a result.
+    accuracy, levels
+        See `estimate`.
+    first : Model, optional
+        The first level; it is not destroyed.
+    mesh, options : mappings, optional
+        Options of the first level where there is no `first`.
+    least_error : callable
+        Relative error that a result is known to have.
+
+    Returns
+    -------
+    finest : Model
+        All models but this one and `first` are destroyed.
+    result
+        That of `solve` on it.
+    estimate : Estimate
+    """
+    positive(owner, "accuracy", accuracy)
+    integer(owner, "levels", levels, least=2, most=8)
+    mesh, options = dict(mesh or {}), dict(options or {})
+    if first is not None:
+        mesh = {"order": first.order, **first.mesh_options(owner)}
+        options = {"continued_fraction": first.continued_fraction, "tip_modes": first.tip_modes}
     done: list[Level] = []
-    while len(done) < levels:
-        level, cells, tips = _solve(make_model, quantity, mesh, model_options, done)
-        done.append(level)
-        if len(done) > 1 and _last_error(done) <= accuracy:
-            break
-        mesh = _finer(mesh, cells, tips)
-        model_options = {name: number + 1 for name, number in model_options.items()}
-    error = _last_error(done)
-    result = Estimate(
+    model, result, error, first_known = first, None, math.inf, 0.0
+    try:
+        while True:
+            if model is None:
+                model = make_model(dict(mesh), **options)
+                if not isinstance(model, Model):
+                    made, model = model, None
+                    raise on_all_ranks(
+                        TypeError(f"{owner}: make_model returned {made!r}, a Model was expected")
+                    )
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
+                result = solve(model)
+            value = quantity(result)
+            change = _difference(done[-1].value, value) if done else math.nan
+            if not all(np.isfinite(item).all() for item in _items(value).values()):
+                raise on_all_ranks(SolveError(f"{owner}: the quantity is not finite with {mesh}"))
+            done.append(Level(dict(mesh), dict(options), model.boundary_unknowns, value, change))
+            known = least_error(result)
+            error, first_known = max(_last_error(done), known), first_known if len(done) > 1 else known
+            if len(done) == levels or (len(done) > 1 and error <= accuracy):
+                break
+            mesh = _finer(mesh, *_sizes(model))
+            options = {name: number + 1 for name, number in options.items()}
+            if model is not first:
+                model.destroy()
+            model = None
+    except BaseException:
+        if model is not None and model is not first:
+            model.destroy()
+        raise
+    found = Estimate(
         done[-1].value,
         error,
-        _difference(done[0].value, done[-1].value) + error,
+        max(_difference(done[0].value, done[-1].value), first_known) + error,
         error <= accuracy,
         tuple(done),
     )
-    if not result.converged:
+    if not found.converged:
         warnings.warn(
-            f"estimate: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a "
+            f"{owner}: {levels} levels reach a relative error of about {error:.2g}, not {accuracy:.2g}; a "
             "quantity without a limit, such as a stress at a corner or a displacement under a point force, "
             "has none",
             MeshWarning,
-            stacklevel=2,
+            stacklevel=3,
         )
-    return result
-
-
-def _solve(make_model, quantity, mesh, model_options, done: list[Level]) -> tuple[Level, float, float]:
-    """A level, the size of its largest cell's edges and of its smallest tip element, m."""
-    model = make_model(dict(mesh), **model_options)
-    if not isinstance(model, Model):
-        raise on_all_ranks(TypeError(f"estimate: make_model returned {model!r}, a Model was expected"))
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
-            value = quantity(model)
-        change = _difference(done[-1].value, value) if done else math.nan
-        if not all(np.isfinite(item).all() for item in _items(value).values()):
-            raise on_all_ranks(SolveError(f"estimate: the quantity is not finite with {mesh}"))
-        unknowns, (cells, tips) = model.boundary_unknowns, _sizes(model)
-    finally:
-        model.destroy()
-    return Level(dict(mesh), dict(model_options), unknowns, value, change), cells, tips
+    return model, result, found
 
 
 def _finer(mesh: dict[str, Any], cells: float, tips: float) -> dict[str, Any]:

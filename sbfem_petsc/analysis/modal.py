@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from ..checks import flag, integer, numbers_of, real, shown
+from dataclasses import replace
+
+import numpy as np
+
+from ..checks import flag, integer, numbers_of, positive, real, shown
 from ..parallel import agree, collective
 from ..system.model import Model
 from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
 from ..system.resolution import warn_of_modes
+from .estimate import refined
 
 # No structure has a frequency beyond, Hz.
 HIGHEST = 1e30
+# Frequencies below, relative to the highest, are rigid-body motions and round-off.
+RIGID = 1e-5
 
 
 def modal(
@@ -19,6 +26,7 @@ def modal(
     *,
     auxiliary_tolerance: float = TOLERANCE,
     verify: bool = True,
+    accuracy: float | None = None,
 ) -> Modal:
     """Natural frequencies of the undamped structure, cracks open, no contact.
 
@@ -36,6 +44,10 @@ def modal(
     verify : bool
         Count the eigenvalues by the inertia of one more factorisation (where MUMPS is there), so that none of
         a multiple one is missed.
+    accuracy : float, optional
+        Relative error asked for of every frequency: finer meshes are made, as by `estimate`, until two of
+        them agree. The result is the finest one's, `Modal.model` its model, `Modal.estimate` says what was
+        used. Default: the model's own mesh alone.
 
     Returns
     -------
@@ -51,21 +63,45 @@ def modal(
     Warns
     -----
     MeshWarning
-        If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves.
+        If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves; if
+        the accuracy asked for is not reached.
     """
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {shown(model)} is not a Model")
     with collective(model.comm):
         band = _checked_request(model, count, band, auxiliary_tolerance, verify)
-    agree(model.comm, "modal", count=count, band=band, auxiliary_tolerance=auxiliary_tolerance, verify=verify)
-    if band is not None:
-        found = modes_in_band(model, *band, auxiliary_tolerance, verify)
-    else:
+        if accuracy is not None:
+            positive("modal", "accuracy", accuracy)
+    agree(
+        model.comm,
+        "modal",
+        count=count,
+        band=band,
+        auxiliary_tolerance=auxiliary_tolerance,
+        verify=verify,
+        accuracy=accuracy,
+    )
+
+    def solve(level: Model) -> Modal:
+        if band is not None:
+            return modes_in_band(level, *band, auxiliary_tolerance, verify)
         assert count is not None
         usual = auxiliary_tolerance == TOLERANCE and verify
-        found = model.modes(count) if usual else lowest_modes(model, count, auxiliary_tolerance, verify)
-    warn_of_modes("modal", found)
-    return found
+        return level.modes(count) if usual else lowest_modes(level, count, auxiliary_tolerance, verify)
+
+    if accuracy is None:
+        found = solve(model)
+        warn_of_modes("modal", found)
+        return found
+    _, found, estimate = refined(
+        "modal", model.remade, solve, _elastic_frequencies, accuracy=accuracy, first=model
+    )
+    return replace(found, estimate=estimate)
+
+
+def _elastic_frequencies(found: Modal) -> np.ndarray:
+    """Those of the modes that are not rigid-body motions, Hz."""
+    return found.frequencies[found.frequencies > RIGID * found.frequencies.max(initial=0.0)]
 
 
 def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> tuple[float, float] | None:

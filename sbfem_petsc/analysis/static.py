@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import warnings
+from dataclasses import replace
 
-from ..checks import choice, flag, shown
+import numpy as np
+
+from ..checks import choice, flag, positive, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import RoundOffWarning, SolveError, on_all_ranks
 from ..loads import as_loads, separate
@@ -13,16 +16,27 @@ from ..parallel import agree, collective
 from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
+from ..system.resolution import MeshWarning
+from .estimate import refined
 from .static_result import Static
 
 # Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
 # user is warned: displacements are wrong by ten times the residual or so.
 REFUSED, ROUND_OFF = 1e-2, 1e-5
+# Share of the contact resultant that nothing carries next to a tip, beyond which the user is warned.
+UNRESOLVED = 2e-2
 
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
-def static(model: Model, load, *, contact: bool = True, method: str = "active_set") -> Static:
+def static(
+    model: Model,
+    load,
+    *,
+    contact: bool = True,
+    method: str = "active_set",
+    accuracy: float | None = None,
+) -> Static:
     """Static displacement under constant loads.
 
     Parameters
@@ -34,6 +48,11 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
     method : {"active_set", "one_pass_tie"}
         Unilateral contact, or the paper's single correction that ties every penetrating pair and admits
         tension.
+    accuracy : float, optional
+        Relative error asked for: finer meshes are made, as by `estimate`, until two of them agree in the
+        displacements of the named points, the contact resultant, and the stress intensity factors, relative
+        to the largest of them with and without contact. The result is the finest one's, `Static.model` its
+        model, `Static.estimate` says what was used. Default: the model's own mesh alone.
 
     Raises
     ------
@@ -41,6 +60,12 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
         For unknown points and sets, values that are not finite, a structure that is not held.
     SolveError
         If the linear solve or the active set fails.
+
+    Warns
+    -----
+    MeshWarning
+        If faces touch next to a tip over less than its S-element resolves; if the accuracy asked for is not
+        reached.
     """
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {shown(model)} is not a Model")
@@ -48,9 +73,68 @@ def static(model: Model, load, *, contact: bool = True, method: str = "active_se
         flag("static", "contact", contact)
         solve = _METHODS[choice("static", "method", method, _METHODS)]
         model.checked_loads(load)
-    agree(model.comm, "static", load=load, contact=contact, method=method)
+        if accuracy is not None:
+            positive("static", "accuracy", accuracy)
+    agree(model.comm, "static", load=load, contact=contact, method=method, accuracy=accuracy)
     model.require_support("static")
     warn_of_idle_loads("static", model, separate(load)[0])
+    if accuracy is None:
+        found = _solved(model, load, contact, solve)
+        if contact:
+            _warn_of_contact(found)
+        return found
+    _, found, estimate = refined(
+        "static",
+        model.remade,
+        lambda level: _solved(level, load, contact, solve),
+        _judged,
+        accuracy=accuracy,
+        first=model,
+        least_error=_unresolved if contact else lambda result: 0.0,
+    )
+    return replace(found, estimate=estimate)
+
+
+def _judged(found: Static) -> dict[str, np.ndarray]:
+    """What an accuracy is asked of."""
+    quantities: dict[str, np.ndarray] = {}
+    if found.point_displacements:
+        quantities["displacements"] = np.array(list(found.point_displacements.values()))
+    if found.stress_intensity:
+        # K_I vanishes where a crack closes: what contact leaves below zero is `unresolved_contact`'s matter
+        factors = np.nan_to_num(list(found.stress_intensity.values()))
+        if found.active.any() or found.contact_resultant > 0.0:
+            factors[:, 0] = np.maximum(factors[:, 0], 0.0)
+        free = equilibrium(found.model, found.columns, False).intensities
+        quantities["stress intensity factors"] = np.array([factors, np.nan_to_num(list(free.values()))])
+    if len(found.contact_force):
+        quantities["contact resultant"] = np.array(found.contact_resultant)
+    return quantities or {"strain energy": np.array(found.strain_energy)}
+
+
+def _unresolved(found: Static) -> float:
+    """Share of the contact resultant that pairs and pressure modes do not carry."""
+    missed = sum(found.unresolved_contact.values())
+    return missed / (missed + max(found.contact_resultant, 0.0)) if missed > 0.0 else 0.0
+
+
+def _warn_of_contact(found: Static) -> None:
+    share = _unresolved(found)
+    if share <= UNRESOLVED:
+        return
+    missed = found.unresolved_contact
+    name = max(missed, key=missed.__getitem__)
+    warnings.warn(
+        f"static: next to the tip of {name} the faces touch over less than its S-element resolves: the "
+        f"contact resultant of {found.contact_resultant:.4g} N misses about {sum(missed.values()):.4g} N, "
+        "see unresolved_contact; give a smaller tip_size",
+        MeshWarning,
+        stacklevel=3,
+    )
+
+
+def _solved(model: Model, load, contact: bool, solve) -> Static:
+    """Of the model as it is."""
     columns = model.load_columns([load])
     found = equilibrium(model, columns, contact, solve)
     _judge(found.residual)

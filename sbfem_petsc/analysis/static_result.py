@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from dataclasses import field as attribute
+from typing import Any
 
 import numpy as np
 
@@ -13,7 +14,13 @@ from ..errors import at_point
 from ..loads import Loads
 from ..system.boundary import LoadColumns
 from ..system.equilibrium import Equilibrium
-from ..system.fracture import contact_nodal_forces, contact_pressure, energy_release_rates, t_stresses
+from ..system.fracture import (
+    contact_nodal_forces,
+    contact_pressure,
+    energy_release_rates,
+    t_stresses,
+    unresolved_contact,
+)
 from ..system.model import Model
 from ..system.places import checked_place
 from ..system.reactions import reactions
@@ -44,13 +51,19 @@ class Static:
     residual : float
         ||K u - f - G' force|| / ||f||.
     stress_intensity : dict of str to (float, float)
-        K_I and K_II of each crack tip with a tip element, Pa m^(1/2) (Pa m^(1 - lambda) at an open notch).
+        K_I and K_II of each crack tip with a tip element, Pa m^(1/2) (Pa m^(1 - lambda) at an open notch or a
+        crack that ends at an interface). Of a crack along an interface, whose stresses oscillate as r^(i
+        eps), they are Re and Im of Rice's K in SI units, ``sigma_yy + i sigma_xy = K r^(i eps) / sqrt(2 pi
+        r)``: those for another reference length L turn by eps ln(L / 1 m).
     load : Loads
     model : Model
+        With an accuracy asked for, the finest one.
     columns : LoadColumns
         What the loads do, one column.
     equilibrium : Equilibrium
         The solution in this rank's unknowns.
+    estimate : Estimate or None
+        Errors, where an accuracy was asked for.
     """
 
     point_displacements: dict[str, np.ndarray]
@@ -67,6 +80,7 @@ class Static:
     model: Model
     columns: LoadColumns = attribute(repr=False)
     equilibrium: Equilibrium = attribute(repr=False)
+    estimate: Any = attribute(default=None, repr=False)
 
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
         """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
@@ -146,15 +160,22 @@ class Static:
 
     @functools.cached_property
     def energy_release_rate(self) -> dict[str, float]:
-        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and interfaces.
-        Collective.
+        """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and at cracks that end at
+        an interface. Collective.
         """
         return energy_release_rates(self.model, self.stress_intensity)
 
     @functools.cached_property
+    def unresolved_contact(self) -> dict[str, float]:
+        """Contact next to the tip of each V-notch that neither pairs nor pressure modes carry, N; in closed
+        form from the K_I < 0 that they leave. `contact_resultant` is too small by their sum. Collective.
+        """
+        return unresolved_contact(self.model, self.stress_intensity)
+
+    @functools.cached_property
     def t_stress(self) -> dict[str, float]:
-        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches.
-        Collective.
+        """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches and
+        interfaces. Collective.
         """
         return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
 

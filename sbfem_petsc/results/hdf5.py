@@ -338,7 +338,12 @@ def _write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str)
             "1",
             "1: the boundary is a loop; 0: the scaling centre lies on the boundary",
         ),
-        ("element_materials", part.materials.astype(np.int64), "1", "numbers in the list of materials"),
+        (
+            "element_materials",
+            np.array([model.named_materials(int(k))[0] for k in part.materials], dtype=np.int64),
+            "1",
+            "numbers in the list of materials; around a tip at an interface that of the first edge's sector",
+        ),
         (
             "element_nodes_count",
             np.array([len(c) for c in part.chains], dtype=np.int64),

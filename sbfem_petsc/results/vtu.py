@@ -158,7 +158,7 @@ def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
                 np.stack(
                     [
                         elements,
-                        np.full(len(elements), patch.material),
+                        _materials(model, patch, len(elements)),
                         np.full(len(elements), model.comm.rank),
                     ]
                 )
@@ -182,6 +182,16 @@ def _mesh(model: Model, patches: list[Patches], per: str) -> dict:
         "point_data": point_data,
         "cell_data": cell_data,
     }
+
+
+def _materials(model: Model, patch: Patches, count: int) -> np.ndarray:
+    """(count,): material of each cell, numbered ring by ring, edge by edge."""
+    named = np.array(model.named_materials(patch.material))
+    if len(named) == 1:
+        return np.full(count, named[0])
+    pieces = patch.positions.shape[3] - 1
+    ring = np.repeat(named, pieces)
+    return np.tile(ring, count // len(ring))
 
 
 def _three(values: np.ndarray) -> np.ndarray:

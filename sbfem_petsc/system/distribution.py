@@ -31,6 +31,8 @@ class Distribution:
         Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong
         to.
     material_names, edge_sets : tuple of str
+    compositions : tuple of tuple of int
+        Materials around S-elements in several of them; `Part.materials` counts on from the names.
     pairs : ContactPairs
     points : dict of str to ((x, y), (2,) int tuple, int)
         Place, m, unknowns and node of each named point.
@@ -51,6 +53,7 @@ class Distribution:
     tip_elements: tuple
     tip_face_sets: tuple
     material_names: tuple[str, ...]
+    compositions: tuple[tuple[int, ...], ...]
     edge_sets: tuple[str, ...]
     pairs: ContactPairs
     points: dict[str, Any]
@@ -112,6 +115,7 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
         "tip_elements": tips,
         "tip_face_sets": tuple(_face_sets(mesh, tip) for tip in tips),
         "material_names": tuple(mesh.material_names),
+        "compositions": partition.compositions(mesh),
         "edge_sets": tuple(mesh.edge_sets),
         "pairs": mesh.pairs,
         "points": {

@@ -6,15 +6,20 @@ import numpy as np
 
 from ..checks import shown
 from ..errors import UnknownName, listed
+from ..material import SectorMaterials
 from ..petsc import MPI
-from ..selement.fracture import energy_release_rate, t_stress_row
+from ..selement.fracture import energy_release_rate, interface_energy_release_rate, t_stress_row
 
 # Instants along the faces inside a tip element at which the pressure is given, from the tip.
 LEVELS = np.linspace(0.0, 1.0, 9)
+# Exponents as close to 1/2 are a crack's as far as the contact next to its tip is concerned.
+NEARLY_A_CRACK = 1e-2
 
 
 def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """G of each tip, J/m^2. Collective."""
+    """G of each tip, J/m^2; nan where it is none: at notches, and at tips that end at an interface.
+    Collective.
+    """
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
     for number, group, _ in model.tip_places:
@@ -23,12 +28,52 @@ def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> 
             values[number] = np.nan
             continue
         material = model.materials[group.material]
+        if isinstance(material, SectorMaterials):
+            values[number] = _at_interface(factors[number], material)
+            continue
         axis = np.array(model.tip_elements[number].axis)
         values[number] = energy_release_rate(
             np.array(factors[number]), material.modulus * material.elasticity, axis
         )
     model.comm.Allreduce(MPI.IN_PLACE, values)
     return dict(zip(intensities, values.tolist()))
+
+
+def unresolved_contact(model, intensities: dict[str, tuple[float, float]]) -> dict[str, float]:
+    """Resultant of the contact next to each tip of a V-notch that pairs and pressure modes do not carry, N.
+    Collective.
+
+    Where K_I < 0 is left, the faces overlap next to the tip, whatever the opening alpha between them. With
+    contact they touch over the length ``c = 2 pi (K_I / (E' alpha))^2`` under the pressure ``E' alpha / (4
+    pi) ln((1 + s) / (1 - s))``, s^2 = 1 - r / c, whose resultant is ``K_I^2 / (E' alpha)``: dislocations of
+    the constant density alpha ahead of a crack that ends at c (Thomson 1986). That holds where c is small
+    against the S-element at the tip, which is what pressure modes do not see.
+    """
+    values = np.zeros(len(intensities))
+    factors = list(intensities.values())
+    for number, group, _ in model.tip_places:
+        tip, material = model.tip_elements[number], model.materials[group.material]
+        first = factors[number][0]
+        crack = abs(model.tips.exponents[number][0] - 0.5) < NEARLY_A_CRACK
+        if not (tip.opening > 0.0 and first < 0.0 and crack and material.isotropic):
+            continue
+        shear = material.elasticity[2, 2]
+        kappa = 1.0 + 2.0 * shear / (material.elasticity[0, 1] + shear)
+        stiffness = 8.0 * shear / (kappa + 1.0) * material.modulus  # E'
+        values[number] = first**2 / (stiffness * tip.opening) * model.thickness
+    model.comm.Allreduce(MPI.IN_PLACE, values)
+    return dict(zip(intensities, values.tolist()))
+
+
+def _at_interface(intensity: tuple[float, float], material: SectorMaterials) -> float:
+    """G of a crack along an interface of two isotropic materials; nan of others."""
+    first, last = material.parts[0], material.parts[-1]
+    change = [one != other for one, other in zip(material.parts, material.parts[1:])]
+    if sum(change) != 1 or not (first.isotropic and last.isotropic):
+        return np.nan
+    return interface_energy_release_rate(
+        np.array(intensity), np.stack([part.modulus * part.elasticity for part in (first, last)])
+    )
 
 
 def t_stresses(
@@ -54,6 +99,9 @@ def t_stresses(
             float(group.sizes[member]),
         )
         axis = rotation @ np.array(model.tip_elements[number].axis)
+        if isinstance(material, SectorMaterials):
+            values[number] = np.nan
+            continue
         form = t_stress_row(group.solution.radial, group.shape, material.elasticity, axis)
         if np.isnan(form.row).any():
             values[number] = np.nan

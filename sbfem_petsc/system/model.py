@@ -11,7 +11,7 @@ import numpy as np
 
 from ..checks import instance, integer, numbers_of, positive, real, shown
 from ..contact.law import ContactLaw, Unilateral, check_law
-from ..errors import UnknownName, listed
+from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
 from ..parallel import agree, alone, checked_communicator, collective
 from ..petsc import MPI
@@ -114,6 +114,17 @@ class Model(Structure):
             tip_modes=tip_modes,
             contact_laws=contact_laws,
         )
+        self._recipe = getattr(mesh, "recipe", None)
+        self._given = dict(
+            material=material,
+            clamped=clamped,
+            damping=damping,
+            thickness=thickness,
+            supports=supports,
+            comm=comm,
+            rayleigh=rayleigh,
+            contact_laws=contact_laws,
+        )
         held = further if clamped is not _DECLARED else as_supports(declared_clamp(comm, mesh), ()) + further
         super().__init__(
             comm,
@@ -159,6 +170,54 @@ class Model(Structure):
         if key not in self._kept:
             self._kept[key] = make()
         return self._kept[key]
+
+    def mesh_options(self, owner: str) -> dict[str, Any]:
+        """Options that the mesh was made with, those left to their defaults not among them. Collective.
+
+        Raises
+        ------
+        ValueError
+            If it is not known how the mesh was made; on all ranks.
+        """
+        chosen = self.comm.allgather(None if self._recipe is None else self._recipe.chosen)
+        known = [options for options in chosen if options is not None]
+        if not known:
+            raise on_all_ranks(
+                ValueError(
+                    f"{owner}: it is not known how the model's mesh was made, so it cannot be made finer; "
+                    "take it from .mesh() or read_gmsh, or give estimate a function that makes the model"
+                )
+            )
+        return known[0]
+
+    def remade(
+        self, mesh: Mapping[str, Any], *, continued_fraction: int | None = None, tip_modes: int | None = None
+    ) -> Model:
+        """The same structure on another mesh. Collective.
+
+        Parameters
+        ----------
+        mesh : mapping
+            Options of `Beam.mesh`, `Plate.mesh` or `read_gmsh` that are to change.
+        continued_fraction, tip_modes : int, optional
+            Default: as they are.
+
+        Raises
+        ------
+        ValueError
+            If it is not known how the mesh was made, or it cannot be made so.
+        """
+        self.mesh_options("remade")
+        made = None
+        with collective(self.comm):
+            if self._recipe is not None:
+                made = self._recipe.remade(mesh)
+        return Model(
+            made,
+            continued_fraction=self.continued_fraction if continued_fraction is None else continued_fraction,
+            tip_modes=self.tip_modes if tip_modes is None else tip_modes,
+            **self._given,
+        )
 
     def destroy(self) -> None:
         """Free the PETSc objects now instead of at garbage collection, which ranks reach at different

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -52,6 +53,9 @@ class Modal:
     unknowns : int
         Displacement unknowns and those auxiliary ones that the band needed.
     model : Model
+        With an accuracy asked for, the finest one.
+    estimate : Estimate or None
+        Errors of the frequencies, where an accuracy was asked for.
     """
 
     frequencies: np.ndarray
@@ -63,6 +67,7 @@ class Modal:
     iterations: int
     unknowns: int
     model: Structure
+    estimate: Any = None
 
     def displacement(self, point: str) -> np.ndarray:
         """(n, 2): displacement of a named point in each mode."""

@@ -45,6 +45,7 @@ class Part:
     centres : (e, 2) array
     closed : (e,) bool array
     materials : (e,) int array
+        Index into the mesh's materials; beyond them, into its `compositions`.
     edge_sets : dict of str to (k, p + 1) int arrays
         Edges of the named sets that belong to the rank's S-elements (material on the left), as rows of
         `nodes`.
@@ -115,6 +116,11 @@ def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
     return Numbering(assignment, unknowns, np.concatenate([[0], np.cumsum(counts)]))
 
 
+def compositions(mesh) -> tuple[tuple[int, ...], ...]:
+    """The different sequences of materials around S-elements in several of them."""
+    return tuple(sorted({tuple(part.tolist()) for part in mesh.sector_materials.values()}))
+
+
 def extract(mesh, numbering: Numbering, rank: int) -> Part:
     """The part of a boundary mesh that `rank` holds."""
     elements = np.flatnonzero(numbering.assignment == rank)
@@ -138,6 +144,9 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
         nodes_of = mesh.edges[mine]
         nodes_of = np.where(backwards[mine][:, None], nodes_of[:, ::-1], nodes_of)
         sets[name] = local[nodes_of]
+    materials = mesh.materials.copy()
+    for element, sectors in mesh.sector_materials.items():
+        materials[element] = len(mesh.material_names) + compositions(mesh).index(tuple(sectors.tolist()))
     return Part(
         nodes,
         mesh.nodes[nodes],
@@ -146,6 +155,6 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
         [local[c] for c in chains],
         mesh.scaling_centres[elements],
         mesh.closed[elements],
-        mesh.materials[elements],
+        materials[elements],
         sets,
     )

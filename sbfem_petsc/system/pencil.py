@@ -315,6 +315,6 @@ def top_of_band(model: Structure, count: int) -> float:
     It only decides how many auxiliary unknowns are kept at first; the analysis checks it against what it
     finds.
     """
-    slow = max(m.density / m.modulus / min(np.linalg.eigvalsh(m.elasticity)) for m in model.materials)
+    slow = max(m.density / m.modulus / np.linalg.eigvalsh(m.elasticity).min() for m in model.materials)
     a, b = model.area * slow / (2.0 * math.pi), 2.0 * model.perimeter * math.sqrt(slow) / (4.0 * math.pi)
     return (math.sqrt(b * b + 4.0 * a * count) - b) / (2.0 * a)

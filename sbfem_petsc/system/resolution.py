@@ -179,7 +179,7 @@ def _least(order: int) -> float:
 
 def _shear_speed(model: Structure, group: Group) -> float:
     material = model.materials[group.material]
-    return float(np.sqrt(material.elasticity[2, 2] * material.modulus / material.density))
+    return float(np.sqrt(material.elasticity[..., 2, 2].min() * material.modulus / material.density))
 
 
 def _add_group(
@@ -195,6 +195,7 @@ def _add_group(
         material.elasticity,
         model.continued_fraction + MORE_TERMS,
         material.isotropic,
+        density=material.densities,
     )
     bubbles = _bubbles(len(group.shape), order, group.closed)
     scale, lost = material.modulus * model.thickness, np.zeros(len(omega))

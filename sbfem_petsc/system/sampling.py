@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..material import Material
+from ..material import Material, SectorMaterials
 from ..selement.coefficients import edge_nodes
 from ..selement.face_tractions import FaceTractions
 from ..selement.interior import InteriorSampler
@@ -56,6 +56,7 @@ class Patches:
     mirrored : (k,) bool array
         Whether the edges, of the mirrored reference shape, run clockwise.
     material : int
+        See `Structure.named_materials`.
     positions : (k, l, edges, q, 2) array
         m.
     displacements : dict of str to (k, l, edges, q, 2) array
@@ -190,12 +191,14 @@ def von_mises(stress: np.ndarray, material) -> np.ndarray:
     strain.
     """
     xx, yy, xy = np.moveaxis(stress, -1, 0)
-    zz = stress @ normal_stress_row(material)
+    zz = (stress * normal_stress_row(material)).sum(axis=-1)
     return np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3.0 * xy**2)
 
 
 def normal_stress_row(material) -> np.ndarray:
-    """(3,): sigma_zz as a linear form of (xx, yy, xy); zero in plane stress."""
+    """(3,): sigma_zz as a linear form of (xx, yy, xy); zero in plane stress. (edges, 1, 3) of sectors."""
+    if isinstance(material, SectorMaterials):
+        return np.stack([normal_stress_row(part)[None] for part in material.parts])
     if material.plane == "stress":
         return np.zeros(3)
     if isinstance(material, Material):

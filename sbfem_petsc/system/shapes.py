@@ -207,7 +207,12 @@ class Solutions:
             request = self._shapes[number]
             material = self.materials[request.material]
             return solve_selement(
-                request.shape, self.order, request.closed, material.elasticity, isotropic=material.isotropic
+                request.shape,
+                self.order,
+                request.closed,
+                material.elasticity,
+                isotropic=material.isotropic,
+                density=material.densities,
             )
 
         self._solved = self._each(solve)

@@ -14,6 +14,7 @@ from meshing.boundary_mesh import BoundaryMesh
 
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
+from ..material import AnyMaterial, SectorMaterials
 from ..parallel import alone, collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
@@ -77,12 +78,15 @@ class Structure:
             found.pairs,
             found.pair_unknowns,
         )
+        self._compositions = found.compositions
         self.edge_set_names, self.material_names = found.edge_sets, found.material_names
         self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
         self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
-            self.materials = materials(self.material_names)
+            named = materials(self.material_names)
+            sectors = [SectorMaterials(tuple(named[k] for k in parts)) for parts in found.compositions]
+            self.materials: list[AnyMaterial] = [*named, *sectors]
             self.contact_laws = contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:
                 raise ValueError(
@@ -98,6 +102,11 @@ class Structure:
     def owned(self) -> slice:
         """Numbers of the displacement unknowns that this rank owns."""
         return slice(int(self.ranges[self.comm.rank]), int(self.ranges[self.comm.rank + 1]))
+
+    def named_materials(self, number: int) -> tuple[int, ...]:
+        """Indices into `material_names` of an entry of `materials`: one, or that of each edge's sector."""
+        count = len(self.material_names)
+        return (number,) if number < count else self._compositions[number - count]
 
     # ------------------------------------------------------------------ matrices
     @functools.cached_property

@@ -7,11 +7,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ..material import SectorMaterials
 from ..parallel import collective
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
 from .rows import Rows, flat_entries
 from .shapes import Group
+
+# Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
+# Rice's complex K in SI units.
+REFERENCE_LENGTH = 1.0
 
 
 class TipPlace(NamedTuple):
@@ -80,7 +85,9 @@ def tip_intensities(model) -> TipIntensities:
             tip, rotation, size = tips[number], group.rotations[member], group.sizes[member]
             material = model.materials[group.material]
             axis = rotation @ np.array(tip.axis)
-            key = (id(group), *np.round(axis, 12))
+            key: tuple = (id(group), *np.round(axis, 12))
+            if isinstance(material, SectorMaterials):
+                key += (float(size),)  # complex exponents
             if key not in shared:
                 try:
                     shared[key] = intensity_rows(
@@ -90,6 +97,7 @@ def tip_intensities(model) -> TipIntensities:
                         material.elasticity,
                         axis,
                         material.isotropic,
+                        reference_length=REFERENCE_LENGTH / size,
                     )
                 except SElementError as error:
                     raise SElementError(f"tip {tip.name}: {error}") from None

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, CrackLine, Plate
+from meshing import Beam, BoundaryMesh, CrackLine, Plate, VNotch
 from tests.reference import frequencies, paper_beam, statics
 from tests.systems import ALUMINIUM
 from tests.validation.peer import cantilever
@@ -149,9 +149,81 @@ def test_dicts_are_judged_name_by_name():
     assert found.levels[1].change == pytest.approx(max(changes))
 
 
+@pytest.fixture(scope="module")
+def short():
+    """50 x 5 mm with the paper's notch at 20 mm."""
+    return sb.Model(Beam(0.05, 0.005, (VNotch(0.02, 0.0025, 0.0458366),)).mesh(order=4), ALUMINIUM)
+
+
+def test_a_model_is_its_own_first_level(short):
+    found = sb.estimate(short, modes(3), accuracy=1e-2)
+    assert found.levels[0].mesh["order"] == 4 and found.levels[1].mesh["order"] == 6
+    made = sb.estimate(
+        lambda mesh, **options: short.remade(mesh, **options), modes(3), accuracy=1e-2, start={"order": 4}
+    )
+    np.testing.assert_array_equal(found.value, made.value)
+    assert sb.modal(short, 3).frequencies.shape == (3,)  # the model is still alive
+
+
+@pytest.mark.slow
+def test_accuracy_of_modes_and_statics(short):
+    """The results of the finest mesh, whose error is within three times the estimate of it: against a much
+    finer mesh.
+    """
+    fine = short.remade({"order": 9, "size": 0.003, "tip_size": 2e-6, "face_edges": 40})
+    found, exact = sb.modal(short, 3, accuracy=1e-4), sb.modal(fine, 3)
+    assert found.estimate.converged and found.model is not short
+    assert distance(found.frequencies, exact.frequencies) < 3 * found.estimate.error < 3e-4
+    first = distance(sb.modal(short, 3).frequencies, exact.frequencies)
+    assert first / 3 < found.estimate.first_error < 3 * first
+    push = sb.PointForce("A", fy=200.0)
+    found, exact = sb.static(short, push, accuracy=2e-3), sb.static(fine, push)
+    assert found.estimate.converged and set(found.estimate.value) == {
+        "displacements",
+        "stress intensity factors",
+        "contact resultant",
+    }
+    assert distance(found.contact_resultant, exact.contact_resultant) < 3 * found.estimate.error
+    first = distance(sb.static(short, push).contact_resultant, exact.contact_resultant)
+    assert first / 3 < found.estimate.first_error < 3 * first
+    # what the tip's element does not carry is known in closed form
+    whole = sb.static(short, push)
+    total = whole.contact_resultant + whole.unresolved_contact["crack1"]
+    assert distance(total, exact.contact_resultant) < 0.2 * first
+
+
+def test_free_structures_and_meshes_from_files(tmp_path):
+    """Rigid-body motions have no error of their own; a mesh from a file cannot be made finer."""
+    mesh = Beam(0.02, 0.005).mesh(order=3)
+    free = sb.Model(mesh, ALUMINIUM, clamped=None)
+    assert sb.modal(free, 5, accuracy=1e-2).estimate.converged
+    mesh.save(tmp_path / "mesh.h5")
+    read = sb.Model(BoundaryMesh.load(tmp_path / "mesh.h5"), ALUMINIUM)
+    with pytest.raises(ValueError, match="not known how the model's mesh was made"):
+        sb.modal(read, 3, accuracy=1e-3)
+
+
+def test_contact_that_no_form_carries():
+    """1 N on the paper's beam: the faces touch over 0.2 um of the tip's 50, under 1.85 N; with a tip element
+    of 10 nm they are seen.
+    """
+    push = sb.PointForce("A", fy=1.0)
+    with pytest.warns(sb.MeshWarning, match="contact resultant of 0 N misses about 1.85"):
+        found = sb.static(sb.Model(paper_beam().mesh(), ALUMINIUM), push)
+    fine = sb.static(sb.Model(paper_beam().mesh(tip_size=1e-8), ALUMINIUM), push)
+    assert found.unresolved_contact["crack1"] == pytest.approx(fine.contact_resultant, rel=5e-3)
+    assert fine.unresolved_contact["crack1"] < 1e-3 * fine.contact_resultant
+
+
 def test_wrong_input():
-    with pytest.raises(TypeError, match="make_model"):
-        sb.estimate(small({}), modes(3))
+    with pytest.raises(TypeError, match="neither a Model nor a function"):
+        sb.estimate(Beam(0.02, 0.005), modes(3))
+    with pytest.raises(TypeError, match="quantity"):
+        sb.estimate(small, 3)
+    with pytest.raises(ValueError, match="of no use beside a model"):
+        sb.estimate(small({}), modes(3), start={"order": 3})
+    with pytest.raises(ValueError, match="accuracy"):
+        sb.modal(small({}), 3, accuracy=0.0)
     with pytest.raises(TypeError, match="a Model was expected"):
         sb.estimate(lambda mesh, **options: 1, modes(3))
     with pytest.raises(ValueError, match="levels"):

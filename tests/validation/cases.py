@@ -4,6 +4,7 @@ from tests.validation import (  # noqa: F401, I001
     impact_cases,
     contact_cases,
     crack_cases,
+    interface_cases,
     mode_cases,
     selement_cases,
 )

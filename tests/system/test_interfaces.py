@@ -1,0 +1,77 @@
+"""Crack tips where two materials meet: what the mesh hands over, and what the model makes of it."""
+
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import BoundaryMesh, read_gmsh
+from sbfem_petsc.results.vtu import write_vtu
+from tests.validation.interface_cases import BODIES, FIRST, PULL, SECOND, exponent, model
+
+MATERIALS = {"first": FIRST, "second": SECOND}
+HELD = [sb.Support("O"), sb.Support("X", x=False, y=True)]
+
+
+@pytest.fixture(scope="module")
+def ending(tmp_path_factory):
+    return model(tmp_path_factory.mktemp("ending"), "ending", order=4)
+
+
+def test_tip_that_ends_at_an_interface(ending, tmp_path):
+    """Zak and Williams' exponent; no G and no T; both materials in the picture."""
+    np.testing.assert_allclose(ending.tips.exponents, exponent(), atol=1e-5)
+    pulled = sb.static(ending, PULL)
+    first, second = pulled.stress_intensity["c"]
+    assert first > 0.0 and abs(second) < 1e-5 * first  # symmetric
+    assert np.isnan(pulled.energy_release_rate["c"]) and np.isnan(pulled.t_stress["c"])
+    # ahead of the tip on its line: sigma_yy r^(1 - lambda) sqrt(2 pi) -> K
+    r = 1e-6
+    assert pulled.stress((0.4 + r, 0.0))[1] == pytest.approx(
+        first / np.sqrt(2 * np.pi) * r ** (exponent() - 1.0), rel=1e-2
+    )
+    write_vtu(str(tmp_path / "pulled.vtu"), ending, {"u": pulled})
+
+
+def test_closed_crack_that_ends_at_an_interface(ending, tmp_path):
+    """Pressed along y a crack on the body's line of symmetry is none: displacements of the body without it;
+    their difference is that of two meshes at the ends of the interface.
+    """
+    pressed = sb.static(ending, [sb.EdgeLoad("bottom", pressure=1.0), sb.EdgeLoad("top", pressure=1.0)])
+    path = tmp_path / "whole.geo"
+    path.write_text(re.sub(r'Physical Curve\("crack:c"\).*\n', "", BODIES["ending"]))
+    whole = sb.Model(read_gmsh(path, order=4), MATERIALS, clamped=None, supports=HELD)
+    exact = sb.static(whole, [sb.EdgeLoad("bottom", pressure=1.0), sb.EdgeLoad("top", pressure=1.0)])
+    for point in ("P", "Q"):
+        np.testing.assert_allclose(pressed.displacement(point), exact.displacement(point), atol=2e-4)
+    assert abs(pressed.stress_intensity["c"][0]) < 1e-3
+    assert pressed.contact_resultant == pytest.approx(pressed_half(exact), rel=2e-3)
+
+
+def pressed_half(whole: sb.Static) -> float:
+    """Resultant of sigma_yy over the line of the crack."""
+    at, weight = np.polynomial.legendre.leggauss(40)
+    return float(sum(-0.2 * w * whole.stress((0.2 + 0.2 * x, 1e-9))[1] for x, w in zip(at, weight)))
+
+
+def test_mesh_in_a_file(tmp_path):
+    (tmp_path / "along.geo").write_text(BODIES["along"])
+    mesh = read_gmsh(tmp_path / "along.geo", order=4)
+    (element, sectors), *more = mesh.sector_materials.items()
+    assert not more and element == mesh.tips[0].element
+    assert sorted(set(sectors.tolist())) == [0, 1] and (np.diff(sectors) != 0).sum() == 1
+    assert "second and first" in mesh.summary() or "first and second" in mesh.summary()
+    mesh.save(tmp_path / "mesh.h5")
+    again = BoundaryMesh.load(tmp_path / "mesh.h5")
+    np.testing.assert_array_equal(again.sector_materials[element], sectors)
+    moved = sb.static(sb.Model(again, MATERIALS, clamped=None, supports=HELD), PULL)
+    # mirrored about the crack: each sector the other one's material, K_II changes its sign
+    swapped = {"first": SECOND, "second": FIRST}
+    other = sb.static(sb.Model(again, swapped, clamped=None, supports=HELD), PULL)
+    k, mirrored = moved.stress_intensity["c"], other.stress_intensity["c"]
+    np.testing.assert_allclose(mirrored, (k[0], -k[1]), rtol=2e-3)
+    assert moved.energy_release_rate["c"] == pytest.approx(7.467473, rel=2e-3)  # by scikit-fem
+    with pytest.raises(ValueError, match="not one for each of its edges"):
+        replace(mesh, sector_materials={element: sectors[:-1]})
