@@ -317,10 +317,15 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
     kx, mx = (product.getDenseArray() for product in products)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
-    noise = model.refinement.scale * np.sqrt(_summed(model, array**2))
-    slender = np.flatnonzero(noise > NEEDED * np.sqrt(_summed(model, mx**2)) * np.abs(values))
+    squares = _summed(model, array**2)
+    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_summed(model, mx**2))
+    slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if not (model.supported and solve.refinement):
         slender = slender[:0]
+    if len(slender):
+        # those next to them, too: a factorisation's round-off reaches ten times that of the matrix
+        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _summed(model, array * mx))
+        slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if len(slender):
         kx[: pencil.owned, slender] = model.refinement.operator(array[: pencil.owned, slender])
         values[slender] = _summed(model, array * kx)[slender] / _summed(model, array * mx)[slender]
