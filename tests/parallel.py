@@ -83,6 +83,13 @@ def whole(
     return subprocess.CompletedProcess(command, process.returncode, output, errors)
 
 
+def interruptible() -> None:
+    """For a child before it starts: Ctrl-C's signal reaches it. Shells start what runs in the background
+    with this signal ignored, and children inherit that.
+    """
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def kill_all(process: subprocess.Popen[str]) -> None:
     """Kill a process that leads a session and all in it; mpiexec gives each rank a process group of its
     own.
@@ -95,5 +102,8 @@ def kill_all(process: subprocess.Popen[str]) -> None:
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict:
-    """The JSON object on the last line that starts with a brace."""
-    return json.loads([line for line in done.stdout.splitlines() if line.startswith("{")][-1])
+    """The JSON object on the last line that starts with a brace, whatever a rank that ends writes before it:
+    colorama, if it is installed, resets the colours.
+    """
+    lines = done.stdout.replace("\033[0m", "").splitlines()
+    return json.loads([line for line in lines if line.startswith("{")][-1])

@@ -81,14 +81,13 @@ class ClosedSet:
             result[:, self.rows] = solved.T * self._weight
         return result
 
-    @functools.cached_property
-    def stiffness(self) -> np.ndarray:
-        """(c,): diagonal of R_AA^-1, zero for the other rows, N/m."""
-        result = np.zeros(self.count)
-        if len(self.rows):
-            inverse, _ = linalg.lapack.dtrtri(self._factor, lower=1)
-            result[self.rows] = self._weight**2 * (np.tril(inverse) ** 2).sum(axis=0)
-        return result
+    def stiffness(self, row: int) -> float:
+        """Diagonal of R_AA^-1 at one of its rows, N/m."""
+        unit = np.zeros(len(self.rows))
+        place = int(np.searchsorted(self.rows, row))
+        unit[place] = self._weight[place]
+        solved, _ = linalg.lapack.dtrtrs(self._factor, unit, lower=1)
+        return float(solved @ solved)
 
 
 class ClosedSets:
@@ -209,7 +208,7 @@ def located_contacts(
     opens = closed[switched, switching]
     at = np.where(opens, switched, switched + 1)
     holding = number + ~opens
-    stiffness = np.array([between[k].stiffness[row] for k, row in zip(holding, switching)])
+    stiffness = np.array([between[k].stiffness(row) for k, row in zip(holding, switching)])
     overlap = forces[at, switching] / stiffness
     gap = np.maximum(gaps[2 * switched + 1 - at, switching], 0.0)
     moments = np.where(opens, overlap, gap) / (overlap + gap)
@@ -308,71 +307,97 @@ def pivoted_cholesky(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.n
 class Propagation:
     """The free motion of the modes over the steps of a history, and what forces do in it.
 
+    D^n is the exponential of n steps of q'' + 2 zeta omega q' + omega^2 q = 0, its rows (a_n, b_n) and
+    (-omega^2 b_n, a_n - 2 zeta omega b_n), its determinant exp(-2 zeta omega n h).
+
     Parameters
     ----------
     coefficients : (10, m) array
         See `marching`.
-    weights : (m,) array
-        Ratio of velocity to displacement of each mode, 1/s.
+    omega, damping : (m,) arrays
+        rad/s and damping ratios.
+    step : float
+        s.
     steps : int
 
     Attributes
     ----------
-    step : (2, 2, m) array
-        D, of displacement and velocity.
     push : (2, m) array
-        What a contact force adds in a step.
+        What a contact force adds to q and q' in a step.
     reach : int
         Most steps over which the free motion is inverted, at their cost in digits; 0: none.
-    powers : (reach + 2, 2, 2, m) array
-        D^0, D^1, ...
+    rows : (reach + 2, 2, m) array
+        a_n, b_n.
     pushes : (reach + 2, 2, m) array
-        Their inverses applied to `push`.
+        The inverses of D^n applied to `push`.
     """
 
-    def __init__(self, coefficients: np.ndarray, weights: np.ndarray, steps: int):
+    def __init__(
+        self, coefficients: np.ndarray, omega: np.ndarray, damping: np.ndarray, step: float, steps: int
+    ):
         aqq, aqv, _, _, cq, avq, avv, _, _, cv = coefficients
         self.step, self.push = np.array([[aqq, aqv], [avq, avv]]), np.array([cq, cv])
+        self._squared, self._friction = omega**2, 2.0 * damping * omega
         length = min(steps, FRAME) + 1
-        powers = np.empty((length + 1, 2, 2, len(weights)))
-        powers[0] = np.eye(2)[:, :, None]
+        rows = np.empty((length + 1, 2, len(omega)))
+        rows[0, 0], rows[0, 1] = 1.0, 0.0
         done, jump = 1, self.step
         while done <= length:
             more = min(done, length + 1 - done)
-            powers[done : done + more] = _products(powers[:more], jump)
-            done, jump = done + more, _products(jump[None], jump)[0]
-        reach = self._reach(powers, weights)
-        self.reach, self.powers = reach, powers[: reach + 2 if reach else 1]
-        a, b, c, d = (self.powers[:, i, j] for i in (0, 1) for j in (0, 1))
-        self._determinant = a * d - b * c
-        self.pushes = np.stack([d * cq - b * cv, a * cv - c * cq], axis=1) / self._determinant[:, None]
+            a, b = rows[:more, 0], rows[:more, 1]
+            np.multiply(a, jump[0, 0], out=rows[done : done + more, 0])
+            rows[done : done + more, 0] += b * jump[1, 0]
+            np.multiply(a, jump[0, 1], out=rows[done : done + more, 1])
+            rows[done : done + more, 1] += b * jump[1, 1]
+            done, jump = done + more, _product(jump, jump)
+        growth = self._friction * step
+        self.reach = self._reach(rows, growth, np.where(omega > 0.0, omega, omega.max(initial=1.0)))
+        self.rows = rows[: self.reach + 2 if self.reach else 1]
+        self._inverse_determinant = np.exp(np.arange(len(self.rows))[:, None] * growth)
+        self.pushes = np.empty_like(self.rows)
+        self._invert(np.arange(len(self.rows)), cq, cv, self.pushes)
 
-    @staticmethod
-    def _reach(powers: np.ndarray, weights: np.ndarray) -> int:
+    def _reach(self, rows: np.ndarray, growth: np.ndarray, weights: np.ndarray) -> int:
         """Looked for at every power up to 8 and at every eighth one: WORST leaves room for those between."""
-        length = len(powers) - 1
+        length = len(rows) - 1
         tried = np.unique(np.append(np.arange(8, length, 8), [*range(2, min(8, length)), length]))
-        a, b, c, d = (powers[tried, i, j] for i in (0, 1) for j in (0, 1))
-        determinant, size = a * d - b * c, a**2 + d**2 + (b * weights) ** 2 + (c / weights) ** 2
-        fine = (size <= WORST * determinant) & (determinant >= 10.0**-DECAY) & (size <= 10.0**DECAY)
+        a, b = rows[tried, 0], rows[tried, 1]
+        c, d = self._squared * b / weights, a - self._friction * b
+        decades = tried[:, None] * growth / np.log(10.0)
+        size = a**2 + d**2 + (b * weights) ** 2 + c**2
+        fine = (np.abs(decades) <= DECAY) & (size <= 10.0**DECAY)
+        fine &= size * 10.0 ** np.minimum(decades, 2.0 * DECAY) <= WORST
         fit = fine.all(axis=1)
         if fit.all():
             return length - 1
         worse = int(np.argmin(fit))
         return int(tried[worse - 1]) - 1 if worse else 0
 
-    @functools.cached_property
-    def inverses(self) -> np.ndarray:
-        """(reach + 2, 2, 2, m): inverses of the powers."""
-        result = np.empty_like(self.powers)
-        result[:, 0, 0], result[:, 1, 1] = self.powers[:, 1, 1], self.powers[:, 0, 0]
-        result[:, 0, 1], result[:, 1, 0] = -self.powers[:, 0, 1], -self.powers[:, 1, 0]
-        return result / self._determinant[:, None, None]
+    def _invert(self, powers: np.ndarray, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
+        """D^-n of (q, v) for each of the powers n, into (n, 2, m)."""
+        whole = len(powers) == len(self.rows)
+        a, b = self.rows[:, 0] if whole else self.rows[powers, 0], (
+            self.rows[:, 1] if whole else self.rows[powers, 1]
+        )
+        np.subtract((a - self._friction * b) * q, b * v, out=out[:, 0])
+        np.add(self._squared * b * q, a * v, out=out[:, 1])
+        out *= (self._inverse_determinant if whole else self._inverse_determinant[powers])[:, None]
+
+    def inverted(self, powers: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """D^-n of (k, 2 m, e) states, each with its own n."""
+        result = np.empty_like(states)
+        m = states.shape[1] // 2
+        for column in range(states.shape[2]):
+            found = np.empty((len(states), 2, m))
+            self._invert(powers, states[:, :m, column], states[:, m:, column], found)
+            result[:, :, column] = found.reshape(len(states), 2 * m)
+        return result
 
     def power(self, steps: int) -> np.ndarray:
         """D^steps, (2, 2, m)."""
-        if steps < len(self.powers):
-            return self.powers[steps]
+        if steps < len(self.rows):
+            a, b = self.rows[steps]
+            return np.array([[a, b], [-self._squared * b, a - self._friction * b]])
         return np.moveaxis(np.linalg.matrix_power(np.moveaxis(self.step, 2, 0), steps), 0, 2)
 
 
@@ -405,12 +430,12 @@ class Derivative:
             at_end = instants == steps
             effect[at_end] = pushes[self._late[at_end]]
         else:
-            both = _applied(propagation.step, propagation.push) + propagation.push
+            both = np.einsum("ijm,jm->im", propagation.step, propagation.push) + propagation.push
             effect = np.where(((instants == 0) | (instants == steps))[:, None, None], propagation.push, both)
         owner = np.repeat(np.arange(len(instants)), counts)
         modes = contacts.factors.shape[1]
         self._rows = np.empty((len(owner), 2, modes))
-        np.multiply(contacts.factors[:, None], propagation.powers[self._late, 0][owner], out=self._rows)
+        np.multiply(contacts.factors[:, None], propagation.rows[self._late][owner], out=self._rows)
         self._effects = np.empty_like(self._rows)
         np.multiply(contacts.factors[:, None], effect[owner], out=self._effects)
         self._rows = self._rows.reshape(len(owner), 2 * modes)
@@ -521,9 +546,7 @@ class Derivative:
         inside = frame < final
         late = ends[inside] - self._begin[frame[inside]]
         late -= self._onward[frame[inside]] & (late > 0)
-        halves = found[inside].reshape(len(late), 2, found.shape[1] // 2, found.shape[2])
-        moved = np.einsum("nijm,njme->nime", self.propagation.inverses[late], halves)
-        found[inside] = moved.reshape(len(late), *found.shape[1:])
+        found[inside] = self.propagation.inverted(late, found[inside])
         total = np.concatenate([np.zeros((1, *found.shape[1:])), np.cumsum(found, axis=0)])
         edges = np.searchsorted(frame, np.arange(final + 2))
         added = total[edges[1:]] - total[edges[:-1]]
@@ -531,11 +554,6 @@ class Derivative:
         return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
 
 
-def _products(some: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Products of (n, 2, 2, m) matrices of each mode with one (2, 2, m)."""
-    return some[:, :, :1] * other[:1] + some[:, :, 1:] * other[1:]
-
-
-def _applied(matrix: np.ndarray, vector: np.ndarray) -> np.ndarray:
-    """(2, m) of (2, 2, m) and (2, m)."""
-    return matrix[:, 0] * vector[0] + matrix[:, 1] * vector[1]
+def _product(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Products of (2, 2, m) matrices of each mode."""
+    return np.einsum("ijm,jkm->ikm", one, other)

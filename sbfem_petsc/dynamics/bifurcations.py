@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,9 +55,15 @@ def unstable(found: Multipliers, margin: float = 0.0) -> int:
 
 
 def between(
-    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint, fraction: float
+    continuation: Continuation,
+    one: ContinuationPoint,
+    other: ContinuationPoint,
+    fraction: float,
+    known: dict[float, ContinuationPoint] | None = None,
 ) -> ContinuationPoint:
-    """A point of the branch in the plane across the chord of two others."""
+    """A point of the branch in the plane across the chord of two others; `known` are such points by their
+    fractions.
+    """
     size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
     chord = np.append(
         (other.fixed.state - one.fixed.state) / size,
@@ -78,9 +85,29 @@ def between(
         )
 
     name = continuation.parameter.name
-    near = (one if fraction < 0.5 else other).derivative(name)
-    fixed = shoot_along(continuation.period, guess, value, continuation.driven, name, condition, near)
+    near = (1.0 - fraction) * one.derivative(name) + fraction * other.derivative(name)
+    start, begin = _interpolated({0.0: one, 1.0: other, **(known or {})}, fraction)
+    fixed = shoot_along(
+        continuation.period,
+        start,
+        begin,
+        continuation.driven,
+        name,
+        lambda state, change: condition(state, change + begin - value),
+        near,
+    )
     return ContinuationPoint(fixed, float(fixed.parameters[0]))
+
+
+def _interpolated(known: dict[float, ContinuationPoint], fraction: float) -> tuple[np.ndarray, float]:
+    """State and parameter at a fraction by the polynomial through the nearest points that are known."""
+    places = sorted(known, key=lambda place: abs(place - fraction))[:4]
+    state, value = np.zeros_like(known[places[0]].fixed.state), 0.0
+    for place in places:
+        weight = math.prod((fraction - other) / (place - other) for other in places if other != place)
+        state += weight * known[place].fixed.state
+        value += weight * known[place].value
+    return state, value
 
 
 def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
@@ -147,7 +174,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             point.value,
             complex(values.values[nearest]),
             point.fixed.state,
-            values.vectors[:, nearest],
+            values.direction(nearest),
             k if second is points[k] else k + 1,
         )
     values = multipliers(points[k].fixed.driven, points[k].fixed.motion)
@@ -157,7 +184,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         points[k].value,
         complex(values.values[nearest]),
         points[k].fixed.state,
-        values.vectors[:, nearest],
+        values.direction(nearest),
         k + 1,
     )
 
@@ -190,7 +217,7 @@ def _crossing(
         if value.real < 0.0
         else "branch point"
     )
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k)
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.direction(rank), k)
 
 
 def _root(
@@ -207,7 +234,8 @@ def _root(
 
     def value(fraction: float) -> float:
         if fraction not in known:
-            point = between(continuation, first, second, fraction)
+            points = {place: point for place, (point, _) in known.items()}
+            point = between(continuation, first, second, fraction, points)
             known[fraction] = point, test(point)
         return known[fraction][1]
 

@@ -258,6 +258,20 @@ class Continuation:
             near = self._secant(*self.points[-2:])
         return self._tangent(last.derivative(self.parameter.name), near)
 
+    def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
+        """How far the branch is off its tangent after a step, by the parabola through the point before; across
+        the heading.
+        """
+        if len(self.points) < 2:
+            return np.zeros(len(heading))
+        size, unit = self.metric()
+        one, other = self.points[-2:]
+        back = np.append((one.fixed.state - other.fixed.state) / size, (one.value - other.value) / unit)
+        reach = -float(back @ heading)
+        if not reach > 0.0 or length > 3.0 * reach:
+            return np.zeros(len(heading))
+        return (length / reach) ** 2 * (back + reach * heading)
+
     def _around(self, heading: np.ndarray, length: float) -> ContinuationPoint | None:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
@@ -294,6 +308,10 @@ class Continuation:
             end = self.parameter.upper if target >= self.parameter.upper else self.parameter.lower
             length = (end - last.value) / (unit * heading[-1])
         guess, value = last.fixed.state + length * size * heading[:-1], end if outside else target
+        bent = np.zeros(len(heading)) if behind is not None else self._bend(heading, length)
+        if outside:
+            bent[-1] = 0.0
+        start, begin = guess + size * bent[:-1], value + unit * bent[-1]
 
         def condition(state, change):
             if outside:
@@ -307,11 +325,11 @@ class Continuation:
         try:
             fixed = shoot_along(
                 self.period,
-                guess,
-                value,
+                start,
+                begin,
                 self.driven,
                 self.parameter.name,
-                condition,
+                lambda state, change: condition(state, change + begin - value),
                 last.derivative(self.parameter.name),
             )
         except (SolveError, ValueError):

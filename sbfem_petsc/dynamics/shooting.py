@@ -28,7 +28,7 @@ from .steps import step_coefficients
 RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
 # An iteration with an updated derivative that gains less than this factor is the last one with it; so
 # converging more slowly, a smaller residual is asked for.
-GAIN, RELATIVE_UPDATED = 0.2, 1e-11
+GAIN, RELATIVE_UPDATED = 0.3, 1e-11
 # Residual relative to the linear state at which a fixed point nearby is taken.
 NEARBY = 1e-8
 PREFIX = "shooting_"
@@ -69,7 +69,7 @@ class Period:
     """
 
     def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
-        self.reduced, self.excitation, self.steps = reduced, excitation, steps
+        self.reduced, self.steps = reduced, steps
         r = reduced
         rows = r.gap.modes if contact else r.gap.modes[:0]
         self.pairs, self.modes = len(rows), len(r.omega)
@@ -80,16 +80,37 @@ class Period:
         self.sets = ClosedSets(self.left, self.residual_flexibility)
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
-        self.phases = excitation.phases(steps)
-        self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._load(excitation)
         self._lengths: dict[float, _Length] = {}
 
     def under(self, excitation: Excitation) -> Period:
         """The same period under other loads, over as many forcing periods."""
         result = copy.copy(self)
-        result.excitation, result.phases = excitation, excitation.phases(self.steps)
-        result._prepared = {}
+        result._load(excitation)
         return result
+
+    def _load(self, excitation: Excitation) -> None:
+        self.excitation, self.phases = excitation, excitation.phases(self.steps)
+        self._cosines, self._sines = self.phases.real.copy(), self.phases.imag.copy()
+        self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
+        """(n + 1, ...) real values of complex amplitudes (k, ...)."""
+        return self._cosines @ amplitudes.real - self._sines @ amplitudes.imag
+
+    def loaded(self, factor: float) -> tuple[np.ndarray, np.ndarray]:
+        """Load amplitudes over time, with a factor on those that oscillate, and the gaps under them of which
+        the modes know nothing.
+        """
+        if factor not in self._loaded:
+            if len(self._loaded) > 4:
+                self._loaded.clear()
+            r = self.reduced
+            loads = self.over_time(self.excitation.scaled(factor).amplitudes)
+            gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
+            self._loaded[factor] = loads, gaps
+        return self._loaded[factor]
 
     def length(self, step: float) -> _Length:
         """What the length of a step (s) alone determines."""
@@ -113,14 +134,16 @@ class _Length:
     """Coefficients of a step of some length, W, and the free motion over all steps, whatever the loads."""
 
     def __init__(self, period: Period, step: float):
-        r, self._weights, self._steps = period.reduced, period.weights, period.steps
+        r = period.reduced
+        self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
         self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + period.residual_flexibility
 
     @functools.cached_property
     def propagation(self) -> Propagation:
         """For derivatives."""
-        return Propagation(self.coefficients, self._weights, self._steps)
+        r = self._reduced
+        return Propagation(self.coefficients, r.omega, r.damping, self._step, self._steps)
 
 
 class DrivenPeriod:
@@ -135,12 +158,8 @@ class DrivenPeriod:
         self.coefficients, self.flexibility = self.length.coefficients, self.length.flexibility
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
-        self.loads = (p.phases @ p.excitation.scaled(factor).amplitudes).real
-        self.free_gap = (
-            (p.phases @ (self.amplitudes @ p.right)).real @ p.left.T
-            + self.loads @ r.gap.loads[: p.pairs].T
-            + r.initial_gap[: p.pairs]
-        )
+        self.loads, static = p.loaded(factor)
+        self.free_gap = p.over_time((self.amplitudes @ p.right) @ p.left.T) + static
         self._kept: tuple | None = None
         self.linear_state = self._state(
             self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
@@ -251,7 +270,7 @@ class DrivenPeriod:
     def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
         """Rates of the free gaps and of the linear state with the frequency."""
         p = self.period
-        gaps = (p.phases @ (self._slopes @ p.right)).real @ p.left.T
+        gaps = p.over_time((self._slopes @ p.right) @ p.left.T)
         linear = self._state(
             self._slopes.sum(axis=0).real,
             (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
@@ -335,8 +354,8 @@ class FixedPoint:
 
     @property
     def effort(self) -> float:
-        """Newton iterations; two with an updated derivative count as one."""
-        return 0.5 * (self.derivatives + len(self.residuals) - 1)
+        """Newton iterations; three with an updated derivative count as one."""
+        return self.derivatives + (len(self.residuals) - 1 - self.derivatives) / 3.0
 
 
 def shoot(

@@ -11,12 +11,14 @@ from .branches import plot_branches
 from .detection import plot_detection
 from .drawing import save_picture
 from .fields import plot_contact, plot_crack, plot_modes
-from .histories import Panel, plot_histories, plot_history, plot_spectra
+from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
+from .tones import plot_backbone, plot_lines
 
 __all__ = [
     "Panel",
+    "plot_backbone",
     "plot_branches",
     "plot_contact",
     "plot_crack",
@@ -25,6 +27,8 @@ __all__ = [
     "plot_harmonics",
     "plot_histories",
     "plot_history",
+    "plot_lines",
+    "plot_load_history",
     "plot_modes",
     "plot_multipliers",
     "plot_orbit",

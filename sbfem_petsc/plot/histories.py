@@ -9,11 +9,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
+from ..analysis.load_history import LoadHistory
 from ..dynamics.history import Motion
 from ..parallel import on_root
 from ..petsc import MPI
 from .drawing import BLACK, CYCLE, figure, style
-from .units import force_unit, frequency_unit, length_unit, time_unit
+from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000
@@ -98,6 +99,51 @@ def plot_history(
         if motion.states.contact.shape[1]:
             scale, unit = force_unit(float(resultant.max(initial=0.0)))
             panels.append(Panel(f"contact resultant ({unit})", {"": (motion.time, resultant)}, scale, window))
+        return _draw_histories(panels)
+
+    return on_root(MPI.COMM_WORLD if comm is None else comm, draw)
+
+
+def plot_load_history(
+    history: LoadHistory,
+    point: str = "A",
+    *,
+    crack: str | None = None,
+    title: str = "",
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw static states under slowly changing loads: displacement of a point, contact resultant, and the
+    stress intensity factors of a crack. Collective.
+
+    Parameters
+    ----------
+    history : LoadHistory
+        On rank 0 at least.
+    point : str
+    crack : str, optional
+        Default: the first crack with a tip element.
+    title, comm
+        As for `plot_history`.
+
+    Returns
+    -------
+    Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
+    """
+
+    def draw() -> list[Axes]:
+        time, u, resultant = history.time, history.displacement(point), history.contact_resultant
+        scale, unit = length_unit(float(np.abs(u).max()))
+        curves = {f"$u_{axis}$": (time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
+        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, title=title)]
+        if history.contact_force.shape[1]:
+            scale, unit = force_unit(float(resultant.max(initial=0.0)))
+            panels.append(Panel(f"contact resultant ({unit})", {"": (time, resultant)}, scale))
+        tips = list(history.states[0].stress_intensity)
+        if tips:
+            factors = history.stress_intensity(crack or tips[0])
+            curves = {name: (time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
+            scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
+            panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
         return _draw_histories(panels)
 
     return on_root(MPI.COMM_WORLD if comm is None else comm, draw)

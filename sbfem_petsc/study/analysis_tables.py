@@ -9,6 +9,31 @@ from pydantic import Discriminator, Field, Tag
 from .tables import Name, Names, Pair, Table, by_kind, item
 
 _LOAD = "name of a load, or several that act together"
+_ACCURACY = "relative error asked for: finer meshes are made until two of them agree"
+
+
+class Range(Table):
+    """Values from `start` to `stop`, both included; `count` of them in a grid."""
+
+    start: float = item(text="first value", unit="that of the key")
+    stop: float = item(text="last value", unit="that of the key")
+    count: int | None = item(None, text="number of values (not for Latin hypercube samples)", ge=1)
+    scale: Literal["linear", "logarithmic"] = item("linear", text="spacing")
+
+
+def _values_or_range(value: Any) -> str:
+    return "range" if isinstance(value, (dict, Range)) else "values"
+
+
+Values = Annotated[
+    Annotated[list[int | float | bool | str], Field(min_length=1), Tag("values")]
+    | Annotated[Range, Tag("range")],
+    Discriminator(_values_or_range),
+]
+Times = Annotated[
+    Annotated[list[float], Field(min_length=1), Tag("values")] | Annotated[Range, Tag("range")],
+    Discriminator(_values_or_range),
+]
 
 
 class ModalAnalysis(Table):
@@ -21,6 +46,7 @@ class ModalAnalysis(Table):
         1e-5, text="inertia terms that matter less to the band are left out", ge=0, lt=1
     )
     verify: bool = item(True, text="count the eigenvalues, so that none of a multiple one is missed")
+    accuracy: float | None = item(None, text=_ACCURACY, gt=0)
 
 
 class StaticAnalysis(Table):
@@ -33,7 +59,22 @@ class StaticAnalysis(Table):
     method: Literal["active_set", "one_pass_tie"] = item(
         "active_set", text="unilateral contact, or a single correction that admits tension"
     )
-    stress_at: dict[str, Pair] = item({}, text="named places whose stress is wanted, name = [x, y]", unit="m")
+    stress_at: dict[Name, Pair | Name] = item(
+        {},
+        text="places whose stress is wanted by names of your choice, name = [x, y] or the name of a point",
+        unit="m",
+    )
+    accuracy: float | None = item(None, text=_ACCURACY, gt=0)
+
+
+class LoadHistory(Table):
+    """Static states along loads that change slowly, signals taken at each time; numbers are constants."""
+
+    kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
+    contact: bool = item(True, text="false: crack faces may overlap")
 
 
 class TransientAnalysis(Table):
@@ -141,6 +182,22 @@ class ModulationAnalysis(Table):
     stability: bool = item(True, text="compute the Floquet multipliers")
 
 
+class QuasiPeriodicAnalysis(Table):
+    """The steady state under two tones of any frequencies: lines m probe + n pump. Numbers in the two loads
+    are the tones' amplitudes; harmonic signals may be multiples of either tone."""
+
+    kind: Literal["quasi_periodic"] = item(text="two tones without a common period")
+    probe: Names = item(text="load of the first tone, whose sidebands are wanted")
+    probe_frequency: float = item(text="first tone", unit="Hz", gt=0)
+    pump: Names = item(text="load of the second tone")
+    pump_frequency: float = item(text="second tone", unit="Hz", gt=0)
+    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
+    samples: int = item(21, text="phases of the slower tone: half as many of its multiples", ge=3)
+    steps: int | None = item(None, text="time steps a period of the faster tone; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    stability: bool = item(True, text="compute the largest Lyapunov exponents")
+
+
 class Backbone(Table):
     """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
 
@@ -164,11 +221,13 @@ class Backbone(Table):
 ANALYSES = (
     ModalAnalysis,
     StaticAnalysis,
+    LoadHistory,
     TransientAnalysis,
     PeriodicAnalysis,
     FrequencyResponse,
     LoadResponse,
     ModulationAnalysis,
+    QuasiPeriodicAnalysis,
     Backbone,
 )
 Analysis = by_kind(*ANALYSES)
@@ -183,28 +242,9 @@ class Output(Table):
     csv: bool = item(False, text="write tables as CSV files")
 
 
-class Range(Table):
-    """Values from `start` to `stop`, both included; `count` of them in a grid."""
-
-    start: float = item(text="first value", unit="that of the key")
-    stop: float = item(text="last value", unit="that of the key")
-    count: int | None = item(None, text="number of values (not for Latin hypercube samples)", ge=1)
-    scale: Literal["linear", "logarithmic"] = item("linear", text="spacing")
-
-
-def _values_or_range(value: Any) -> str:
-    return "range" if isinstance(value, (dict, Range)) else "values"
-
-
-Values = Annotated[
-    Annotated[list[int | float | bool | str], Field(min_length=1), Tag("values")]
-    | Annotated[Range, Tag("range")],
-    Discriminator(_values_or_range),
-]
-
-
 class Noise(Table):
-    """White measurement noise on the motion that indicators are read from."""
+    """White measurement noise on the motion that indicators are read from: histories of `transient`, one
+    period of `periodic` and `modulation`."""
 
     snr: float = item(text="signal-to-noise ratio", unit="dB")
     seed: int = item(0, text="seed of the random numbers", ge=0)

@@ -21,6 +21,7 @@ _SIGNALS = {
     "frequency_response": _PERIODIC,
     "load_response": _PERIODIC,
     "modulation": ("constant",),
+    "quasi_periodic": _PERIODIC,
 }
 
 
@@ -155,6 +156,18 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 f"{analysis.probe_frequency:g}, in "
                 "Hz; exchange pump and probe",
             )
+        if analysis.kind == "quasi_periodic":
+            yield from _two_tones(path, analysis)
+        if analysis.kind == "load_history" and not isinstance(analysis.times, list):
+            if analysis.times.count is None:
+                yield Problem((*path, "times", "count"), "is missing (number of values); add it")
+            if (
+                analysis.times.scale == "logarithmic"
+                and not min(analysis.times.start, analysis.times.stop) > 0.0
+            ):
+                yield Problem(
+                    (*path, "times", "scale"), '= "logarithmic" needs start and stop greater than 0'
+                )
         if analysis.kind == "transient":
             if analysis.step is not None and analysis.step > analysis.duration:
                 yield Problem(
@@ -169,6 +182,21 @@ def _analyses(case: Any) -> Iterator[Problem]:
             yield Problem(
                 (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"
             )
+
+
+def _two_tones(path: Path, analysis: Any) -> Iterator[Problem]:
+    """Tones of a quasi-periodic motion that are one, and lines that its samples do not resolve."""
+    if analysis.pump_frequency == analysis.probe_frequency:
+        yield Problem(
+            (*path, "pump_frequency"),
+            f"= {analysis.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone",
+        )
+    if analysis.order > analysis.samples // 2:
+        yield Problem(
+            (*path, "order"),
+            f"= {analysis.order} is more than half of samples = {analysis.samples}; give samples = "
+            f"{2 * analysis.order + 1} or more",
+        )
 
 
 def _analysis_loads(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:

@@ -61,9 +61,10 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "[loads.NAME]",
         'A component is a number or a table with a signal, `fy = { kind = "harmonic", amplitude = '
         "1.0, frequency = "
-        "50.0 }`. What a number means depends on the analysis: a constant force in `static` and "
-        "`transient`, the "
-        "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response` and `modulation`.",
+        "50.0 }`. What a number means depends on the analysis: a constant force in `static`, "
+        "`load_history` and `transient`, the "
+        "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation` and "
+        "`quasi_periodic`.",
         (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
     ),
     ("[analyses.NAME]", "The names are yours; analyses run in the order of the file.", ANALYSES),

@@ -69,7 +69,7 @@ def _sweep(case: Case, facts: dict[str, Any]) -> dict[str, Any]:
     chosen = [facts["analyses"][name] for name in table.analyses or facts["analyses"]]
     each, shared = 0.0, 0.2 + 5e-6 * facts["unknowns"]
     for entry in chosen:
-        once = entry["kind"] in ("modal", "periodic", "modulation")
+        once = entry["kind"] in ("modal", "periodic", "modulation", "quasi_periodic")
         quick = min(entry["seconds"], 0.15) if once else entry["seconds"]
         quick = 0.0 if entry["kind"] == "modal" else quick
         each, shared = each + quick, shared + entry["seconds"] - quick
@@ -89,6 +89,13 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
         return _modal(unknowns, count), 8.0 * unknowns * 3 * count, 16.0 * count * (points + 1)
     if kind == "static":
         return 0.03 + 1e-5 * unknowns, 0.0, 32.0 * pairs
+    if kind == "load_history":
+        count = len(parameters.grid(table.times))
+        return (
+            count * (0.01 + 1e-5 * unknowns),
+            24.0 * unknowns * count,
+            8.0 * count * (2 * pairs + 4 * points),
+        )
     modes = getattr(table, "modes", None) or min(_FEWEST_MODES, max(1, unknowns // 4))
     reduction = 2.0 * _modal(unknowns, modes) + 3e-6 * unknowns * (pairs + 1)
     if kind == "transient":
@@ -101,6 +108,12 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
         return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
     steps = getattr(table, "steps", None) or _STEPS
     periods = getattr(table, "periods", None) or 1
+    if kind == "quasi_periodic":
+        steps = table.steps or _STEPS
+        # iterations of Newton's method on all samples, each with the derivative of its trajectory
+        seconds = 6 * table.samples * steps * (2e-8 * modes**2 + 1e-6 * pairs)
+        memory = 8.0 * table.samples * (2 * modes * (2 * modes + steps) + steps * pairs)
+        return reduction + seconds, memory, 16.0 * points * (2 * table.order + 1) ** 2
     if kind == "modulation":
         steps = table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency)
         low = common_period(table.pump_frequency, table.probe_frequency, table.longest)

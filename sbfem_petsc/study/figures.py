@@ -11,7 +11,8 @@ from .. import indicators
 from .analysis_tables import Noise
 from .case import Case
 from .load_tables import COMPONENTS
-from .solve import modulation
+from .solve import modulation, stresses
+from .summaries import line_values, lines_of
 
 # Harmonics kept of every point.
 HARMONICS = 21
@@ -53,9 +54,11 @@ def figures(
     makers = {
         "modal": _modal,
         "static": _static,
+        "load_history": _load_history,
         "transient": _transient,
         "periodic": _periodic,
         "modulation": _modulation,
+        "quasi_periodic": _quasi_periodic,
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
@@ -82,6 +85,7 @@ def _modal(case: Case, table: Any, result: Any, points: Sequence[str], noisy: An
     return {
         "frequencies": (np.asarray(result.frequencies), "Hz"),
         "largest_residual": (float(np.max(result.residuals)), "1"),
+        **_estimated(table, result),
     }
 
 
@@ -93,6 +97,36 @@ def _static(
     values["residual"] = (float(result.residual), "1")
     for name, pair in result.stress_intensity.items():
         values[f"stress_intensity/{name}"] = (np.asarray(pair), "Pa m^(1/2)")
+    for place, stress in stresses(table, result).items():
+        values[f"stress/{place}"] = (stress, "Pa")
+    values.update(_estimated(table, result))
+    return values
+
+
+def _estimated(table: Any, result: Any) -> Values:
+    """Error of an analysis that an accuracy is asked of."""
+    return {} if table.accuracy is None else {"estimated_error": (float(result.estimate.error), "1")}
+
+
+def _load_history(
+    case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool
+) -> Values:
+    values: Values = {
+        "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
+        "closed_states": (float(np.sum(result.contact_resultant > 0.0)), "1"),
+    }
+    for point in points:
+        u = result.displacement(point)
+        values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
+        if histories:
+            values[f"displacement/{point}"] = (u, "m")
+    for name in result.states[0].stress_intensity:
+        factors = result.stress_intensity(name)
+        values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), "Pa m^(1/2)")
+        if histories:
+            values[f"stress_intensity/{name}"] = (factors, "Pa m^(1/2)")
+    if histories:
+        values["time"] = (result.time, "s")
     return values
 
 
@@ -171,6 +205,26 @@ def _modulation(
         values[f"modulation_index{ending}"] = (sidebands.modulation_index, "1")
         values[f"sideband_indices{ending}"] = (np.asarray(sidebands.indices), "1")
         values[f"carrier_amplitude{ending}"] = (abs(sidebands.centre), "m")
+    return values
+
+
+def _quasi_periodic(
+    case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool
+) -> Values:
+    named = lines_of(result.frequencies, table.order)
+    values: Values = {
+        "contact_peak": (float(result.contact_peak), "N"),
+        "residual": (float(result.residuals[-1]), "1"),
+        "iterations": (float(len(result.residuals) - 1), "1"),
+        "line_frequency": (np.abs(named @ np.array(result.frequencies)), "Hz"),
+    }
+    if len(result.exponents):
+        values["largest_exponent"] = (float(result.exponents[0]), "1/s")
+        values["stable"] = (float(result.stable), "1")
+    for point in points:
+        values[f"lines/{point}"] = (line_values(result, named, point), "m")
+        values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")
+        values[f"carrier_amplitude/{point}"] = (abs(result.line(1, 0, point)), "m")
     return values
 
 

@@ -129,11 +129,13 @@ def _check_names(case: Case, found: meshing.BoundaryMesh) -> None:
         if name not in points:
             raise case.problem(("output", "points"), f"= {name!r} is no point; {one_of(points, name)}")
     for name, analysis in tables.analyses.items():
-        point = getattr(analysis, "point", None)
-        if point is not None and point not in points:
-            raise case.problem(
-                ("analyses", name, "point"), f"= {point!r} is no point; {one_of(points, point)}"
-            )
+        asked = {("point",): getattr(analysis, "point", None)}
+        asked |= {("stress_at", place): at for place, at in getattr(analysis, "stress_at", {}).items()}
+        for keys, point in asked.items():
+            if isinstance(point, str) and point not in points:
+                raise case.problem(
+                    ("analyses", name, *keys), f"= {point!r} is no point; {one_of(points, point)}"
+                )
     regions = tuple(found.material_names)
     if tables.materials:
         for name in tables.materials:

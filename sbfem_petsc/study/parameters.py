@@ -125,7 +125,7 @@ def rows(sweep: SweepTable) -> list[dict[str, Any]]:
             if isinstance(values, Range)
         ]
         return [dict(zip(names, map(float, row))) for row in np.stack(shares, axis=1)]
-    columns = [_values(values) for values in sweep.parameters.values()]
+    columns = [grid(values) for values in sweep.parameters.values()]
     chosen = zip(*columns) if sweep.method == "list" else itertools.product(*columns)
     return [dict(zip(names, row)) for row in chosen]
 
@@ -137,13 +137,14 @@ def _between(values: Range, share: np.ndarray) -> np.ndarray:
     return np.exp(low + share * (high - low))
 
 
-def _values(values: Any) -> list[Any]:
+def grid(values: Any) -> list[Any]:
+    """Values that stand in an array, or those of a range with its count."""
     if not isinstance(values, Range):
         return list(values)
     assert values.count is not None
-    grid = _between(values, np.linspace(0.0, 1.0, values.count))
+    found = _between(values, np.linspace(0.0, 1.0, values.count))
     # the ends as the user wrote them, without the rounding of exp(log(x))
-    return [float(v) for v in (grid if values.count < 2 else [values.start, *grid[1:-1], values.stop])]
+    return [float(v) for v in (found if values.count < 2 else [values.start, *found[1:-1], values.stop])]
 
 
 def structural(row: Mapping[str, Any]) -> tuple[tuple[str, Any], ...]:

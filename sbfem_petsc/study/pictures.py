@@ -37,14 +37,16 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
         drawers = {
             "modal": _modal,
             "static": _static,
+            "load_history": _load_history,
             "transient": _transient,
             "periodic": _periodic,
             "modulation": _periodic,
             "frequency_response": _branch,
             "load_response": _branch,
+            "quasi_periodic": _lines,
+            "backbone": _backbone,
         }
-        if table.kind in drawers:
-            drawers[table.kind](case, name, result, model, stem)
+        drawers[table.kind](case, name, result, model, stem)
     if output.vtu and model is not None:
         write_fields(table.kind, result, model, stem)
 
@@ -77,12 +79,23 @@ def _modal(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 
 
 def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    model = result.model  # a finer one where an accuracy is asked for
     for crack in range(min(len(model.cracks), MOST_CRACKS)):
         axes = plot.plot_crack(model, {name: result}, crack)
         _save(axes, f"{stem}_crack{crack + 1}.png", model.comm)
         if result.contact_resultant > 0.0:
             axes = plot.plot_contact({name: result}, crack)
             _save(axes, f"{stem}_contact{crack + 1}.png", model.comm)
+
+
+def _load_history(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    point = _point(case, model.points)
+    if point is not None:
+        _save(
+            plot.plot_load_history(result, point, title=name, comm=model.comm),
+            f"{stem}_history.png",
+            model.comm,
+        )
 
 
 def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
@@ -111,9 +124,21 @@ def _branch(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
         _save(plot.plot_branches({name: result}, point, comm=comm), f"{stem}_curve.png", comm)
 
 
+def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    point = _point(case, result.points)
+    if point is not None:
+        order = case.tables.analyses[name].order
+        axes = plot.plot_lines({name: result}, point, order=order, comm=model.comm)
+        _save(axes, f"{stem}_lines.png", model.comm)
+
+
+def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    _save(plot.plot_backbone({name: result}, comm=model.comm), f"{stem}_backbone.png", model.comm)
+
+
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:
     """Write modes or static displacements for ParaView. Collective."""
     if kind == "static":
-        write_vtu(f"{stem}.vtu", model, {"displacement": result})
+        write_vtu(f"{stem}.vtu", result.model, {"displacement": result})
     elif kind == "modal":
         write_modes(f"{stem}.vtu", result)

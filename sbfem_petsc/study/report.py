@@ -24,6 +24,8 @@ from .sweep_file import Sweep
 
 # Rows of an array that a table shows.
 _ROWS = 60
+# Lines of a motion under two tones in its table.
+_LINES = 15
 _STYLE = """
 :root { color-scheme: light; }
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto;
@@ -123,6 +125,8 @@ def _analysis(kind: str, tree: Tree) -> Iterator[str]:
         orders = range(min(11, min(len(tree["harmonics"][p].value) for p in points))) if points else range(0)
         rows = [(str(k), *(number(1e6 * abs(tree["harmonics"][p].value[k])) for p in points)) for k in orders]
         yield _table(rows, ("harmonic", *(f"|u_y({p})|, um" for p in points)))
+    if kind == "quasi_periodic":
+        yield _lines(tree)
     single = [
         (key, f"{_shown(entry.value)}{'' if entry.unit == '1' else ' ' + entry.unit}")
         for key, entry in _small(tree)
@@ -130,6 +134,20 @@ def _analysis(kind: str, tree: Tree) -> Iterator[str]:
     yield _table(single)
     if isinstance(tree.get("bifurcations"), list) and tree["bifurcations"]:
         yield _table([(b["kind"], number(b["value"])) for b in tree["bifurcations"]], ("bifurcation", "at"))
+
+
+def _lines(tree: Tree) -> str:
+    """Lines of a motion under two tones, the highest first."""
+    points = list(tree["lines"])
+    numbers, frequencies = tree["line"].value, tree["frequency"].value
+    heights = np.abs([tree["lines"][p].value for p in points])
+    order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
+    rows = [
+        (f"{numbers[k][0]} probe {numbers[k][1]:+d} pump", number(frequencies[k]))
+        + tuple(number(1e6 * heights[j][k]) for j in range(len(points)))
+        for k in order
+    ]
+    return _table(rows, ("line", "frequency, Hz", *(f"|u_y({p})|, um" for p in points)))
 
 
 def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:

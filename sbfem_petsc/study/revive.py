@@ -144,6 +144,8 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
                     structure = structure or Structure(case, comm)
                     recorded = structure.solve(case, name)
                 pictures.draw(case, name, recorded, structure.model if structure else None, folder)
+                if structure is not None:
+                    structure.release(recorded)
         finally:
             if structure is not None:
                 structure.destroy()
@@ -275,7 +277,9 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
             for name in names:
                 watch.stage(f"{name}: fields")
                 stem = os.path.join(folder, name)
-                pictures.write_fields(results.kinds[name], structure.solve(case, name), structure.model, stem)
+                result = structure.solve(case, name)
+                pictures.write_fields(results.kinds[name], result, structure.model, stem)
+                structure.release(result)
                 written.append(f"{stem}.{'vtu' if comm.size == 1 else 'pvtu'}")
         finally:
             structure.destroy()

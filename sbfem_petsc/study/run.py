@@ -157,9 +157,11 @@ class _Run:
         if case.tables.output.pictures or case.tables.output.vtu:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
+        told = repr(result)
+        self.structure.release(result)
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)
-        self.watch.say(f"{name}: {result!r} ({seconds:.1f} s)")
+        self.watch.say(f"{name}: {told} ({seconds:.1f} s)")
 
     def _running_file(self, name: str, kind: str) -> str | None:
         """File from which an interrupted history or curve goes on, the same on all ranks."""

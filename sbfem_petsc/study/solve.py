@@ -9,11 +9,10 @@ from typing import Any
 
 import numpy as np
 
-import sbfem_petsc as sb
-
 from .. import indicators
 from . import objects
 from .case import Case
+from .parameters import grid
 from .summaries import Tree, tree_of
 
 Progress = Callable[[float], None] | None
@@ -63,17 +62,20 @@ class Structure:
         """Quantities of a result of `solve`. Collective."""
         table = case.tables.analyses[name]
         further: dict[str, Any] = {}
-        if table.kind == "static" and table.stress_at:
-            if not hasattr(result, "stress"):
-                raise case.problem(
-                    ("analyses", name, "stress_at"),
-                    f"needs stresses at places, which the installed version {sb.__version__} does not have; "
-                    "install a newer one",
-                )
-            further["stress"] = {place: result.stress(tuple(at)) for place, at in table.stress_at.items()}
+        if table.kind == "static":
+            further["stress"] = stresses(table, result)
+        if getattr(table, "accuracy", None) is not None:
+            further["estimate"] = result.estimate
         if table.kind == "modulation":
             further = modulation(table, result)
+        if table.kind == "quasi_periodic":
+            further["order"] = table.order
         return tree_of(table.kind, result, self.points(case), **further)
+
+    def release(self, result: Any) -> None:
+        """Free the finer model that a result of an accuracy asked for was computed on."""
+        if getattr(result, "estimate", None) is not None and result.model is not self.model:
+            result.model.destroy()
 
     def destroy(self) -> None:
         """Free the PETSc objects."""
@@ -87,11 +89,18 @@ class Structure:
             band=None if table.band is None else tuple(table.band),
             auxiliary_tolerance=table.auxiliary_tolerance,
             verify=table.verify,
+            **_accuracy(table),
         )
 
     def _static(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         load = objects.load(case, table.load, table.factor)
-        return function(self.model, load, contact=table.contact, method=table.method)
+        return function(self.model, load, contact=table.contact, method=table.method, **_accuracy(table))
+
+    def _load_history(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        load = objects.load(case, table.load, table.factor)
+        return function(self.model, load, grid(table.times), contact=table.contact)
 
     def _transient(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         return function(
@@ -129,7 +138,7 @@ class Structure:
         probe = objects.load(case, table.probe, 1.0, table.probe_frequency)
         return function(
             self.model,
-            [*(pump if isinstance(pump, list) else [pump]), *(probe if isinstance(probe, list) else [probe])],
+            [*_listed(pump), *_listed(probe)],
             table.pump_frequency,
             steps=table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency),
             modes=table.modes,
@@ -162,9 +171,41 @@ class Structure:
             **_curve_options(table, file, progress),
         )
 
+    def _quasi_periodic(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        probe = objects.load(case, table.probe, 1.0, table.probe_frequency)
+        pump = objects.load(case, table.pump, 1.0, table.pump_frequency)
+        return function(
+            self.model,
+            [*_listed(probe), *_listed(pump)],
+            (table.probe_frequency, table.pump_frequency),
+            samples=table.samples,
+            steps=table.steps,
+            modes=table.modes,
+            stability=table.stability,
+        )
+
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         options = table.model_dump(exclude={"kind", "mode", "start", "stop"})
         return function(self.model, table.mode, table.start, table.stop, **options)
+
+
+def _listed(loads: Any) -> list[Any]:
+    return loads if isinstance(loads, list) else [loads]
+
+
+def _accuracy(table: Any) -> dict[str, float]:
+    """The option of an analysis whose mesh is refined until it is met, where the case asks for it."""
+    return {} if table.accuracy is None else {"accuracy": table.accuracy}
+
+
+def stresses(table: Any, result: Any) -> dict[str, np.ndarray]:
+    """Stress (xx, yy, xy), Pa, at the places that a static analysis names. Collective."""
+    return {
+        place: result.stress(at if isinstance(at, str) else tuple(at))
+        for place, at in table.stress_at.items()
+    }
 
 
 def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str, Any]:

@@ -52,14 +52,17 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
     points : sequence of str
         Points whose motion is kept.
     further
-        What the analysis adds: `sidebands` of a modulation, `stress` of a static solution.
+        What the analysis adds: `sidebands` of a modulation, `stress` of a static solution, the `estimate` of
+        an accuracy asked for, the `order` of lines.
     """
     makers: dict[str, Callable[..., Tree]] = {
         "modal": _modal,
         "static": _static,
+        "load_history": _load_history,
         "transient": _transient,
         "periodic": _periodic,
         "modulation": _modulation,
+        "quasi_periodic": _quasi_periodic,
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
@@ -71,7 +74,7 @@ def _of_points(points: Sequence[str], value: Callable[[str], Any], unit: str, te
     return {point: Quantity(value(point), unit, text, **more) for point in points}
 
 
-def _modal(result: Any, points: Sequence[str]) -> Tree:
+def _modal(result: Any, points: Sequence[str], estimate: Any = None) -> Tree:
     return {
         "frequencies": Quantity(result.frequencies, "Hz", "natural frequencies, open cracks"),
         "residuals": Quantity(result.residuals, "1", "residuals of the eigenpairs"),
@@ -81,10 +84,27 @@ def _modal(result: Any, points: Sequence[str]) -> Tree:
         "solver": Quantity(result.solver),
         "iterations": Quantity(int(result.iterations)),
         "unknowns": Quantity(int(result.unknowns)),
+        **_estimated(estimate),
     }
 
 
-def _static(result: Any, points: Sequence[str], stress: dict[str, Any] | None = None) -> Tree:
+def _estimated(estimate: Any) -> Tree:
+    """What an accuracy asked for has led to."""
+    if estimate is None:
+        return {}
+    return {
+        "estimate": {
+            "error": Quantity(float(estimate.error), "1", "estimated relative error"),
+            "first_error": Quantity(float(estimate.first_error), "1", "that of the case's own mesh"),
+            "converged": Quantity(bool(estimate.converged), "1", "whether the accuracy is reached"),
+            "unknowns": Quantity(
+                np.array([level.unknowns for level in estimate.levels]), "1", "displacement unknowns by level"
+            ),
+        }
+    }
+
+
+def _static(result: Any, points: Sequence[str], stress: dict[str, Any], estimate: Any = None) -> Tree:
     tree: Tree = {
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
         "contact_resultant": Quantity(float(result.contact_resultant), "N", "sum of the contact forces"),
@@ -103,7 +123,21 @@ def _static(result: Any, points: Sequence[str], stress: dict[str, Any] | None = 
         tree["stress"] = {
             name: Quantity(np.asarray(values), "Pa", "stress xx, yy, xy") for name, values in stress.items()
         }
-    return tree
+    return {**tree, **_estimated(estimate)}
+
+
+def _load_history(result: Any, points: Sequence[str]) -> Tree:
+    return {
+        "time": Quantity(result.time, "s", "times of the states"),
+        "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)"),
+        "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+        "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+        "gap": Quantity(result.gap, "m", "gaps of the contact pairs", detail=True),
+        "stress_intensity": {
+            name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II")
+            for name in result.states[0].stress_intensity
+        },
+    }
 
 
 def _transient(result: Any, points: Sequence[str]) -> Tree:
@@ -201,6 +235,52 @@ def _modulation(
         "modulation_index": Quantity(sidebands.modulation_index, "1", "that of the first pair"),
     }
     return tree
+
+
+def _quasi_periodic(result: Any, points: Sequence[str], order: int) -> Tree:
+    named = lines_of(result.frequencies, order)
+    tree: Tree = {
+        "probe_frequency": Quantity(float(result.frequencies[0]), "Hz", "first tone"),
+        "pump_frequency": Quantity(float(result.frequencies[1]), "Hz", "second tone"),
+        "line": Quantity(named, "1", "m, n of each line"),
+        "frequency": Quantity(
+            np.abs(named @ np.array(result.frequencies)), "Hz", "frequency of each line, |m probe + n pump|"
+        ),
+        "lines": _of_points(
+            points, lambda point: line_values(result, named, point), "m", "complex amplitudes of u_y by line"
+        ),
+        "lines_x": _of_points(
+            points,
+            lambda point: line_values(result, named, point, "x"),
+            "m",
+            "complex amplitudes of u_x by line",
+        ),
+        "modulation_index": _of_points(
+            points, result.modulation_index, "1", "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
+        ),
+        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for"),
+        "exponents": Quantity(result.exponents, "1/s", "largest Lyapunov exponents"),
+        "contact_peak": Quantity(float(result.contact_peak), "N", "largest contact resultant"),
+        "residuals": Quantity(np.array(result.residuals), "1", "of Newton's method, relative"),
+        "samples": Quantity(int(result.samples), "1", "phases of the slower tone"),
+        "steps": Quantity(int(result.steps), "1", "time steps a period of the faster tone"),
+    }
+    return tree
+
+
+def lines_of(frequencies: Sequence[float], order: int) -> np.ndarray:
+    """(k, 2): m and n of the lines m f1 + n f2 with |m|, |n| <= order, by ascending frequency from the mean
+    on; of a line and its mirror image the one whose frequency is positive.
+    """
+    span = range(-order, order + 1)
+    found = [(m * frequencies[0] + n * frequencies[1], m, n) for m in span for n in span]
+    found = [entry for entry in found if entry[0] > 0.0 or entry[1:] == (0, 0)]
+    return np.array([entry[1:] for entry in sorted(found)])
+
+
+def line_values(result: Any, lines: np.ndarray, point: str, direction: str = "y") -> np.ndarray:
+    """(k,) complex amplitudes of a quasi-periodic motion at lines (m, n), m."""
+    return np.array([result.line(int(m), int(n), point, direction) for m, n in lines])
 
 
 def _curve(result: Any, points: Sequence[str]) -> Tree:

@@ -245,6 +245,7 @@ class _Sweeping:
                 histories=self.table.histories,
             )
             values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})
+            structure.release(result)
             if table.kind == "modal":
                 healthy = self._healthy(case, name)
                 if healthy is not None:
@@ -265,7 +266,9 @@ class _Sweeping:
         if key not in self.healthy:
             structure = Structure(reference, self.group)
             try:
-                self.healthy[key] = np.asarray(structure.solve(reference, name).frequencies)
+                found = structure.solve(reference, name)
+                self.healthy[key] = np.asarray(found.frequencies)
+                structure.release(found)
             finally:
                 structure.destroy()
         return self.healthy[key]

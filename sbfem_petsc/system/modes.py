@@ -168,7 +168,7 @@ def _require_memory(model: Structure, count: int) -> None:
 
 def _basis(count: int, attempt: int) -> int:
     """Krylov vectors for so many eigenpairs."""
-    return max(count + 15, math.ceil((1.75 + 0.5 * attempt) * count))
+    return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
 
 
 def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
@@ -270,7 +270,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         eps.setOptionsPrefix("modal_")
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        # 1.75 vectors a pair are mostly enough without a restart. The tolerance is far below what an
+        # 1.9 vectors a pair are mostly enough without a restart. The tolerance is far below what an
         # eigenvalue needs: it keeps the iteration going until the further vectors of multiple eigenvalues
         # have come up; each new attempt gives it more room.
         eps.setDimensions(count, _basis(count, attempt))
@@ -322,10 +322,15 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
     kx, mx = (product.getDenseArray() for product in products)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
-    noise = model.refinement.scale * np.sqrt(_summed(model, array**2))
-    slender = np.flatnonzero(noise > NEEDED * np.sqrt(_summed(model, mx**2)) * np.abs(values))
+    squares = _summed(model, array**2)
+    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_summed(model, mx**2))
+    slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if not (model.supported and solve.refinement):
         slender = slender[:0]
+    if len(slender):
+        # those next to them, too: a factorisation's round-off reaches ten times that of the matrix
+        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _summed(model, array * mx))
+        slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if len(slender):
         kx[: pencil.owned, slender] = model.refinement.operator(array[: pencil.owned, slender])
         values[slender] = _summed(model, array * kx)[slender] / _summed(model, array * mx)[slender]

@@ -156,7 +156,12 @@ def test_newton_iterations(case_q, frequency):
     """
     model, other = case_q
     orbit = sb.periodic(
-        model if frequency > 3000 else other.reduced, FORCE, frequency, steps=512, stability=False
+        model if frequency > 3000 else other.reduced,
+        FORCE,
+        frequency,
+        steps=512,
+        jacobian="dense",
+        stability=False,
     )
     residuals = np.array(orbit.residuals) / orbit.residuals[0]
     assert orbit.path == "Newton" and orbit.iterations <= 6

@@ -192,7 +192,7 @@ import sbfem_petsc as sb
 from tests.reference import paper_beam
 model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.002)
 force = sb.PointForce("A", fy=300.0)
-print(sb.periodic(model, force, 3000.0, modes=12, steps=256, stability=False).iterations)
+print(sb.periodic(model, force, 3000.0, modes=12, steps=256, jacobian="dense", stability=False).iterations)
 """
     done = subprocess.run(
         [sys.executable, "-c", program],

@@ -22,9 +22,9 @@ import sbfem_petsc as sb
 from sbfem_petsc import capacity
 from sbfem_petsc.dynamics import reduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, read_history
-from tests.parallel import ROOT, answer, on_ranks
+from tests.parallel import ROOT, answer, interruptible, on_ranks
 
-# The child's pause after a chunk leaves time for a signal; 40 chunks of 256 steps.
+# 40 chunks of 256 steps; after the seventh the child waits for a signal, if it is to.
 PROGRAM = """
 import json, sys, time
 import numpy as np
@@ -33,10 +33,11 @@ from mpi4py import MPI
 from sbfem_petsc.dynamics import reduced_history as module
 from tests.results.test_history import make, LOAD, RUN
 module.CHUNK = 256
-path, pause, restart = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart"
+path, wait, restart = sys.argv[1], sys.argv[2] == "wait", sys.argv[3] == "restart"
 def tell(done):
     print(f"done {done}", flush=True)
-    time.sleep(pause)
+    if wait and done > 6.9 / 40:
+        time.sleep(600)
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"u": found.displacement("A")[-1].tolist()}))
@@ -92,14 +93,15 @@ def stopped(fraction):
     return tell
 
 
-def child(path, pause, mode="new"):
+def child(path, wait, mode="new"):
     return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(path), str(pause), mode],
+        [sys.executable, "-c", PROGRAM, str(path), wait, mode],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+        preexec_fn=interruptible,
     )
 
 
@@ -125,7 +127,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     history, bit by bit.
     """
     path = tmp_path / "h.h5"
-    run = child(path, 0.05)
+    run = child(path, "wait")
     for _ in range(7):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
     run.send_signal(kind)
@@ -134,7 +136,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     with pytest.warns(IncompleteHistory, match="restart=True"):
         part = read_history(path)
     n = len(part.time)
-    assert not part.complete and 7 * 256 // 5 < n < 39 * 256 // 5
+    assert not part.complete and 6 * 256 // 5 < n < 9 * 256 // 5
     np.testing.assert_allclose(
         part.displacement("A"),
         whole.displacement("A")[:n],
@@ -349,7 +351,7 @@ def test_two_ranks_continue_a_serial_run(model, whole, small_chunks, tmp_path):
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.3), **RUN)
-    done = on_ranks(2, PROGRAM, str(path), "0", "restart")
+    done = on_ranks(2, PROGRAM, str(path), "go", "restart")
     np.testing.assert_allclose(answer(done)["u"], whole.displacement("A")[-1], rtol=1e-10)
     same(read_history(path), whole)
 
@@ -373,7 +375,7 @@ def test_state_half_written(model, whole, small_chunks, tmp_path):
 
 def test_error_of_rank_0_on_both_ranks(tmp_path):
     """Both ranks end, neither by the other's abort, and the sentence is printed once."""
-    done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "0", "new", check=False, timeout=60)
+    done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "go", "new", check=False, timeout=60)
     sentences = [line for line in done.stderr.splitlines() if line.startswith("ValueError: history file")]
     assert done.returncode != 0 and len(sentences) == 1 and "cannot be written" in sentences[0]
     assert "all ranks are stopped" not in done.stderr

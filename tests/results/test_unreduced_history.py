@@ -16,7 +16,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import unreduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, read_history
-from tests.parallel import ROOT, answer, on_ranks
+from tests.parallel import ROOT, answer, interruptible, on_ranks
 
 PROGRAM = """
 import json, os, signal, sys, time
@@ -26,13 +26,14 @@ from mpi4py import MPI
 from sbfem_petsc.dynamics import unreduced_history as module
 from tests.results.test_unreduced_history import make, LOAD, RUN
 module.CHUNK = 64
-path, pause, restart, kill = sys.argv[1], float(sys.argv[2]), sys.argv[3] == "restart", len(sys.argv) > 4
+path, wait, restart, kill = sys.argv[1], sys.argv[2] == "wait", sys.argv[3] == "restart", len(sys.argv) > 4
 def tell(done):
     if MPI.COMM_WORLD.rank == 0:
         print(f"done {done}", flush=True)
         if kill and done > 0.4:
             os.kill(os.getpid(), signal.SIGKILL)
-    time.sleep(pause)
+    if wait and done > 0.29:
+        time.sleep(600)
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     force = found.contact_resultant.tolist()
@@ -119,12 +120,13 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
     run = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(path), "0.1", "new"],
+        [sys.executable, "-c", PROGRAM, str(path), "wait", "new"],
         cwd=ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
         env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
+        preexec_fn=interruptible,
     )
     for _ in range(3):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
@@ -143,14 +145,14 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
 def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     """Each rank continues from its own part; another number of ranks is refused with a sentence."""
     path = tmp_path / "h.h5"
-    assert on_ranks(2, PROGRAM, str(path), "0", "new", "kill", check=False, timeout=120).returncode != 0
+    assert on_ranks(2, PROGRAM, str(path), "go", "new", "kill", check=False, timeout=120).returncode != 0
     with pytest.warns(IncompleteHistory):
         part = read_history(path)
     assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5
     with pytest.raises(ValueError, match="written with ranks = 2, not 1"):
         sb.transient(model, LOAD, file=path, restart=True, **RUN)
     continued, straight = (
-        answer(on_ranks(2, PROGRAM, str(where), "0", mode))
+        answer(on_ranks(2, PROGRAM, str(where), "go", mode))
         for where, mode in ((path, "restart"), (tmp_path / "other.h5", "new"))
     )
     for name in ("u", "force"):

@@ -8,7 +8,7 @@ import subprocess
 import sys
 from dataclasses import dataclass
 
-from tests.parallel import ROOT
+from tests.parallel import ROOT, interruptible
 
 CASE = """\
 title = "small"
@@ -123,4 +123,5 @@ def started(*arguments) -> subprocess.Popen:
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        preexec_fn=interruptible,
     )

@@ -247,6 +247,96 @@ def test_from_python(folder):
     assert not outcome.failed and outcome.summary["push"]["kind"] == "static"
 
 
+FURTHER = """
+[loads.probe]
+kind = "point_force"
+point = "A"
+fy = 10.0
+
+[loads.slow]
+kind = "point_force"
+point = "A"
+fy = { kind = "harmonic", amplitude = 100.0, frequency = 1.0 }
+
+[analyses.tones]
+kind = "quasi_periodic"
+probe = "probe"
+probe_frequency = 6000.0
+pump = "push"
+pump_frequency = 565.6854
+order = 2
+samples = 7
+steps = 128
+modes = 8
+
+[analyses.slow]
+kind = "load_history"
+load = "slow"
+times = { start = 0.0, stop = 1.0, count = 5 }
+
+[analyses.stress]
+kind = "static"
+load = "push"
+stress_at = { inside = [0.03, 0.009], end = "C" }
+"""
+
+
+def test_further_analyses(tmp_path, model):
+    """Two tones, slow loads and stresses at places, against the Python interface."""
+    text = CASE[: CASE.index("[analyses.frequencies]")] + FURTHER + '[output]\npoints = ["A"]\n'
+    done = sbfem("run", written(tmp_path, text), "--output", tmp_path / "out", "--quiet", "--json")
+    assert done.code == 0, done.err
+    found = done.answer
+    load = sb.PointForce("A", fy=sb.Harmonic(10.0, 6000.0) + sb.Harmonic(200.0, 565.6854))
+    tones = sb.quasi_periodic(model, load, (6000.0, 565.6854), samples=7, steps=128, modes=8)
+    listed = found["tones"]["lines"]["A"]
+    assert found["tones"]["line"][0] == [0, 0] and len(found["tones"]["line"]) == 13
+    for k, (m, n) in enumerate(found["tones"]["line"]):
+        line = listed["magnitude"][k] * np.exp(1j * listed["phase"][k])
+        # 1e-6: the project's tolerance for histories, of the largest line
+        assert abs(line - tones.line(m, n, "A")) < 1e-6 * max(listed["magnitude"])
+        assert found["tones"]["frequency"][k] == pytest.approx(m * 6000.0 + n * 565.6854, abs=1e-9)
+    assert found["tones"]["frequency"] == sorted(found["tones"]["frequency"])
+    assert found["tones"]["modulation_index"]["A"] == pytest.approx(tones.modulation_index("A"), rel=1e-6)
+    assert found["tones"]["stable"] is tones.stable is True and found["tones"]["contact_peak"] > 0.0
+    slow = sb.load_history(model, sb.PointForce("A", fy=sb.Harmonic(100.0, 1.0)), np.linspace(0.0, 1.0, 5))
+    np.testing.assert_allclose(
+        found["slow"]["displacement"]["A"],
+        slow.displacement("A"),
+        atol=1e-6 * np.abs(slow.displacement("A")).max(),
+    )
+    np.testing.assert_allclose(
+        found["slow"]["stress_intensity"]["crack1"],
+        slow.stress_intensity("crack1"),
+        atol=1e-6 * np.abs(slow.stress_intensity("crack1")).max(),
+    )
+    push = sb.static(model, FORCE)
+    for name, place in (("inside", (0.03, 0.009)), ("end", "C")):
+        stress = push.stress(place)
+        np.testing.assert_allclose(
+            found["stress"]["stress"][name], stress, atol=1e-6 * np.abs(push.stress((0.03, 0.009))).max()
+        )
+    names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
+    assert {"tones_lines.png", "slow_history.png"} <= names
+    assert sbfem("report", tmp_path / "out").code == 0
+    page = (tmp_path / "out" / "report.html").read_text()
+    assert "1 probe -1 pump" in page and 'alt="lines"' in page
+
+
+def test_rows_of_further_analyses(model):
+    """What a sweep keeps of them."""
+    text = CASE[: CASE.index("[analyses.frequencies]")] + FURTHER
+    rows = sb.sweep(case_from_text(text), {"loads.push.fy": [200.0]}, comm=MPI.COMM_SELF).values
+    push = sb.static(model, FORCE)
+    np.testing.assert_allclose(rows["stress/stress/inside"][0], push.stress((0.03, 0.009)), rtol=1e-6)
+    lines, named = rows["tones/lines/A"][0], rows["tones/line_frequency"][0]
+    carrier = np.abs(lines[np.isclose(named, 6000.0)])[0]
+    sidebands = sum(np.abs(lines[np.isclose(named, 6000.0 + s * 565.6854)])[0] for s in (1, -1))
+    assert rows["tones/carrier_amplitude/A"][0] == pytest.approx(carrier, rel=1e-12)
+    assert rows["tones/modulation_index/A"][0] == pytest.approx(sidebands / carrier, rel=1e-9)
+    assert rows["tones/stable"][0] == 1.0 and rows["slow/closed_states"][0] == 1.0
+
+
 BRANCHES = """
 [analyses.over_frequency]
 kind = "frequency_response"
@@ -306,5 +396,10 @@ def test_branches(tmp_path):
     energies = np.array(found["free"]["energy"])
     assert energies[0] == pytest.approx(1e-4, rel=1e-6) and energies[-1] == pytest.approx(3e-4, rel=1e-6)
     names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
-    assert {"over_frequency_curve.png", "over_load_curve.png", "linear_curve.png"} <= names
+    assert {
+        "over_frequency_curve.png",
+        "over_load_curve.png",
+        "linear_curve.png",
+        "free_backbone.png",
+    } <= names
     model.destroy()

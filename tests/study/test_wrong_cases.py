@@ -148,6 +148,53 @@ WRONG = [
         "loads.burst.fy.taper",
         "at most half the duration",
     ),
+    # two tones and slow loads, in the place of a kind of analysis
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "quasi_periodic"\nprobe = "push"\nprobe_frequency = 3000.0\npump = "push"\n'
+        "pump_frequency = 3000.0" + NEW,
+        "analyses.push.pump_frequency = 3000",
+        "use periodic for one tone",
+        "pump_frequency = 3000.0",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "quasi_periodic"\nprobe = "push"\nprobe_frequency = 3000.0\npump = "push"\n'
+        "pump_frequency = 50.0\nsamples = 9\norder = 5" + NEW,
+        "analyses.push.order = 5",
+        "give samples = 11 or more",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "quasi_periodic"\nprobe = "burst"' + NEW + "\nprobe_frequency = 3000.0\npump = "
+        '"push"\npump_frequency = 50.0',
+        "analyses.push.probe = 'burst'",
+        "quasi_periodic takes numbers and harmonic or constant",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "load_history"\nload = "burst"\ntimes = { start = 0.0, stop = 1.0 }' + NEW,
+        "analyses.push.times",
+        "is missing (number of values)",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "load_history"\nload = "burst"\ntimes = []' + NEW,
+        "analyses.push.times",
+        "at least 1 expected",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "static"\nload = "push"\nstress_at = { top = [0.05] }' + NEW,
+        "analyses.push.stress_at.top",
+        "at least 2 expected",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "static"\nload = "push"\naccuracy = 0.0' + NEW,
+        "analyses.push.accuracy = 0.0",
+        "must be greater than 0",
+    ),
     # the sweep
     ('"geometry.notches[0].depth"', '"geometry.notches[1].depth"', "notches[1].depth", "numbered from 0"),
     ('"geometry.notches[0].depth"', '"geometry.notches[0].depths"', "depths", "did you mean 'depth'?"),
@@ -230,6 +277,12 @@ ON_THE_MESH = [
     ('point = "A"', 'point = "tip"', "loads.push.point = 'tip'", "valid are"),
     ('clamped = "left"', 'clamped = "lfet"', "model.clamped = 'lfet'", "did you mean 'left'?"),
     ("pictures = false", 'points = ["a"]', "output.points = 'a'", "valid are"),
+    (
+        'load = "push"\n\n[analyses.steady]',
+        'load = "push"\nstress_at = { tip = "a" }\n\n[analyses.steady]',
+        "analyses.push.stress_at.tip = 'a' is no point",
+        "valid are",
+    ),
     ("[mesh]", "[points]\nP = [0.5, 0.5]\n[mesh]", "points.P", "move it inside"),
     ("[material]", "[materials.steel]", "materials.steel", "is no region of the mesh; valid are 'material'"),
     ("order = 3", "order = 3\nsize = 1e-9", "geometry", "size"),

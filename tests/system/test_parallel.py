@@ -40,15 +40,16 @@ def serial():
 
 
 def compare(found, expected):
-    """Agreement as promised: 1e-7 on displacements and frequencies 1-2 (permuting the unknowns moves them by
-    6e-8), 1e-9 from frequency 3 on.
+    """Agreement as promised: 1e-9 in frequencies and displacements. Measured: 2.4e-10, in modes that are
+    not refined.
     """
     for name in ("unknowns", "shapes", "elements", "active"):
         assert found[name] == expected[name], name
-    np.testing.assert_allclose(found["frequencies"][:2], expected["frequencies"][:2], rtol=1e-7)
-    np.testing.assert_allclose(found["frequencies"][2:], expected["frequencies"][2:], rtol=1e-9)
-    np.testing.assert_allclose(found["A"], expected["A"], rtol=1e-7)
-    np.testing.assert_allclose(np.abs(found["tip"]), np.abs(expected["tip"]), rtol=1e-5)
+    np.testing.assert_allclose(found["frequencies"], expected["frequencies"], rtol=1e-9)
+    np.testing.assert_allclose(found["A"], expected["A"], rtol=1e-9)
+    # beside those of bending, a longitudinal mode's are round-off
+    size = max(np.abs(expected["tip"]))
+    np.testing.assert_allclose(np.abs(found["tip"]), np.abs(expected["tip"]), rtol=1e-5, atol=1e-8 * size)
     if expected["force"]:
         np.testing.assert_allclose(found["force"], expected["force"], atol=1e-6 * max(expected["force"]))
         np.testing.assert_allclose(found["K"], expected["K"], rtol=1e-5, atol=1e-5 * abs(expected["K"][0][0]))

@@ -1,0 +1,198 @@
+"""Pictures of motions under two tones, and of free motions over their energy."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.ticker import LogLocator, NullFormatter
+
+from ..analysis.backbone import Backbone
+from ..analysis.quasi_periodic import QuasiPeriodic
+from ..parallel import on_root
+from ..petsc import MPI
+from .branches import DASHED
+from .drawing import BLACK, CYCLE, MARKERS, figure, style
+from .units import frequency_unit, length_unit
+
+# Orders up to which a line is named in the picture.
+NAMED = 2
+# Lines this far below the highest are the rounding of the linear response.
+ROUND_OFF = 1e-12
+
+
+def plot_lines(
+    motions: QuasiPeriodic | Mapping[str, QuasiPeriodic],
+    point: str = "A",
+    direction: str = "y",
+    *,
+    order: int = 3,
+    decades: float = 6.0,
+    title: str = "",
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw the lines m f1 + n f2 of motions under two tones as stems over their frequencies. Collective.
+
+    Parameters
+    ----------
+    motions : QuasiPeriodic or dict of str to QuasiPeriodic
+        On rank 0 at least.
+    point : str
+    direction : {"y", "x"}
+    order : int
+        Lines up to this \\|m\\| and \\|n\\|.
+    decades : float
+        Below the largest line; what is smaller is left out.
+    title : str
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    named = {"": motions} if isinstance(motions, QuasiPeriodic) else motions
+    return on_root(
+        comm or MPI.COMM_WORLD, lambda: _draw_lines(named, point, direction, order, decades, title)
+    )
+
+
+def _draw_lines(
+    motions: Mapping[str, QuasiPeriodic], point: str, direction: str, order: int, decades: float, title: str
+) -> Axes:
+    if not motions:
+        raise ValueError("plot_lines: no motion is given")
+    numbers = [(m, n) for m in range(-order, order + 1) for n in range(-order, order + 1) if m or n]
+    found = {}
+    for name, motion in motions.items():
+        first, second = motion.frequencies
+        at = {(m, n): m * first + n * second for m, n in numbers if m * first + n * second > 0.0}
+        found[name] = [(f, abs(motion.line(*line, point, direction)), line) for line, f in at.items()]
+    top = max(height for lines in found.values() for _, height, _ in lines)
+    if not top > 0.0:
+        raise ValueError(f"plot_lines: point {point!r} does not move in {direction}")
+    factor, unit = length_unit(top)
+    least = max(ROUND_OFF, 10.0**-decades) * top
+    along, name_of_unit = frequency_unit(max(f for lines in found.values() for f, _, _ in lines))
+    floor = factor * 10.0 ** np.floor(
+        np.log10(0.7 * min(h for lines in found.values() for _, h, _ in lines if h > least))
+    )
+    drawing = figure(3.2)
+    axes = drawing.subplots()
+    for k, (name, lines) in enumerate(found.items()):
+        x, y = np.array([(f, height) for f, height, _ in lines if height > least]).T
+        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
+        axes.vlines(x * along, floor, y * factor, color=colour, linewidth=1.2)
+        axes.plot(
+            x * along,
+            y * factor,
+            linestyle="none",
+            marker=marker,
+            markersize=3.5,
+            color=colour,
+            label=name or "_",
+        )
+    highest: dict[tuple[int, int], tuple[float, float]] = {}
+    for lines in found.values():
+        for f, height, line in lines:
+            if height > least and max(map(abs, line)) <= NAMED and height > highest.get(line, (0.0, 0.0))[1]:
+                highest[line] = (f, height)
+    for line, (f, height) in highest.items():
+        axes.annotate(
+            _line_name(*line),
+            (f * along, height * factor),
+            xytext=(0, 4),
+            textcoords="offset points",
+            rotation=90,
+            fontsize=6,
+            ha="center",
+            va="bottom",
+        )
+    axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
+    axes.set_xlim(left=0.0)
+    axes.set_ylabel(f"$|u_{direction}|$({point}) ({unit})")
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.set_title(title, fontsize=8, loc="left")
+    if any(found):
+        axes.legend(fontsize=7, frameon=False, loc="upper right")
+    style(axes)
+    return axes
+
+
+def _line_name(m: int, n: int) -> str:
+    """A line's numbers as a sum of tones: f1, 2 f2, f1 - f2."""
+
+    def times(count: int, tone: str) -> str:
+        return tone if abs(count) == 1 else f"{abs(count)} {tone}"
+
+    # what is added stands before what is taken away
+    parts = sorted(
+        ((count, tone) for count, tone in ((m, "$f_1$"), (n, "$f_2$")) if count),
+        key=lambda part: part[0] < 0,
+    )
+    text = ("−" if parts[0][0] < 0 else "") + times(*parts[0])
+    for count, tone in parts[1:]:
+        text += f" {'−' if count < 0 else '+'} {times(count, tone)}"
+    return text
+
+
+def plot_backbone(
+    backbones: Backbone | Mapping[str, Backbone],
+    *,
+    title: str = "",
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw frequencies of free motions over their energy, broken where they are unstable. Collective.
+
+    Parameters
+    ----------
+    backbones : Backbone or dict of str to Backbone
+        On rank 0 at least.
+    title : str
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    named = {"": backbones} if isinstance(backbones, Backbone) else backbones
+    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_backbones(named, title))
+
+
+def _draw_backbones(backbones: Mapping[str, Backbone], title: str) -> Axes:
+    if not backbones:
+        raise ValueError("plot_backbone: no backbone is given")
+    factor, unit = frequency_unit(max(float(b.frequency.max()) for b in backbones.values()))
+    drawing = figure(3.0)
+    axes = drawing.subplots()
+    broken = False
+    for k, (name, backbone) in enumerate(backbones.items()):
+        colour = CYCLE[k % len(CYCLE)]
+        energy, height = backbone.energy, backbone.frequency * factor
+        verdict = np.asarray(backbone.stable) if len(backbone.multipliers) else np.ones(len(energy), bool)
+        axes.plot([], [], color=colour, linewidth=1.2, label=name or "_")
+        for i in range(len(energy) - 1):
+            steady = bool(verdict[i] and verdict[i + 1])
+            axes.plot(
+                energy[i : i + 2],
+                height[i : i + 2],
+                color=colour,
+                linewidth=1.2,
+                linestyle="-" if steady else DASHED,
+            )
+            broken = broken or not steady
+    if broken:
+        axes.plot([], [], color=BLACK, linewidth=1.2, linestyle=DASHED, label="unstable")
+    axes.set(xscale="log", xlabel="energy (J)", ylabel=f"frequency of free vibration ({unit})")
+    axes.margins(y=0.1)
+    axes.tick_params(axis="x", which="minor", labelsize=7)
+    axes.set_title(title, fontsize=8, loc="left")
+    if any(backbones) or broken:
+        axes.legend(fontsize=7, frameon=False)
+    style(axes)
+    return axes
