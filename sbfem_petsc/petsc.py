@@ -6,6 +6,8 @@ import contextlib
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from . import petsc_options
 
 try:
@@ -26,12 +28,17 @@ from . import abort
 from .errors import SolveError, on_all_ranks
 from .parallel import alone
 
+# Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
+_MUMPS_BLOCK = 64
+
 __all__ = [
     "MPI",
     "PETSc",
     "SLEPc",
+    "block_solve",
     "check_ksp",
     "configure",
+    "dense_columns",
     "direct_solver",
     "free",
     "make_ksp",
@@ -149,6 +156,29 @@ def free(comm: MPI.Comm, *items: Any) -> None:
         return
     for item in items:
         item.destroy()
+
+
+def dense_columns(matrix: PETSc.Mat, columns: np.ndarray) -> PETSc.Mat:
+    """Columns (owned, k), in Fortran's order, as a dense matrix that shares their memory."""
+    size = (matrix.getSizes()[0], columns.shape[1])
+    result = PETSc.Mat().createDense(size, array=columns, comm=matrix.comm)
+    result.assemble()
+    return result
+
+
+def block_solve(ksp: PETSc.KSP, right: PETSc.Mat, result: np.ndarray) -> np.ndarray:
+    """The factor of a direct solver that has solved before applied to a block of right-hand sides, into
+    `result` (owned, k), in Fortran's order. Collective.
+    """
+    factor = ksp.getPC().getFactorMatrix()
+    if ksp.getPC().getFactorSolverType() == "mumps":
+        factor.setMumpsIcntl(27, _MUMPS_BLOCK)
+    found = dense_columns(ksp.getOperators()[0], result)
+    try:
+        factor.matSolve(right, found)
+    finally:
+        free(found.comm.tompi4py(), found)
+    return result
 
 
 def solver_name(ksp: PETSc.KSP) -> str:

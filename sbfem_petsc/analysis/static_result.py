@@ -122,15 +122,8 @@ class Static:
     @property
     def interior(self) -> Field:
         """What determines displacement and stress inside the S-elements of this rank."""
-        forces = {}
-        for faces in self.model.tip_faces:
-            first = self.model.gap_operator.pairs + faces.modes * faces.number
-            total = np.zeros(len(faces.tractions.powers))
-            total[: faces.modes] = self.equilibrium.force[first : first + faces.modes]
-            if faces.number in self.columns.tip_forces:
-                total += self.columns.tip_forces[faces.number][:, 0]
-            forces[faces.number] = total
-        return Field(self.field, forces)
+        loads = {number: forces[:, 0] for number, forces in self.columns.tip_forces.items()}
+        return Field.of_forces(self.model, self.field, self.equilibrium.force, loads)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..checks import names_of, real
 from ..errors import UnknownName
+from ..system.sampling import Field
 from ..writing import write_table
 from .energy import Energy
 from .states import ModalStates, Point, SampledStates
@@ -77,9 +78,9 @@ class Motion:
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
 
-    def field(self, time: float) -> np.ndarray:
-        """Displacements (nodes, 2), m, of this rank's nodes at the kept instant next to a time (s).
-        Collective.
+    def field(self, time: float) -> Field:
+        """The displacement field at the kept instant next to a time (s), for `plot_crack`, `write_vtu`, or,
+        as an array (nodes, 2), m, that of this rank's nodes. Collective.
 
         Raises
         ------

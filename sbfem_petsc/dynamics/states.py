@@ -11,6 +11,7 @@ from ..errors import SolveError, UnknownName, listed, on_all_ranks
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from ..system.places import checked_place
+from ..system.sampling import Field
 
 # The name of a point, or coordinates in m.
 Point = str | tuple[float, float]
@@ -59,8 +60,9 @@ class States(Protocol):
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
 
-    def field(self, instant: int) -> np.ndarray:
-        """(nodes, 2): displacements of this rank's nodes, m. Collective."""
+    def field(self, instant: int) -> Field:
+        """Displacements of this rank's nodes, and what contact does inside the tips' S-elements.
+        Collective."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,8 +142,10 @@ class ModalStates:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
         return self.reduced.tips.of(tip, "crack tip")(self.q, self.amplitudes, self.contact)
 
-    def field(self, instant: int) -> np.ndarray:
-        """(nodes, 2): displacements of this rank's nodes, m, residual flexibility included. Collective."""
+    def field(self, instant: int) -> Field:
+        """Displacements of this rank's nodes, residual flexibility included, and what contact does inside the
+        tips' S-elements. Collective.
+        """
         return self.reduced.field(self.q[instant], self.amplitudes[instant], self.contact[instant])
 
 
@@ -206,7 +210,7 @@ class SampledStates:
         """
         raise on_all_ranks(SolveError(f"stress: {NOT_KEPT}"))
 
-    def field(self, instant: int) -> np.ndarray:
+    def field(self, instant: int) -> Field:
         """Not kept.
 
         Raises

@@ -152,9 +152,10 @@ def plot_crack(
     Parameters
     ----------
     model : Model
-    fields : dict of str to Static or (m, 2) array
-        One row of the picture each: ``{"100 N": push}``. An array holds displacements of this rank's nodes,
-        m; what contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
+    fields : dict of str to Static, Field or (m, 2) array
+        One row of the picture each: ``{"100 N": push}``, ``{"5 ms": history.field(5e-3)}``. An array holds
+        displacements of this rank's nodes alone, m, without what contact and loads on the faces inside tip
+        elements add there.
     crack : int
         Number of the crack, from 0.
     colour : {"von_mises", "displacement"}

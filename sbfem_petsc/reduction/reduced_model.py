@@ -13,6 +13,7 @@ from ..loads import Load
 from ..petsc import MPI, free
 from ..system.model import Model
 from ..system.modes import Modal
+from ..system.sampling import Field
 from .outputs import LinearOutput
 
 
@@ -137,9 +138,9 @@ class ReducedModel:
             )
         return self.model
 
-    def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
-        """Displacements (nodes, 2), m, of this rank's nodes at one instant, residual flexibility included.
-        Collective.
+    def field(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> Field:
+        """Displacements of this rank's nodes at one instant, residual flexibility included, and the forces
+        inside the tips' S-elements. Collective.
 
         Parameters
         ----------
@@ -157,14 +158,16 @@ class ReducedModel:
         right = model.stiffness.createVecRight()
         solution = right.duplicate()
         try:
-            right.array = model.load_columns(self.loads).forces @ amplitudes
+            columns = model.load_columns(self.loads)
+            right.array = columns.forces @ amplitudes
             model.gap_operator.rows.add_to(right, force)
             model.solver.solve(right, solution, "field")
             static = (self.load_modes @ amplitudes + force @ self.gap.modes) / self.omega**2
             owned = solution.array_r + found.shapes @ (q - static)
         finally:
             free(model.comm, right, solution)
-        return model.nodal(owned)
+        loads = {number: forces @ amplitudes for number, forces in columns.tip_forces.items()}
+        return Field.of_forces(model, model.nodal(owned), force, loads)
 
     def __repr__(self) -> str:
         return (

@@ -41,9 +41,9 @@ def write_vtu(
         Name of the file; its extension is replaced by .vtu on one rank and by .pvtu on several (pieces:
         _0.vtu, _1.vtu ...).
     model : Model
-    fields : dict of str to Static or (m, 2) array
-        An array holds displacements of this rank's nodes, m: `Motion.field(time)`; modes by `write_modes`.
-        What contact and loads on the faces inside tip elements add there belongs to a `Static` alone.
+    fields : dict of str to Static, Field or (m, 2) array
+        `Motion.field(time)` is a field; an array holds displacements of this rank's nodes alone, m, without
+        what contact and loads on the faces inside tip elements add there; modes by `write_modes`.
     stress : bool
         Write stresses too: stress_xx, stress_yy, stress_xy, von_mises.
     subdivisions : int, optional

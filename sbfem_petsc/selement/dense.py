@@ -4,6 +4,8 @@ S-element.
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy.linalg import lapack
 
@@ -123,3 +125,9 @@ def symmetric(matrix: np.ndarray) -> np.ndarray:
 def largest(matrix: np.ndarray) -> float:
     """Largest absolute entry."""
     return float(np.abs(matrix).max())
+
+
+def norm(matrix: np.ndarray) -> float:
+    """Frobenius norm."""
+    flat = matrix.ravel(order="K")
+    return math.sqrt(flat @ flat)

@@ -16,7 +16,16 @@ import numpy as np
 from scipy.linalg import lapack
 
 from .coefficients import Coefficients, SElementError
-from .dense import ADVICE, cholesky_solve, growing_subspace, largest, orthogonal_complement, solve, symmetric
+from .dense import (
+    ADVICE,
+    cholesky_solve,
+    growing_subspace,
+    largest,
+    norm,
+    orthogonal_complement,
+    solve,
+    symmetric,
+)
 
 # Doubling converges quadratically: an increment below this is followed by one below round-off. From 1 to 400
 # unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur form is
@@ -76,23 +85,27 @@ def _doubling(a: np.ndarray, g: np.ndarray, q: np.ndarray) -> np.ndarray | None:
     other, info = _inverse((a - shift * identity).T + q @ gain)
     if info != 0:
         return None
-    step = identity + (2.0 * shift) * other.T
+    # The transpose of the step is kept: what LAPACK is handed then lies column by column, and is not copied.
+    turned = identity + (2.0 * shift) * other
     dual = symmetric((2.0 * shift) * (gain @ other))
     x = symmetric((2.0 * shift) * (other @ (q @ inverse)))
     for _ in range(_STEPS):
-        both = np.concatenate([step, dual], axis=1)
-        _, _, solution, info = lapack.dgesv(identity + dual @ x, both)
+        both = np.concatenate([turned, dual])
+        matrix = x @ dual
+        matrix.reshape(-1)[:: m + 1] += 1.0
+        _, _, solution, info = lapack.dgesv(matrix.T, both.T, overwrite_a=1, overwrite_b=1)
         if info != 0:
             return None
-        half = solution[:, :m]
-        increment = symmetric(step.T @ (x @ half))
+        half, rest = solution.T[:m], solution.T[m:]
+        increment = (turned @ x) @ half.T
         x = x + increment
-        if largest(increment) <= _INCREMENT * largest(x):
+        if norm(increment) <= _INCREMENT * norm(x):
             break
-        dual = dual + symmetric(step @ solution[:, m:] @ step.T)
-        step = step @ half
+        dual = dual + (turned.T @ rest.T) @ turned
+        turned = half @ turned
     else:
         return None
+    x = symmetric(x)
     product = x @ a
     residual = largest(product + product.T - x @ g @ x + q)
     return x if residual <= ACCEPTED * max(largest(q), largest(product)) else None

@@ -1,12 +1,13 @@
 """Contact of many rows without their flexibility: the active rows border the stiffness.
 
 The flexibility W of n contact rows takes n solves and n^2 numbers. Where a static problem is all that is
-asked for, each active set of the iteration costs less as one factorisation of
+asked for, an active set costs less as one factorisation of
 
     [ K      -c G_a^T ] [ change of u ]   [ 0          ]
     [ -c G_a -c^2 F_a ] [ force / c   ] = [ c free gap ]
 
-which is quasi-definite; c brings the rows to the scale of the stiffness.
+which is quasi-definite; c brings the rows to the scale of the stiffness. The sets that follow differ in few
+rows: each row that joins or leaves borders the factorised matrix once more, a solve with its factor.
 """
 
 from __future__ import annotations
@@ -15,13 +16,16 @@ import numpy as np
 from scipy import sparse
 
 from ..contact.complementarity import Complementarity
-from ..petsc import PETSc, check_ksp, direct_solver, make_ksp
+from ..petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
 from .assembly import from_rows
 
 # From about so many rows on a few factorisations cost less than a solve for each row.
 MANY = 1000
 # The primal-dual iteration seldom needs more than ten sets; a cycle is left to the flexibility.
 _MAXIMUM = 30
+# Rows that may join or leave a factorised set (a factorisation costs as much as 120 to 200 of a block),
+# and those that are solved for at a time.
+_CLOSE, _BLOCK = 128, 64
 # Relative residual of the bordered system beyond which its factorisation is not trusted (rows that depend
 # on each other).
 _TRUSTED = 1e-9
@@ -45,52 +49,157 @@ def solve_bordered(model, free_gap: np.ndarray) -> Complementarity | None:
     flexible = gap_operator.rows.lengths() + np.abs(gap_operator.flexibility.diagonal()) > 0.0
     active = flexible & laws.touched(free_gap)
     seen = set()
-    for iteration in range(1, _MAXIMUM + 1):
-        found = _closed(model, free_gap, active)
-        if found is None:
-            return None
-        force, gap = found
-        wrong = flexible & laws.wrong(active, force, gap)
-        if not wrong.any():
-            return Complementarity(force, gap, active, iteration)
-        active = active ^ wrong
-        if active.tobytes() in seen:
-            return None
-        seen.add(active.tobytes())
-    return None
-
-
-def _closed(model, free_gap: np.ndarray, active: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-    """Forces that keep the active rows closed, and the gaps under them: of the change from the state without
-    contact forces, whose gaps are known.
-    """
-    operator, index = model.gap_operator, np.flatnonzero(active)
-    if len(index) == 0:
-        return np.zeros(len(active)), free_gap.copy()
-    scale = max(material.modulus for material in model.materials) * model.thickness
-    matrix = _bordered(model, index, scale)
-    ksp = make_ksp(matrix, "static_contact_", positive_definite=False)
-    right, solution = matrix.createVecs()
-    residual = right.duplicate()
+    factorised = None
     try:
-        count, last = model.owned.stop - model.owned.start, model.comm.rank == model.comm.size - 1
-        if last:
-            right.array[count:] = scale * free_gap[index]
-        ksp.solve(right, solution)
-        check_ksp(ksp, "static contact")
-        matrix.mult(solution, residual)
-        residual.axpy(-1.0, right)
-        if not residual.norm() <= _TRUSTED * right.norm():
-            return None
-        found = solution.array_r[count:] if last else np.empty(len(index))
-        force = np.zeros(len(active))
-        force[index] = scale * model.comm.bcast(np.array(found), model.comm.size - 1)
-        gap = operator.rows(solution.array_r[:count]) + operator.flexibility @ force + free_gap
-        gap[index] = 0.0
-        return force, gap
+        for iteration in range(1, _MAXIMUM + 1):
+            if not active.any():
+                force, gap = np.zeros(len(active)), free_gap.copy()
+            else:
+                if factorised is None or not factorised.reaches(active):
+                    if factorised is not None:
+                        factorised.destroy()
+                    factorised = _Factorised(model, free_gap, active)
+                found = factorised.closed(active)
+                if found is None:
+                    return None
+                force, gap = found
+            wrong = flexible & laws.wrong(active, force, gap)
+            if not wrong.any():
+                return Complementarity(force, gap, active, iteration)
+            active = active ^ wrong
+            if active.tobytes() in seen:
+                return None
+            seen.add(active.tobytes())
+        return None
     finally:
-        for item in (ksp, right, solution, residual, matrix):
-            item.destroy()
+        if factorised is not None:
+            factorised.destroy()
+
+
+class _Factorised:
+    """The bordered matrix of one active set, factorised, and what rows that join or leave the set do.
+
+    Forces are those that keep the active rows closed, gaps those under them: of the change from the state
+    without contact forces, whose gaps are known.
+
+    Parameters
+    ----------
+    model : Model
+    free_gap : (c,) array
+    active : (c,) bool array
+    """
+
+    def __init__(self, model, free_gap: np.ndarray, active: np.ndarray):
+        self._model, self._free_gap, self._active = model, free_gap, active
+        self._index = np.flatnonzero(active)
+        self._scale = max(material.modulus for material in model.materials) * model.thickness
+        self._matrix = _bordered(model, self._index, self._scale)
+        self._ksp = make_ksp(self._matrix, "static_contact_", positive_definite=False)
+        self._owned = model.owned.stop - model.owned.start
+        self._last = model.comm.size - 1
+        # Of the rows that have joined or left so far: gaps (c, k) and forces / c (active, k) of the factor's
+        # answers.
+        self._rows = np.zeros(0, dtype=int)
+        self._gaps, self._forces = np.zeros((len(active), 0)), np.zeros((len(self._index), 0))
+        self._trusted = self._solve_own()
+
+    def reaches(self, active: np.ndarray) -> bool:
+        """Whether a set is so close to the factorised one that solves cost less than a factorisation."""
+        changed = np.flatnonzero(active ^ self._active)
+        direct = self._ksp.getType() == "preonly"
+        return len(changed) == 0 or (direct and len(np.union1d(changed, self._rows)) <= _CLOSE)
+
+    def closed(self, active: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces and gaps of a set; None if the factorisation is not to be trusted."""
+        if not self._trusted:
+            return None
+        operator, free_gap, scale = self._model.gap_operator, self._free_gap, self._scale
+        force = np.zeros(len(active))
+        changed = np.flatnonzero(active ^ self._active)
+        self._respond(np.setdiff1d(changed, self._rows))
+        at = np.array([int(np.flatnonzero(self._rows == row)[0]) for row in changed], dtype=int)
+        answers, forces = self._gaps[:, at], self._forces[:, at]
+        joins = active[changed]
+        own = operator.flexibility[changed][:, self._index].toarray()
+        # the further border over the factor's answers, C^T M^-1 C, and over the first solution
+        border = np.empty((len(changed), len(changed)))
+        first = np.empty(len(changed))
+        known = np.where(joins, scale * free_gap[changed], 0.0)
+        for k, (row, joined) in enumerate(zip(changed, joins)):
+            if joined:
+                border[k] = -scale * answers[row] - scale**2 * (own[k] @ forces)
+                first[k] = -scale * self._first_gap[row] - scale**2 * (own[k] @ self._first_force)
+            else:
+                place = int(np.searchsorted(self._index, row))
+                border[k], first[k] = forces[place], self._first_force[place]
+        both = np.outer(joins, joins)
+        corner = np.where(both, -(scale**2) * operator.flexibility[changed][:, changed].toarray(), 0.0)
+        try:
+            more = np.linalg.solve(corner - border, known - first)
+        except np.linalg.LinAlgError:
+            return None
+        force[self._index] = scale * (self._first_force - forces @ more)
+        force[changed] = np.where(joins, scale * more, 0.0)
+        gap = self._first_gap - answers @ more + operator.flexibility @ force + free_gap
+        off = np.abs(gap[active]).max(initial=0.0)
+        if not off <= _TRUSTED * np.abs(free_gap).max():
+            return None
+        gap[active] = 0.0
+        return force, gap
+
+    def _solve_own(self) -> bool:
+        """Solution of the factorised set: gaps (c,) and forces / c; whether its residual is round-off."""
+        model = self._model
+        right, solution = self._matrix.createVecs()
+        residual = right.duplicate()
+        try:
+            if model.comm.rank == self._last:
+                right.array[self._owned :] = self._scale * self._free_gap[self._index]
+            self._ksp.solve(right, solution)
+            check_ksp(self._ksp, "static contact")
+            self._matrix.mult(solution, residual)
+            residual.axpy(-1.0, right)
+            self._first_gap, self._first_force = self._parts(solution.array_r.copy())
+            return bool(residual.norm() <= _TRUSTED * right.norm())
+        finally:
+            free(model.comm, right, solution, residual)
+
+    def _respond(self, rows: np.ndarray) -> None:
+        """Answers of the factor to the further borders of some rows."""
+        model, operator = self._model, self._model.gap_operator
+        columns = np.zeros((self._matrix.getLocalSize()[0], len(rows)), order="F")
+        own = operator.flexibility[rows][:, self._index].toarray()
+        for k, row in enumerate(rows):
+            if self._active[row]:
+                if model.comm.rank == self._last:
+                    columns[self._owned + int(np.searchsorted(self._index, row)), k] = 1.0
+            else:
+                columns[: self._owned, k] = -self._scale * operator.rows.matrix[row].toarray()[0]
+                if model.comm.rank == self._last:
+                    columns[self._owned :, k] = -(self._scale**2) * own[k]
+        for start in range(0, len(rows), _BLOCK):
+            some = np.asfortranarray(columns[:, start : start + _BLOCK])
+            given = dense_columns(self._matrix, some)
+            try:
+                solved = block_solve(self._ksp, given, np.empty(some.shape, order="F"))
+            finally:
+                free(model.comm, given)
+            gaps, forces = self._parts(solved)
+            self._gaps = np.concatenate([self._gaps, gaps], axis=1)
+            self._forces = np.concatenate([self._forces, forces], axis=1)
+        self._rows = np.concatenate([self._rows, rows])
+
+    def _parts(self, solution: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gaps of the displacements and the forces / c, of one or several solutions, on all ranks."""
+        forces = np.array(solution[self._owned :]) if self._model.comm.rank == self._last else None
+        return (
+            self._model.gap_operator.rows(solution[: self._owned]),
+            self._model.comm.bcast(forces, self._last),
+        )
+
+    def destroy(self) -> None:
+        """Free the factor."""
+        free(self._model.comm, self._ksp, self._matrix)
 
 
 def _bordered(model, index: np.ndarray, scale: float) -> PETSc.Mat:

@@ -205,27 +205,38 @@ def spring_blocks(model) -> list[ElementBlocks]:
     return blocks
 
 
-def is_supported(model) -> bool:
-    """Whether the supports admit no rigid-body motion. Collective."""
-    # about the supports' own middle and in units of their own extent: a short clamped edge holds a long body
+def free_bodies(model) -> list[int]:
+    """Bodies of the structure that the supports leave a rigid-body motion. Collective."""
     held, directions = [np.empty((0, 2))], [np.empty((0, 2), dtype=bool)]
+    bodies = [np.empty(0, dtype=int)]
     for support in model.supports:
         acts = np.array(support.fixed) | (np.array(support.springs) > 0)
         if support.where in model.edge_set_names:
-            places = model.part.coordinates[np.unique(model.part.edge_sets[support.where])]
+            rows = np.unique(model.part.edge_sets[support.where])
         else:
-            places = np.array([model.points[support.where][0]])
-        held.append(places)
-        directions.append(np.tile(acts, (len(places), 1)))
-    places = np.concatenate(model.comm.allgather(np.concatenate(held)))
-    acts = np.concatenate(model.comm.allgather(np.concatenate(directions)))
+            rows = np.flatnonzero(model.part.nodes == model.points[support.where][2])
+        held.append(model.part.coordinates[rows])
+        bodies.append(model.part.bodies[rows])
+        directions.append(np.tile(acts, (len(rows), 1)))
+    everything = model.comm.allgather([np.concatenate(part) for part in (held, directions, bodies)])
+    places, acts, body = (np.concatenate(part) for part in zip(*everything))
+    lower, upper = model.extent
+    least = 1e-9 * float(np.linalg.norm(upper - lower))
+    return [
+        number
+        for number in range(len(model.bodies))
+        if not _holds(places[body == number], acts[body == number], least)
+    ]
+
+
+def _holds(places: np.ndarray, acts: np.ndarray, least: float) -> bool:
+    """Whether supports at places (n, 2) in some directions (n, 2) admit no rigid-body motion."""
     if len(places) == 0:
         return False
-    lower, upper = model.extent
-    centre, size = places.mean(axis=0), float(np.linalg.norm(np.ptp(places, axis=0)))
+    # about the supports' own middle and in units of their own extent: a short clamped edge holds a long body;
     # where all stand on one point the rotation is free, whatever the unit
-    size = max(size, 1e-9 * float(np.linalg.norm(upper - lower)))
-    x, y = ((places - centre) / size).T
+    size = max(float(np.linalg.norm(np.ptp(places, axis=0))), least)
+    x, y = ((places - places.mean(axis=0)) / size).T
     one, zero = np.ones(len(x)), np.zeros(len(x))
     rows = np.stack([np.stack([one, zero, -y], axis=1), np.stack([zero, one, x], axis=1)], axis=1)[acts]
     gram = rows.T @ rows

@@ -38,6 +38,8 @@ class Distribution:
         Place, m, unknowns and node of each named point.
     pair_unknowns : (pairs, 2, 2) int array
         Unknowns of both nodes of each pair, -1 where held fixed.
+    bodies : tuple of (x, y)
+        Middle of each body, m; more than one where cracks cut through the structure.
     extent : ((2,) array, (2,) array)
         Least and greatest coordinates, m.
     area, perimeter : float
@@ -58,6 +60,7 @@ class Distribution:
     pairs: ContactPairs
     points: dict[str, Any]
     pair_unknowns: np.ndarray
+    bodies: tuple[tuple[float, float], ...]
     extent: tuple[np.ndarray, np.ndarray]
     area: float
     perimeter: float
@@ -123,11 +126,23 @@ def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]
             for name, n in mesh.points.items()
         },
         "pair_unknowns": numbering.unknowns[mesh.pairs.nodes].reshape(-1, 2, 2),
+        "bodies": _body_middles(mesh),
         "extent": (mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)),
         "area": area,
         "perimeter": perimeter,
         "ranges": numbering.ranges,
     }
+
+
+def _body_middles(mesh: BoundaryMesh) -> tuple[tuple[float, float], ...]:
+    """Middles of the bodies' extents."""
+    body = partition.bodies(mesh)
+    middles = []
+    for number in range(body.max() + 1):
+        places = mesh.nodes[body == number]
+        x, y = 0.5 * (places.min(axis=0) + places.max(axis=0))
+        middles.append((float(x), float(y)))
+    return tuple(middles)
 
 
 def _face_sets(mesh: BoundaryMesh, tip) -> tuple[tuple[str, ...], tuple[str, ...]]:

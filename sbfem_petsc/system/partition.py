@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,6 +38,8 @@ class Part:
         Global numbers of the nodes that the rank's S-elements touch.
     coordinates : (m, 2) array
         m.
+    bodies : (m,) int array
+        Body of each of these nodes, see `bodies`.
     unknowns : (m, 2) int array
         Global numbers of their displacement unknowns, -1 where held fixed.
     elements : (e,) int array
@@ -53,6 +57,7 @@ class Part:
 
     nodes: np.ndarray
     coordinates: np.ndarray
+    bodies: np.ndarray
     unknowns: np.ndarray
     elements: np.ndarray
     chains: list[np.ndarray]
@@ -116,6 +121,23 @@ def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
     return Numbering(assignment, unknowns, np.concatenate([[0], np.cumsum(counts)]))
 
 
+def bodies(mesh) -> np.ndarray:
+    """(nodes,): number of the body that each node belongs to; a crack through a structure cuts it into
+    bodies, which contact alone joins. -1 of nodes without an S-element.
+    """
+    element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start) * (mesh.order + 1))
+    nodes = mesh.edges[mesh.element_edges].ravel()
+    count = mesh.elements + len(mesh.nodes)
+    links = sparse.coo_matrix(
+        (np.ones(len(nodes)), (element_of, mesh.elements + nodes)), shape=(count, count)
+    )
+    _, label = connected_components(links, directed=False)
+    _, body = np.unique(label[: mesh.elements], return_inverse=True)
+    result = np.full(len(mesh.nodes), -1)
+    result[nodes] = body[element_of]
+    return result
+
+
 def compositions(mesh) -> tuple[tuple[int, ...], ...]:
     """The different sequences of materials around S-elements in several of them."""
     return tuple(sorted({tuple(part.tolist()) for part in mesh.sector_materials.values()}))
@@ -150,6 +172,7 @@ def extract(mesh, numbering: Numbering, rank: int) -> Part:
     return Part(
         nodes,
         mesh.nodes[nodes],
+        bodies(mesh)[nodes],
         numbering.unknowns[nodes],
         elements,
         [local[c] for c in chains],

@@ -12,6 +12,7 @@ from numpy.polynomial import legendre
 
 from meshing.gll import gll_nodes, lagrange_values
 
+from ..errors import listed
 from ..selement.solution import SElement, solve_selement
 from .modes import Modal, lowest_scale
 from .shapes import Group
@@ -145,15 +146,20 @@ def _share(error: float) -> str:
 
 
 def _warn(what: str, model: Structure, frequency: float) -> None:
-    terms = model.continued_fraction
-    warnings.warn(
-        f"{what}: the largest cell is {cells_in_waves(model, frequency) / (2.0 * np.pi):.2g} wavelengths of "
-        f"shear long there, too long for order {model.order} and {terms} term{'s' * (terms != 1)} of the "
-        f"continued "
-        "fraction; make cells smaller (size), the order higher, or both",
-        MeshWarning,
-        stacklevel=_outside(),
+    terms, waves = model.continued_fraction, cells_in_waves(model, frequency) / (2.0 * np.pi)
+    points = [support.where for support in model.supports if support.where in model.points]
+    why = (
+        f"the largest cell is {waves:.2g} wavelengths of shear long there, too long for order "
+        f"{model.order} and {terms} term{'s' * (terms != 1)} of the continued fraction; make cells smaller "
+        "(size), the order higher, or both"
     )
+    if points:
+        # what a point takes has a logarithm: the estimate sees its next term, whatever the wavelength
+        why += (
+            f". Supports on single points ({listed(points)}) may be the reason as well: a body gives way to "
+            "a point without limit as cells shrink; hold short edges instead"
+        )
+    warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=_outside())
 
 
 def _outside() -> int:

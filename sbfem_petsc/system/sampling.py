@@ -37,6 +37,27 @@ class Field:
     nodal: np.ndarray
     tip_forces: Mapping[int, np.ndarray] = field(default_factory=dict)
 
+    def __array__(self, dtype=None) -> np.ndarray:
+        """The nodal displacements, for NumPy."""
+        return np.asarray(self.nodal, dtype=dtype)
+
+    @classmethod
+    def of_forces(
+        cls, model: Structure, nodal: np.ndarray, force: np.ndarray, loads: Mapping[int, np.ndarray]
+    ) -> Field:
+        """With the forces of the contact rows (c,) and, by the tips' numbers, those (modes,) of loads on the
+        faces inside tip elements, N.
+        """
+        forces = {}
+        for faces in model.tip_faces:
+            first = model.gap_operator.pairs + faces.modes * faces.number
+            total = np.zeros(len(faces.tractions.powers))
+            total[: faces.modes] = force[first : first + faces.modes]
+            if faces.number in loads:
+                total += loads[faces.number]
+            forces[faces.number] = total
+        return cls(nodal, forces)
+
 
 def as_field(state: Any) -> Field:
     """Of a `Field`, a result that has one as `.interior`, or nodal displacements."""

@@ -6,12 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..petsc import PETSc, check_ksp, free, make_ksp, solver_name
+from ..petsc import PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name
 from .rows import Rows
 
-# Right-hand sides that are solved for at a time, and of these at a time by MUMPS: a fifth of the time of its
-# own choice.
-BLOCK, _MUMPS_BLOCK = 256, 64
+# Right-hand sides that are solved for at a time.
+BLOCK = 256
 
 
 class StaticSolver:
@@ -75,10 +74,7 @@ class StaticSolver:
         return self._refined(right, self._dense(right, what), what)
 
     def _dense(self, right: np.ndarray, what: str) -> np.ndarray:
-        given = PETSc.Mat().createDense(
-            (self._sizes, right.shape[1]), array=np.asfortranarray(right), comm=self.matrix.comm
-        )
-        given.assemble()
+        given = dense_columns(self.matrix, np.asfortranarray(right))
         try:
             return self._block(given, np.empty(right.shape, order="F"), what)
         finally:
@@ -129,16 +125,7 @@ class StaticSolver:
             finally:
                 free(self._comm, source, target)
             self._checked = True
-        factor = self.ksp.getPC().getFactorMatrix()
-        if self.ksp.getPC().getFactorSolverType() == "mumps":
-            factor.setMumpsIcntl(27, _MUMPS_BLOCK)
-        found = PETSc.Mat().createDense((self._sizes, result.shape[1]), array=result, comm=self.matrix.comm)
-        try:
-            found.assemble()
-            factor.matSolve(given, found)
-        finally:
-            free(self._comm, found)
-        return result
+        return block_solve(self.ksp, given, result)
 
     def destroy(self) -> None:
         """Free the factors."""

@@ -19,7 +19,7 @@ from ..parallel import alone, collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
 from .assembly import ElementBlocks, assemble
-from .boundary import LoadColumns, NodalForces, is_supported, load_columns, spring_blocks
+from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, spring_blocks
 from .distribution import distribute
 from .element_stiffness import Refinement
 from .gap_operator import GapOperator, gap_operator
@@ -80,6 +80,7 @@ class Structure:
         )
         self._compositions = found.compositions
         self.edge_set_names, self.material_names = found.edge_sets, found.material_names
+        self.bodies = found.bodies
         self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
         self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
         self.boundary_unknowns = int(self.ranges[-1])
@@ -192,13 +193,28 @@ class Structure:
         return loads
 
     @functools.cached_property
+    def free_bodies(self) -> list[int]:
+        """Rows of `bodies` that the supports leave a rigid-body motion. Collective."""
+        return free_bodies(self)
+
+    @property
     def supported(self) -> bool:
         """Whether the supports admit no rigid-body motion. Collective."""
-        return is_supported(self)
+        return not self.free_bodies
 
     def require_support(self, analysis: str) -> None:
         """Raise ValueError, on all ranks, if the supports admit a rigid-body motion."""
         if not self.supported:
+            if len(self.free_bodies) < len(self.bodies):
+                x, y = self.bodies[self.free_bodies[0]]
+                raise on_all_ranks(
+                    ValueError(
+                        f"{analysis} needs every body held against rigid-body motions, but of the "
+                        f"{len(self.bodies)} bodies that cracks cut the structure into the one around "
+                        f"({x:.4g}, {y:.4g}) m is held by contact alone; give it a support of its own, if "
+                        "need be weak springs, Support(edge set, x=..., y=...) in N/m^3"
+                    )
+                )
             held = listed(s.where for s in self.supports) if self.supports else "nothing"
             raise on_all_ranks(
                 ValueError(

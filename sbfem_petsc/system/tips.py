@@ -62,13 +62,14 @@ class TipIntensities:
 def tip_places(model) -> list[TipPlace]:
     """The tip elements that this rank holds."""
     row_of = {int(element): row for row, element in enumerate(model.part.elements)}
-    places = []
-    for number, tip in enumerate(model.tip_elements):
-        row = row_of.get(int(tip.element), -1)
-        if row >= 0:
-            group = next(g for g in model.groups if (g.elements == row).any())
-            places.append(TipPlace(number, group, int(np.flatnonzero(group.elements == row)[0])))
-    return places
+    open_ones = {
+        int(row): (group, member)
+        for group in model.groups
+        if not group.closed
+        for member, row in enumerate(group.elements)
+    }
+    rows = [(number, row_of.get(int(tip.element), -1)) for number, tip in enumerate(model.tip_elements)]
+    return [TipPlace(number, *open_ones[row]) for number, row in rows if row >= 0]
 
 
 def tip_intensities(model) -> TipIntensities:

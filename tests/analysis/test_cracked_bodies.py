@@ -207,3 +207,30 @@ def test_cracks_in_a_beam():
             ]
         )
     assert values[1] == pytest.approx(values[0], rel=2e-4)
+
+
+def test_body_held_by_contact_alone():
+    """A crack cuts the block in two: modes of a body that is free, a sentence where it must be held, and weak
+    springs that do not show.
+    """
+    outline = [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)]
+    mesh = Plate(outline, cracks=[CrackLine([(0, 0.04), (0.1, 0.06)])]).mesh(
+        order=3, face_edges=4, points={"P": (0.1, 0.1)}
+    )
+    steel = sb.Material(210e9, 0.3, 7800)
+    cut = sb.Model(mesh, steel, clamped="edge1")
+    assert len(cut.bodies) == 2 and not cut.supported
+    frequencies = sb.modal(cut, 5).frequencies
+    assert (frequencies[:3] < 1e-3).all() and frequencies[3] > 1e4
+    push = sb.EdgeLoad("edge3", ty=-1e6)
+    with pytest.raises(ValueError, match=r"one around \(0.05, 0.07\) m is held by contact alone"):
+        sb.static(cut, push)
+    with pytest.raises(ValueError, match="held by contact alone"):
+        sb.transient(cut, push, 1e-4)
+    with pytest.raises(ValueError, match="leave one free"):  # nothing holds either
+        sb.static(sb.Model(mesh, steel, clamped=None), push)
+    found = [
+        sb.static(sb.Model(mesh, steel, clamped="edge1", supports=[sb.Support("edge3", x=k, y=k)]), push)
+        for k in (1e9, 1e8)
+    ]
+    assert found[0].contact_resultant == pytest.approx(found[1].contact_resultant, rel=1e-3)

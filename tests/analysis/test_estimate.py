@@ -97,6 +97,27 @@ TABLE = {
 }
 
 
+def second_harmonic(model):
+    """A preload holds the contact front in the middle of the faces."""
+    load = sb.PointForce("A", fy=sb.Constant(150.0)) + sb.PointForce("A", fy=sb.Harmonic(200.0, 900.0))
+    return abs(sb.periodic(model, load, 900.0).harmonics("A")[2])
+
+
+def damped(mesh, **options):
+    beam = Beam(0.2, 0.005, [VNotch(0.05, 0.0025, 0.03)])
+    return sb.Model(beam.mesh(**mesh), ALUMINIUM, damping=0.003, rayleigh=(100.0, 0.0), **options)
+
+
+TABLE["steady state, second harmonic of a front in mid-crack"] = (
+    damped,
+    second_harmonic,
+    {},
+    # by the independent code with 172 pairs, and by earlier meshes with 481
+    lambda: 1.590e-7,
+    1e-3,
+)
+
+
 def distance(value, exact):
     """Largest relative one."""
     return float(np.max(np.abs(np.asarray(value) - exact) / np.abs(exact)))
@@ -106,15 +127,16 @@ def distance(value, exact):
 @pytest.mark.parametrize("name", TABLE)
 def test_right_within_a_factor_of_three(name):
     make_model, quantity, options, reference, uncertain = TABLE[name]
-    found = sb.estimate(make_model, quantity, accuracy=3e-5, **options)
+    accuracy = max(3e-5, 5.0 * uncertain)
+    found = sb.estimate(make_model, quantity, accuracy=accuracy, **options)
     exact = reference()
     first, last = distance(found.levels[0].value, exact), distance(found.value, exact)
-    print(f"{name}: {found!r}; true {first:.2g} and {last:.2g}")
+    print(f"| {name} | {first:.1e} | {found.first_error:.1e} | {last:.1e} | {found.error:.1e} |")
     assert found.converged
     assert found.first_error < 3 * (first + uncertain)
     assert first < 3 * found.first_error + uncertain
     assert last < 3 * found.error + uncertain
-    assert last < 3e-5 + uncertain
+    assert last < accuracy + uncertain
 
 
 def small(mesh, **options):

@@ -12,6 +12,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.results.animation import write_animation
+from sbfem_petsc.results.vtu import write_vtu
 from tests.parallel import on_ranks
 
 LOAD = sb.PointForce("A", fy=sb.ToneBurst(3000.0, 3000, 5))
@@ -34,6 +35,31 @@ def moved():
     mesh = beam().mesh(order=3, tip_size=2e-4)
     model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.002)
     return mesh, sb.transient(model, LOAD, 0.002, 1e-6, modes=16)
+
+
+def test_contact_inside_the_tip_element(tmp_path):
+    """In equilibrium a history's field is that of the static solution, between the faces' nodes too, and an
+    orbit's field has it as well.
+    """
+    model = sb.Model(beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.05)
+    push = sb.PointForce("A", fy=200.0)
+    exact = sb.static(model, push).interior
+    history = sb.transient(model, push, 1e-6, 1e-6, modes=16, start="equilibrium")
+    found = history.field(0.0)
+    np.testing.assert_allclose(found, exact.nodal, atol=1e-8 * np.abs(exact.nodal).max())
+    for number, forces in exact.tip_forces.items():
+        assert forces.max() > 1.0
+        np.testing.assert_allclose(found.tip_forces[number], forces, atol=1e-6 * forces.max())
+    pieces = [
+        meshio.read(write_vtu(str(tmp_path / name), model, {"u": field}))
+        for name, field in (("history.vtu", found), ("static.vtu", exact))
+    ]
+    one, other = (piece.point_data["u (m)"] for piece in pieces)
+    np.testing.assert_allclose(one, other, atol=1e-8 * np.abs(other).max())
+    orbit = sb.periodic(model, push, 200.0, modes=16)
+    peak = float(orbit.time[orbit.contact_resultant.argmax()])
+    inside = orbit.states.contact[orbit.contact_resultant.argmax(), orbit.states.pairs :]
+    assert orbit.field(peak).tip_forces[0][:4] == pytest.approx(inside)
 
 
 def entries(pvd):

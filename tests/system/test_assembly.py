@@ -108,8 +108,12 @@ LOADS = [
 @pytest.mark.parametrize(
     "law", [sb.Unilateral(), sb.Tied(), sb.Unilateral(1e-13)], ids=["unilateral", "tied", "layer"]
 )
-def test_bordered_contact(monkeypatch, load, law):
-    """Factorisations with the active rows against the flexibility of all rows."""
+@pytest.mark.parametrize("close", [400, 0], ids=["joined", "factorised anew"])
+def test_bordered_contact(monkeypatch, load, law, close):
+    """Factorisations with the active rows, and rows that join and leave them, against the flexibility of all
+    rows.
+    """
+    monkeypatch.setattr(bordered_contact, "_CLOSE", close)
     mesh = cracked()
     make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
     expected = sb.static(make(), load)
