@@ -197,29 +197,29 @@ def _momentum(starts, columns, values, by_u, by_v, u, v, right):
 
 @njit(cache=True)
 def _advance(
-    w, u, v, rate, right, left, initial_gap, responses, flexibility, active, cholesky, members, count, force
+    w, u, v, rate, right, left, initial_gap, responses, flexibility, tied, active, cholesky, members, force
 ):
-    """Contact and the new u and v from w = u0 + u1 without contact. Returns the number of active pairs and
-    of exchanges, -1: not solved.
+    """Contact and the new u and v from w = u0 + u1 without contact. Returns the number of exchanges of the
+    active set, -1: not solved.
     """
     touching, exchanges, free = False, 0, np.empty(force.size)
     for k in range(force.size):
         free[k] = initial_gap[k] + (w[right[k]] - u[right[k]]) - (w[left[k]] - u[left[k]])
         touching = touching or free[k] < 0.0
     if touching:
-        count, exchanges = contact_forces(flexibility, free, active, cholesky, members, count, force)
+        exchanges = contact_forces(flexibility, free, tied, active, cholesky, members, force)
         for k in range(force.size):
             if force[k] > 0.0:
                 twice = 2.0 * force[k]
                 for i in range(u.size):
                     w[i] += twice * responses[k, i]
     else:
-        force[:], active[:], count = 0.0, False, 0
+        force[:], active[:], members[-1] = 0.0, False, 0
     for i in range(u.size):
         change = w[i] - 2.0 * u[i]
         u[i] += change
         v[i] = rate * change - v[i]
-    return count, exchanges
+    return exchanges
 
 
 class FullModel:
@@ -258,13 +258,13 @@ class FullModel:
         )
         u, v = (np.zeros(size) if state is None else state.copy() for state in (u, v))
         contact = self.right, self.left, self.system.initial_gap, self.responses, self.flexibility
-        right, force, active, cholesky, members, count = (
+        right, force, tied, active, cholesky, members = (
             np.empty(size),
             np.zeros(pairs),
             np.zeros(pairs, dtype=bool),
+            np.zeros(pairs, dtype=bool),
             np.empty((pairs, pairs)),
-            np.empty(pairs, dtype=np.int64),
-            0,
+            np.full(pairs + 1, -1, dtype=np.int64),
         )
         drive, solve, by_u, by_v = (
             amplitude[:-1] + amplitude[1:],
@@ -276,8 +276,8 @@ class FullModel:
         for s in range(len(drive)):
             _momentum(*self.mass, by_u, by_v, u, v, right)
             right[loaded] += drive[s]
-            count, exchanges = _advance(
-                solve(right), u, v, 2.0 / step, *contact, active, cholesky, members, count, force
+            exchanges = _advance(
+                solve(right), u, v, 2.0 / step, *contact, tied, active, cholesky, members, force
             )
             if exchanges < 0:
                 raise RuntimeError(f"the contact problem of step {s} was not solved")

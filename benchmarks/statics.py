@@ -6,8 +6,9 @@ repeats by turns; making the meshes is not counted. The error is the largest rel
 100 and 300 N to the independent reference. scikit-fem has no contact: to its matrices (`peer_transient.py`,
 SuperLU in symmetric mode) belongs the same condensation onto the pairs and the same active set as ours, with
 one factorisation, one solve for each pair and one for each load. The peer's meshes are those of
-`peer_scikit_fem.py` for the natural frequencies; the finest is still less accurate here than the default mesh
-of sbfem-petsc, and of some fifty more, with smaller elements at the tip and the corners, none was as accurate.
+`peer_scikit_fem.py` for the natural frequencies; the finest is still less accurate here than the default
+mesh of sbfem-petsc, and of some fifty more, with smaller elements at the tip and the corners, none was as
+accurate.
 
     ./run python benchmarks/statics.py
 """
@@ -79,7 +80,9 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--repeats", type=int, default=9, help="runs of each, the fastest counts (default 9)")
-    parser.add_argument("--order", type=int, default=5, help="of the edges (default 5, the mesh's own default)")
+    parser.add_argument(
+        "--order", type=int, default=5, help="of the edges (default 5, the mesh's own default)"
+    )
     own = parser.parse_args()
     mesh = BEAM.mesh(order=own.order)
     works = {f"sbfem-petsc, order {own.order}": lambda: ours(mesh)}

@@ -154,8 +154,8 @@ class DrivenPeriod:
         p, r = period, period.reduced
         self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
-        self.length = p.length(self.step)
-        self.coefficients, self.flexibility = self.length.coefficients, self.length.flexibility
+        length = p.length(self.step)
+        self.coefficients, self.flexibility = length.coefficients, length.flexibility
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads, static = p.loaded(factor)
@@ -233,7 +233,7 @@ class DrivenPeriod:
             gap_rates[:, :, k], shifts[:, k] = (
                 self._frequency_rates() if name == "frequency" else self._load_rates()
             )
-        derivative = self._derivative(motion, gap_rates, located)
+        derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
         columns = np.concatenate([columns, -shifts], axis=1)
         result = derivative(
             columns[:m] / p.weights[:, None],
@@ -244,8 +244,10 @@ class DrivenPeriod:
         result[:, result.shape[1] - len(parameters) :] += shifts
         return result
 
-    def _derivative(self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool) -> Derivative:
-        """The linearised motion; that along the state is kept, for many products with it."""
+    def _derivative(
+        self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool, keep: bool
+    ) -> Derivative:
+        """The linearised motion; that along the state may be kept, for many products with it."""
         p = self.period
         key = (located, motion)
         if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
@@ -258,8 +260,8 @@ class DrivenPeriod:
             )
         else:
             contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
-        result = Derivative(self.length.propagation, contacts, p.steps)
-        if gap_rates.shape[2] == 0:
+        result = Derivative(p.length(self.step).propagation, contacts, p.steps)
+        if gap_rates.shape[2] == 0 and keep:
             self._kept = key, result
         return result
 
@@ -390,11 +392,19 @@ def shoot(
     SolveError
         If Newton's method does not converge; the message gives the residual.
     """
-    if jacobian == "auto":
-        jacobian = "updated" if 2 * period.modes <= WHOLE else "matrix-free"
-    return _Newton(period, jacobian, (), None, iterations).solve(
-        state, lambda _: period.at(frequency, factor), np.zeros(0)
-    )
+
+    def solve(kind: str) -> FixedPoint:
+        newton = _Newton(period, kind, (), None, iterations)
+        return newton.solve(state, lambda _: period.at(frequency, factor), np.zeros(0))
+
+    if jacobian != "auto":
+        return solve(jacobian)
+    if 2 * period.modes > WHOLE:
+        return solve("matrix-free")
+    try:
+        return solve("updated")
+    except SolveError:
+        return solve("dense")
 
 
 def shoot_along(

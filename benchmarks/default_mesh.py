@@ -1,0 +1,158 @@
+"""What analyses of case P cost on the default mesh, beside what was asked, in one run on one core.
+
+80 modes, 512 steps a period, a modal damping ratio of 0.002. Seconds are CPU seconds, one BLAS thread, the
+least of several repeats (curves: one run); compiling is not counted but in the last line, which starts Python
+anew with an empty cache. The floor is what the products of large matrices and the eigenvalues alone take at
+the rates of the libraries in this run: of an orbit, one derivative for each Newton iteration that made one,
+and twice a monodromy and its eigenvalues, for the multipliers and for their uncertainty.
+
+    ./run python benchmarks/default_mesh.py
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+
+os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+import numpy as np
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
+from sbfem_petsc.dynamics.shooting import DrivenPeriod, shoot
+
+BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
+MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002
+RANGE, FREQUENCIES = (13900.0, 14600.0), (433.0, 3000.0, 20140.0)
+ASKED = {"orbit": 0.05, "from the model": 0.30, 300.0: 1.0, 1500.0: 3.0, "history": 0.2, "compiling": 3.0}
+COLD = """
+import time
+import sbfem_petsc as sb
+from benchmarks.default_mesh import model, push
+system = sb.reduce(model(), push(300.0))
+spent = []
+for _ in range(2):
+    began = time.process_time()
+    sb.periodic(system, push(300.0), 3000.0)
+    spent.append(time.process_time() - began)
+print(spent[0] - spent[1])
+"""
+
+
+def push(force) -> sb.PointForce:
+    """At A along y."""
+    return sb.PointForce("A", fy=force)
+
+
+def model() -> sb.Model:
+    """Case P on the default mesh."""
+    return sb.Model(BEAM.mesh(order=5), MATERIAL, damping=DAMPING)
+
+
+def seconds(work, repeats: int):
+    """Least CPU seconds of several calls, and the last result."""
+    best, result = np.inf, None
+    for _ in range(repeats):
+        began = time.process_time()
+        result = work()
+        best = min(best, time.process_time() - began)
+    return best, result
+
+
+def line(name: str, spent: float, asked: float, note: str = "") -> None:
+    """A row of the table."""
+    print(f"{name:38s}{spent:9.3f}{asked:9.2f}   {note}", flush=True)
+
+
+def floor(reduced, frequency: float) -> float:
+    """Seconds of the large products and the eigenvalues of one orbit; see above."""
+    period = prepare("periodic", reduced, push(300.0), frequency, settings=PeriodSettings())
+    driven: DrivenPeriod = period.at(frequency)
+    found = shoot(period, driven.linear_state, frequency)
+    size = 2 * period.modes
+    matrix = driven.monodromy(found.motion)
+    derivative = driven._derivative(found.motion, np.zeros((period.steps + 1, period.pairs, 0)), True, False)
+    rows = len(derivative.contacts.factors)
+    one, other = np.ones((rows, size)), np.eye(size)
+    products = seconds(lambda: (one @ other, one.T @ one[:, :size]), 20)[0]
+    return (found.derivatives + 2) * products + 2 * seconds(lambda: np.linalg.eigvals(matrix), 20)[0]
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
+    parser.add_argument(
+        "--repeats", type=int, default=20, help="of an orbit, the fastest counts (default 20)"
+    )
+    own = parser.parse_args()
+    warnings.simplefilter("ignore", sb.StepWarning)
+    system = model()
+    reduced = sb.reduce(system, push(1.0))
+    print(reduced)
+    print(f"{'':38s}{'CPU s':>9s}{'asked':>9s}")
+    for frequency in FREQUENCIES:
+        spent, orbit = seconds(lambda f=frequency: sb.periodic(reduced, push(300.0), f), own.repeats)
+        alone, _ = seconds(
+            lambda f=frequency: sb.periodic(reduced, push(300.0), f, stability=False), own.repeats
+        )
+        note = f"{orbit.iterations} iterations, {alone:.3f} without multipliers, "
+        line(
+            f"orbit, 300 N, {frequency:g} Hz",
+            spent,
+            ASKED["orbit"],
+            note + f"floor {floor(reduced, frequency):.3f}",
+        )
+
+    def whole():
+        with model() as fresh:
+            began = time.process_time()
+            sb.periodic(fresh, push(300.0), 3000.0)
+            return time.process_time() - began
+
+    line("the same from the model, 3000 Hz", min(whole() for _ in range(5)), ASKED["from the model"])
+    for force in (300.0, 1500.0):
+        spent, curve = seconds(
+            lambda f=force: sb.frequency_response(reduced, push(f), *RANGE, progress=None), 1
+        )
+        note = f"{len(curve.value)} points, {len(curve.bifurcations)} bifurcations"
+        line(f"curve of Fig. 11, {force:g} N", spent, ASKED[force], note)
+    load = push(sb.ToneBurst(300.0, 3000.0, 20))
+    spent, _ = seconds(lambda: sb.transient(reduced, load, 0.033, step=1e-6, progress=None), 3)
+
+    def history():
+        with model() as fresh:
+            began = time.process_time()
+            sb.transient(fresh, load, 0.033, step=1e-6, progress=None)
+            return time.process_time() - began
+
+    line(
+        "33 ms in steps of 1 us, with reduction",
+        min(history() for _ in range(3)),
+        ASKED["history"],
+        f"{spent:.3f} from the reduced model",
+    )
+    system.destroy()
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [sys.executable, "-c", COLD],
+            cwd=ROOT,
+            env={**os.environ, "NUMBA_CACHE_DIR": folder, "PYTHONPATH": str(ROOT)},
+            capture_output=True,
+            text=True,
+            check=True,
+        )
+    line("compiling for a first orbit", float(done.stdout.split()[-1]), ASKED["compiling"])
+
+
+if __name__ == "__main__":
+    main()
