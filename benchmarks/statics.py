@@ -79,7 +79,9 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--repeats", type=int, default=9, help="runs of each, the fastest counts (default 9)")
-    parser.add_argument("--order", type=int, default=5, help="of the edges (default 5, the mesh's own default)")
+    parser.add_argument(
+        "--order", type=int, default=5, help="of the edges (default 5, the mesh's own default)"
+    )
     own = parser.parse_args()
     mesh = BEAM.mesh(order=own.order)
     works = {f"sbfem-petsc, order {own.order}": lambda: ours(mesh)}

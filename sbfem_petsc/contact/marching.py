@@ -202,7 +202,9 @@ def _march(
     for step in range(-1, steps):
         if step >= 0:
             for j in range(m):
-                position = coefficients[0, j] * q[j] + coefficients[1, j] * v[j] + coefficients[4, j] * pull[j]
+                position = (
+                    coefficients[0, j] * q[j] + coefficients[1, j] * v[j] + coefficients[4, j] * pull[j]
+                )
                 v[j] = coefficients[5, j] * q[j] + coefficients[6, j] * v[j] + coefficients[9, j] * pull[j]
                 q[j] = position
             if loaded:

@@ -376,8 +376,9 @@ class Propagation:
     def _invert(self, powers: np.ndarray, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
         """D^-n of (q, v) for each of the powers n, into (n, 2, m)."""
         whole = len(powers) == len(self.rows)
-        a, b = self.rows[:, 0] if whole else self.rows[powers, 0], (
-            self.rows[:, 1] if whole else self.rows[powers, 1]
+        a, b = (
+            self.rows[:, 0] if whole else self.rows[powers, 0],
+            (self.rows[:, 1] if whole else self.rows[powers, 1]),
         )
         np.subtract((a - self._friction * b) * q, b * v, out=out[:, 0])
         np.add(self._squared * b * q, a * v, out=out[:, 1])

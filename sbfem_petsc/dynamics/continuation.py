@@ -352,6 +352,7 @@ class Continuation:
             assert self.sign is not None  # set with the first tangent
             self.sign = -self.sign
         self.length = min(
-            LARGEST, max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(fixed.effort, 1.0) + 0.25)) * length
+            LARGEST,
+            max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(fixed.effort, 1.0) + 0.25)) * length,
         )
         return point

@@ -8,6 +8,7 @@ from scipy import linalg
 # Terms of the power series of phi_2 for |z| < 1; the next is below rounding.
 TERMS = 20
 
+
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
     """(10, m) coefficients of one step of each mode, see `contact.marching`.
 
