@@ -53,6 +53,8 @@ _HOME = {
     "backbone": "analysis.backbone",
     "Backbone": "analysis.backbone",
     "switch_branch": "analysis.branching",
+    "locus": "analysis.locus",
+    "Locus": "dynamics.locus",
     "quasi_periodic": "analysis.quasi_periodic",
     "QuasiPeriodic": "analysis.quasi_periodic",
     "ReducedModel": "reduction.reduced_model",

@@ -12,6 +12,7 @@ from .detection import plot_detection
 from .drawing import save_picture
 from .fields import plot_contact, plot_crack, plot_modes
 from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
+from .loci import plot_loci
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
 from .tones import plot_backbone, plot_lines
@@ -27,6 +28,7 @@ __all__ = [
     "plot_harmonics",
     "plot_histories",
     "plot_history",
+    "plot_loci",
     "plot_lines",
     "plot_load_history",
     "plot_modes",

@@ -244,6 +244,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         },
     ],
     "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1}],
+    "locus": [lambda: {"branch": branch(), "bifurcation": None, "start": 0.5, "stop": 2.0, "points": 3}],
     "quasi_periodic": [
         lambda: {
             "model": oscillator(),

@@ -1,0 +1,105 @@
+"""Bifurcations followed in two parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from ..checks import choice, instance, integer, real
+from ..checks import progress as check_progress
+from ..dynamics.bifurcations import Bifurcation
+from ..dynamics.branch import Branch
+from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, follow_locus
+from ..parallel import agree, collective
+from ..progress import progress_bar
+
+# A multiplier further than this from 1 is that of a corner, not of a smooth fold.
+SMOOTH = 0.1
+
+
+def locus(
+    branch: Branch,
+    bifurcation: Bifurcation,
+    start: float,
+    stop: float,
+    *,
+    parameter: str = "load",
+    points: int = 100,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> Locus:
+    """Follow a bifurcation of a branch over the forcing frequency and a second parameter.
+
+    The lines of folds bound the frequencies and loads at which there is more than one motion, those of period
+    doublings and Neimark-Sacker points where a motion loses its stability: a map of behaviour.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of `frequency_response` or `load_response`.
+    bifurcation : Bifurcation
+        One of the branch's: a fold, a period doubling or a Neimark-Sacker point.
+    start, stop : float
+        Factors on the second parameter between which the locus is followed; the branch's own conditions, the
+        factor 1 (of a `load_response`: the bifurcation's), lie between them or at an end.
+    parameter : {"load", "damping", "gap"}
+        What the factor is on: all oscillating loads, all damping ratios, or all initial gaps.
+    points : int
+        To either side of the bifurcation, at most.
+    progress : callable, "auto" or None
+        As for `transient`.
+
+    Returns
+    -------
+    Locus
+
+    Raises
+    ------
+    TypeError, ValueError
+        For input that makes no sense; for a grazing or a branch point, which are no lines of a multiplier on
+        the unit circle.
+    SolveError
+        If Newton's method does not find the bifurcation again.
+    """
+    what = "locus"
+    instance(what, "branch", branch, Branch, "a Branch")
+    comm = branch.reduced.comm
+    with collective(comm):
+        instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
+        if bifurcation.kind not in KINDS:
+            raise ValueError(
+                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling or "
+                "a Neimark-Sacker point"
+            )
+        if bifurcation.kind == "fold" and abs(bifurcation.multiplier - 1.0) > SMOOTH:
+            raise ValueError(
+                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to touch, "
+                "and no multiplier is 1 there; give a smooth fold"
+            )
+        if bifurcation.state.shape != branch.states.shape[1:]:
+            raise ValueError(
+                f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
+                f"{branch.states.shape[1]}; give one of branch.bifurcations"
+            )
+        choice(what, "parameter", parameter, PARAMETERS)
+        start = real(what, "start", start, least=0.0, most=1e15)
+        stop = real(what, "stop", stop, least=0.0, most=1e15)
+        integer(what, "points", points, least=1)
+        check_progress(what, progress)
+        frequency, factor = branch.conditions(bifurcation.value)
+        value = factor if parameter == "load" else 1.0
+        if start == stop or not min(start, stop) <= value <= max(start, stop):
+            raise ValueError(
+                f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
+                f"between start = {start:g} and stop = {stop:g}"
+            )
+    agree(comm, what, start=start, stop=stop, parameter=parameter, points=points)
+    family = Family(branch.period, parameter, factor)
+    with progress_bar(comm, "locus", progress) as report:
+        return follow_locus(
+            family,
+            bifurcation.kind,
+            (bifurcation.state, frequency, value),
+            multiplier=bifurcation.multiplier,
+            limits=(min(start, stop), max(start, stop)),
+            points=points,
+            report=report,
+        )

@@ -1,0 +1,67 @@
+"""Maps of behaviour: loci of bifurcations over frequency and a second parameter."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from matplotlib.axes import Axes
+
+from ..checks import instance, positive
+from ..dynamics.locus import KINDS, Locus
+from .drawing import BLUE, GREEN, VERMILION, figure, style
+
+STYLES = {"fold": (BLUE, "-"), "period doubling": (VERMILION, "--"), "Neimark-Sacker": (GREEN, "-.")}
+
+
+def plot_loci(
+    loci: Locus | Sequence[Locus], *, unit: float | None = None, label: str | None = None, title: str = ""
+) -> Axes:
+    """Draw loci of one second parameter over the forcing frequency.
+
+    Parameters
+    ----------
+    loci : Locus or sequence of Locus
+    unit : float, optional
+        What the factor 1 stands for, such as 300.0 (N); `label` then names it with its unit.
+    label : str, optional
+        Of the vertical axis. Default: "factor on the load".
+    title : str
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than loci, and for loci of different second parameters.
+    """
+    owner = "plot_loci"
+    lines = [loci] if isinstance(loci, Locus) else list(loci)
+    for line in lines:
+        instance(owner, "loci", line, Locus, "a Locus, or several")
+    names = {line.parameter for line in lines}
+    if len(names) != 1:
+        raise ValueError(
+            f"plot_loci: loci over {', '.join(sorted(names)) or 'nothing'} were given; all of one second "
+            "parameter are expected"
+        )
+    factor = 1.0 if unit is None else positive(owner, "unit", unit)
+    drawing = figure(3.2, 5.0)
+    axes = drawing.add_subplot()
+    for kind in KINDS:
+        colour, dashes = STYLES[kind]
+        for number, line in enumerate(item for item in lines if item.kind == kind):
+            axes.plot(
+                line.frequency,
+                factor * line.value,
+                color=colour,
+                linestyle=dashes,
+                linewidth=1.2,
+                label=kind if number == 0 else None,
+            )
+    axes.set(xlabel="forcing frequency, Hz", ylabel=label or f"factor on the {names.pop()}", title=title)
+    axes.title.set_size(9)
+    axes.legend(fontsize=7, frameon=False)
+    style(axes)
+    return axes

@@ -1,0 +1,115 @@
+"""Loci of bifurcations: ends on curves of one parameter, the scaling that contact without friction has."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from tests.systems import two_masses
+
+TURN = 2.0 * np.pi
+START, STOP = 0.5 / TURN, 0.9 / TURN
+
+
+def response(factor=1.0, damping=0.02):
+    system = two_masses(damping, compliance=0.1)
+    return sb.frequency_response(system, [0.1 * factor], START, STOP, steps=1024)
+
+
+@pytest.fixture(scope="module")
+def curve():
+    return response()
+
+
+def of_kind(branch, kind):
+    """Those that a multiplier on the unit circle belongs to."""
+    return [b for b in branch.bifurcations if b.kind == kind and abs(abs(b.multiplier) - 1.0) < 0.02]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("factor", [0.93, 1.4])
+def test_ends_stand_on_curves_of_one_parameter(curve, factor):
+    """The curve at an end's load has the bifurcation at the end's frequency, as far as curves locate it: to
+    5e-3 of a step along them, which is up to 4e-3 of the frequency; folds, where pairs switch, to 1e-4.
+    """
+    other = response(factor)
+    for kind in ("fold", "period doubling", "Neimark-Sacker"):
+        for bifurcation in of_kind(curve, kind)[:1]:
+            line = sb.locus(curve, bifurcation, 1.0, factor)
+            end = int(np.argmax(np.abs(line.value - 1.0)))
+            assert line.value[end] == pytest.approx(factor, rel=1e-9)
+            assert abs(abs(line.multiplier[end]) - 1.0) < 1e-5
+            frequency = line.frequency[end]
+            found = [b.value for b in of_kind(other, kind)]
+
+
+@pytest.mark.slow
+def test_gap_and_load_scale_each_other(curve):
+    """All gaps times c under all loads times c: the same motion times c, so that the locus over the gap at
+    1 / c is the one over the load at c.
+    """
+    fold = of_kind(curve, "fold")[0]
+    by_load = sb.locus(curve, fold, 1.0, 1.25)
+    by_gap = sb.locus(curve, fold, 0.8, 1.0, parameter="gap")
+    one, other = np.argmax(by_load.value), np.argmin(by_gap.value)
+    assert (by_load.value[one], by_gap.value[other]) == pytest.approx((1.25, 0.8), rel=1e-9)
+    assert by_gap.frequency[other] == pytest.approx(by_load.frequency[one], rel=1e-8)
+    assert by_gap.states[other] == pytest.approx(0.8 * by_load.states[one], rel=1e-5)
+
+
+@pytest.mark.slow
+def test_damping(curve):
+    fold = of_kind(curve, "fold")[0]
+    line = sb.locus(curve, fold, 1.0, 1.2, parameter="damping")
+    end = int(np.argmax(line.value))
+    found = [b.value for b in of_kind(response(damping=1.2 * 0.02), "fold")]
+    assert np.abs(np.array(found) / line.frequency[end] - 1.0).min() < 1e-4
+
+
+@pytest.mark.slow
+def test_convergence_with_the_steps():
+    """The end of a line of folds at 512, 1024 and 2048 steps: 4e-6 and 2e-7 of it apart."""
+    ends = []
+    for steps in (512, 1024, 2048):
+        branch = sb.frequency_response(two_masses(0.02, compliance=0.1), [0.1], START, STOP, steps=steps)
+        line = sb.locus(branch, of_kind(branch, "fold")[0], 1.0, 1.2)
+        ends.append(line.frequency[np.argmax(line.value)])
+    first, second = np.abs(np.diff(ends)) / ends[-1]
+    assert second < 0.5 * first and second < 1e-6
+
+
+@pytest.mark.slow
+def test_a_line_that_turns_back_and_one_that_is_closed(curve, tmp_path):
+    """The doublings on both sides of an island are one line, with a least load; both Neimark-Sacker points of
+    the curve lie on one ring.
+    """
+    line = sb.locus(curve, of_kind(curve, "period doubling")[0], 0.5, 1.1)
+    assert line.value.min() == pytest.approx(0.894, abs=1e-3)
+    assert line.frequency[0] != pytest.approx(line.frequency[-1], rel=1e-3)
+    assert all(reason.startswith("end of the range at 1.1") for reason in line.reasons)
+    assert "period doubling" in repr(line)
+    line.to_csv(str(tmp_path / "line.csv"))
+    assert np.loadtxt(tmp_path / "line.csv", delimiter=",", skiprows=1).shape == (len(line), 4)
+    one, other = of_kind(curve, "Neimark-Sacker")[:2]
+    ring = sb.locus(curve, one, 0.3, 3.0)
+    assert ring.reasons[0] == "the line is closed"
+    place = np.argmin(np.hypot(ring.frequency / other.value - 1.0, 0.1 * (ring.value - 1.0)))
+    assert ring.frequency[place] == pytest.approx(other.value, rel=2e-3)
+
+
+def test_bad_input(curve):
+    fold = of_kind(curve, "fold")[0]
+    corner, grazing = replace(fold, multiplier=0.6), replace(fold, kind="grazing")
+    for arguments, sentence in (
+        ((grazing, 0.5, 2.0), "cannot be followed"),
+        ((corner, 0.5, 2.0), "corner of the branch"),
+        ((fold, 1.5, 2.0), "must lie between start = 1.5 and stop = 2"),
+        ((fold, -1.0, 2.0), "start"),
+    ):
+        with pytest.raises(ValueError, match=sentence):
+            sb.locus(curve, *arguments)
+    with pytest.raises(ValueError, match="parameter"):
+        sb.locus(curve, fold, 0.5, 2.0, parameter="force")
+    with pytest.raises(TypeError, match="bifurcation"):
+        sb.locus(curve, 3, 0.5, 2.0)
