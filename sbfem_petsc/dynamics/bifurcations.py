@@ -174,7 +174,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             point.value,
             complex(values.values[nearest]),
             point.fixed.state,
-            values.direction(nearest),
+            values.vectors[:, nearest],
             k if second is points[k] else k + 1,
         )
     values = multipliers(points[k].fixed.driven, points[k].fixed.motion)
@@ -184,7 +184,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         points[k].value,
         complex(values.values[nearest]),
         points[k].fixed.state,
-        values.direction(nearest),
+        values.vectors[:, nearest],
         k + 1,
     )
 
@@ -217,7 +217,7 @@ def _crossing(
         if value.real < 0.0
         else "branch point"
     )
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.direction(rank), k)
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k)
 
 
 def _root(

@@ -259,8 +259,8 @@ class Continuation:
         return self._tangent(last.derivative(self.parameter.name), near)
 
     def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
-        """How far the branch is off its tangent after a step, by the parabola through the point before; across
-        the heading.
+        """How far the branch is off its tangent after a step, by the parabola through the point before;
+        across the heading.
         """
         if len(self.points) < 2:
             return np.zeros(len(heading))

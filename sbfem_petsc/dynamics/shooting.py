@@ -433,9 +433,15 @@ def shoot_along(
     near : (2 m, 2 m + 1) array, optional
         Derivative of x(T) at a fixed point nearby, to begin with.
     """
-    newton = _Newton(period, "updated", (name,), condition)
-    newton.near = near
-    return newton.solve(state, lambda p: driven(float(p[0])), np.array([value]))
+    first = np.array([value])
+    if near is not None:
+        newton = _Newton(period, "updated", (name,), condition)
+        newton.near = near
+        try:
+            return newton.solve(state, lambda p: driven(float(p[0])), first)
+        except SolveError:
+            pass
+    return _Newton(period, "dense", (name,), condition).solve(state, lambda p: driven(float(p[0])), first)
 
 
 def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:

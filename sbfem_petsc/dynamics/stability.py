@@ -18,8 +18,6 @@ PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
 # largest modulus.
 LARGEST, SUBSPACE = 6, 400
-# Inverse iterations for a direction, with a shift this far beside its multiplier, relative.
-INVERSE_ITERATIONS, BESIDE = 3, 1e-10
 
 
 class Multipliers:
@@ -42,22 +40,6 @@ class Multipliers:
         monodromy: np.ndarray | None = None,
     ):
         self.values, self._directions, self.monodromy = values, directions, monodromy
-
-    def direction(self, k: int) -> np.ndarray:
-        """(2 m,) complex array: Floquet direction of one value, by inverse iteration where the monodromy is
-        whole.
-        """
-        if self.monodromy is None:
-            return self.vectors[:, k]
-        size = len(self.monodromy)
-        factors = linalg.lu_factor(
-            self.monodromy - (1.0 + BESIDE) * self.values[k] * np.eye(size), check_finite=False
-        )
-        vector = np.random.default_rng(0).standard_normal(size).astype(complex)
-        for _ in range(INVERSE_ITERATIONS):
-            vector = linalg.lu_solve(factors, vector, check_finite=False)
-            vector /= np.linalg.norm(vector)
-        return vector
 
     @functools.cached_property
     def vectors(self) -> np.ndarray:

@@ -251,7 +251,8 @@ def test_verdicts_do_not_depend_on_the_grid(case_p):
 @pytest.mark.slow
 def test_three_motions_with_little_damping():
     """Damping 0.0005: the branch folds, and between the folds it passes one frequency three times; from the
-    nearest point at each of the three places `periodic` converges to a motion of its own, of another amplitude.
+    nearest point at each of the three places `periodic` converges to a motion of its own, of another
+    amplitude.
     """
     model, load, between = case_p(damping=0.0005), sb.PointForce("A", fy=300.0), 14210.0
     curve = sb.frequency_response(model, load, 13900.0, 14600.0, stability=False)
