@@ -97,24 +97,3 @@ def read_tree(group: h5py.Group) -> Any:
         else:
             tree[name] = value
     return list(tree.values()) if group.attrs.get("list", False) else tree
-
-
-@contextlib.contextmanager
-def opened(path: str, form: str, kind: str) -> Iterator[h5py.File]:
-    """An HDF5 file of this package, open for reading.
-
-    Raises
-    ------
-    ValueError
-        If it is missing, broken or of another kind.
-    """
-    if not os.path.isfile(path):
-        raise ValueError(f"{kind} {path!r} does not exist")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise ValueError(f"{kind} {path!r} is truncated or no HDF5 file") from None
-    with file:
-        if file.attrs.get("format") != form:
-            raise ValueError(f"{path!r} is an HDF5 file of another kind, no {kind}")
-        yield file
