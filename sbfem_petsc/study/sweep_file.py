@@ -13,11 +13,11 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from ..recording.hdf5 import new_hdf5, opened
+from ..recording.hdf5 import opened
 from .case import Case
 from .rows import Row
 from .run import write_case
-from .storage import replaced
+from .storage import new_results, replaced
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 2
 FILE, TABLE = "sweep.h5", "sweep.csv"
@@ -115,7 +115,7 @@ def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int
 
 def write(sweep: Sweep, case: Case, folder: str) -> None:
     """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-    with new_hdf5(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
+    with new_results(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
         file.attrs.update({"version": sb.__version__, "rows": len(sweep)})
         write_case(file.create_group("case"), case)
         text = h5py.string_dtype()
