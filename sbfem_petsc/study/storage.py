@@ -35,8 +35,8 @@ def replaced(path: str) -> Iterator[str]:
 
 @contextlib.contextmanager
 def new_results(path: str, what: str, form: str, version: int) -> Iterator[h5py.File]:
-    """`recording.hdf5.new_hdf5` in a folder that no other run writes to: what a killed process has left of the
-    same file is removed.
+    """`recording.hdf5.new_hdf5` in a folder that no other run writes to: what a killed process has left of
+    the same file is removed.
     """
     folder, name = os.path.split(os.path.abspath(path))
     for left in glob.glob(os.path.join(glob.escape(folder), f".{glob.escape(name)}.*.part")):
