@@ -14,7 +14,8 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ..parallel import on_root
-from . import pictures
+from ..recording.hdf5 import opened
+from . import pictures, run, sweep_file
 from .case import Case, case_from_text
 from .estimates import duration
 from .run import RESULTS, RunResults, read_run
@@ -44,12 +45,10 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
         )
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
-    try:
-        with h5py.File(name, "r") as file:
-            form = str(file.attrs.get("format", ""))
-    except OSError:
-        raise ValueError(f"results {name!r} are truncated or no HDF5 file") from None
-    return read_sweep(name) if form == "sbfem-petsc sweep" else read_run(name)
+    forms = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
+    with opened(name, "results file", forms) as file:
+        form = str(file.attrs["format"])
+    return read_sweep(name) if form == sweep_file.FORMAT else read_run(name)
 
 
 def described(results: RunResults | Sweep) -> str:

@@ -15,17 +15,19 @@ import sbfem_petsc as sb
 
 from ..errors import SolveError
 from ..parallel import collective
+from ..recording.hdf5 import opened
 from . import pictures
 from .case import Case, read_case
 from .folder import Folder
 from .objects import located
 from .problems import CaseError
 from .solve import Structure
-from .storage import opened, read_tree, replaced, write_json, write_tree
+from .storage import new_results, read_tree, write_json, write_tree
 from .summaries import Quantity, Tree, plain
 from .watch import Watch
 
-FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 1
+FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
+PART = f"{FORMAT} part"
 RESULTS, SUMMARY, PICTURES = "results.h5", "summary.json", "pictures"
 
 
@@ -174,8 +176,8 @@ class _Run:
         with collective(self.comm):
             if self.folder is None:
                 return
-            with replaced(self.folder.part(name)) as temporary, h5py.File(temporary, "w") as file:
-                file.attrs["format"], file.attrs["kind"] = f"{FORMAT} part", kind
+            with new_results(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
+                file.attrs["kind"] = kind
                 write_tree(file, tree)
             if kind in ("periodic", "modulation") and result.reduced is not None:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
@@ -225,15 +227,15 @@ class _Run:
                     },
                 }
             }
-            with replaced(os.path.join(self.path, RESULTS)) as temporary, h5py.File(temporary, "w") as file:
-                file.attrs.update({"format": FORMAT, "format_version": FORMAT_VERSION})
+            place = os.path.join(self.path, RESULTS)
+            with new_results(place, "results file", FORMAT, FORMAT_VERSION) as file:
                 write_case(file.create_group("case"), self.case)
                 file.attrs["run"] = json.dumps(summary["run"])
                 group = file.create_group("analyses", track_order=True)
                 for name in names:
                     if not self.folder.finished(name):
                         continue
-                    with h5py.File(self.folder.part(name), "r") as part:
+                    with opened(self.folder.part(name), "results file", {PART: FORMAT_VERSION}) as part:
                         part.copy(part, group, name)
                         tree = read_tree(part)
                     summary[name] = {"kind": names[name].kind, **plain(tree, f"/analyses/{name}")}
@@ -310,7 +312,7 @@ def read_run(path: str | os.PathLike[str]) -> RunResults:
     """
     name = os.fspath(path)
     name = os.path.join(name, RESULTS) if os.path.isdir(name) else name
-    with opened(name, FORMAT, "results file") as file:
+    with opened(name, "results file", {FORMAT: FORMAT_VERSION}) as file:
         trees = {analysis: read_tree(group) for analysis, group in file["analyses"].items()}
         return RunResults(
             name,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import os
 from collections.abc import Iterator
@@ -11,6 +12,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from ..recording.hdf5 import new_hdf5
 from .summaries import Quantity, Tree
 
 
@@ -29,6 +31,18 @@ def replaced(path: str) -> Iterator[str]:
     finally:
         if os.path.exists(temporary):
             os.remove(temporary)
+
+
+@contextlib.contextmanager
+def new_results(path: str, what: str, form: str, version: int) -> Iterator[h5py.File]:
+    """`recording.hdf5.new_hdf5` in a folder that no other run writes to: what a killed process has left of
+    the same file is removed.
+    """
+    folder, name = os.path.split(os.path.abspath(path))
+    for left in glob.glob(os.path.join(glob.escape(folder), f".{glob.escape(name)}.*.part")):
+        os.remove(left)
+    with new_hdf5(path, what, form, version) as file:
+        yield file
 
 
 def write_json(path: str, value: Any) -> None:
@@ -97,24 +111,3 @@ def read_tree(group: h5py.Group) -> Any:
         else:
             tree[name] = value
     return list(tree.values()) if group.attrs.get("list", False) else tree
-
-
-@contextlib.contextmanager
-def opened(path: str, form: str, kind: str) -> Iterator[h5py.File]:
-    """An HDF5 file of this package, open for reading.
-
-    Raises
-    ------
-    ValueError
-        If it is missing, broken or of another kind.
-    """
-    if not os.path.isfile(path):
-        raise ValueError(f"{kind} {path!r} does not exist")
-    try:
-        file = h5py.File(path, "r")
-    except OSError:
-        raise ValueError(f"{kind} {path!r} is truncated or no HDF5 file") from None
-    with file:
-        if file.attrs.get("format") != form:
-            raise ValueError(f"{path!r} is an HDF5 file of another kind, no {kind}")
-        yield file

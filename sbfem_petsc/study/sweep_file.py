@@ -13,12 +13,13 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..recording.hdf5 import opened
 from .case import Case
 from .rows import Row
 from .run import write_case
-from .storage import opened, replaced
+from .storage import new_results, replaced
 
-FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 1
+FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 2
 FILE, TABLE = "sweep.h5", "sweep.csv"
 # Entries up to which an array stands in the CSV file, a column each.
 WIDEST = 12
@@ -114,15 +115,8 @@ def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int
 
 def write(sweep: Sweep, case: Case, folder: str) -> None:
     """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-    with replaced(os.path.join(folder, FILE)) as temporary, h5py.File(temporary, "w") as file:
-        file.attrs.update(
-            {
-                "format": FORMAT,
-                "format_version": FORMAT_VERSION,
-                "version": sb.__version__,
-                "rows": len(sweep),
-            }
-        )
+    with new_results(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
+        file.attrs.update({"version": sb.__version__, "rows": len(sweep)})
         write_case(file.create_group("case"), case)
         text = h5py.string_dtype()
         # paths with dots and brackets are attributes: readers stumble over them in names
@@ -183,7 +177,7 @@ def read_sweep(path: str | os.PathLike[str]) -> Sweep:
     """
     name = os.fspath(path)
     name = os.path.join(name, FILE) if os.path.isdir(name) else name
-    with opened(name, FORMAT, "sweep file") as file:
+    with opened(name, "sweep file", {FORMAT: FORMAT_VERSION}) as file:
         values: dict[str, np.ndarray] = {}
         units: dict[str, str] = {}
 

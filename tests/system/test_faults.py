@@ -8,14 +8,17 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.study import rows
+from sbfem_petsc.study.run import read_run
 from sbfem_petsc.study.sweep_file import read_sweep
-from tests.parallel import ROOT, on_ranks
+from tests.parallel import ROOT, interruptible, kill_all, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
@@ -26,13 +29,19 @@ import os, sys, time, warnings
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from mpi4py import MPI
-kind, file, pause = sys.argv[1], sys.argv[2], float(sys.argv[3])
+kind, file, wait = sys.argv[1], sys.argv[2], sys.argv[3] == "wait"
 warnings.simplefilter("ignore")
 mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.001)]).mesh(order=1, face_edges=2)
 model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.02)
+told = 0
 def tell(done):
-    print(f"rank {MPI.COMM_WORLD.rank} is {os.getpid()} at {done}", flush=True)
-    time.sleep(pause)
+    "After four of them, where there is a signal to come, wait for it."
+    global told
+    told += 1
+    sys.stdout.write(f"rank {MPI.COMM_WORLD.rank} is {os.getpid()} at {done}\\n")
+    sys.stdout.flush()
+    if wait and told >= 4:
+        time.sleep(600)
 if kind == "branch":
     push = sb.PointForce("A", fy=10.0)
     found = sb.frequency_response(model, push, 700.0, 800.0, modes=4, steps=64, points=40, stability=False,
@@ -54,8 +63,25 @@ def begun(ranks, *arguments):
         command = ["mpiexec", "-n", str(ranks), *command]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
     return subprocess.Popen(
-        command, cwd=ROOT, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command,
+        cwd=ROOT,
+        env=environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=interruptible,
     )
+
+
+def full(size):
+    """For a child: no file can grow beyond so many bytes, as on a full disk."""
+
+    def limit():
+        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+
+    return limit
 
 
 def last(output: str) -> set[str]:
@@ -70,41 +96,52 @@ def undisturbed(tmp_path_factory):
     def make(kind, ranks):
         if (kind, ranks) not in found:
             file = str(folder / f"{kind}{ranks}.h5")
-            found[kind, ranks] = last(on_ranks(ranks, PROGRAM, kind, file, "0").stdout)
+            found[kind, ranks] = last(on_ranks(ranks, PROGRAM, kind, file, "go").stdout)
         return found[kind, ranks]
 
     return make
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("kind", ["branch", "history", "unreduced"])
+ENDS = [
+    (kind, ranks, number)
+    for kind in ("branch", "history", "unreduced")
+    for ranks in (1, 2)
+    for number in SIGNALS
+]
+ORDINARY = [("branch", 1, signal.SIGKILL)]  # those of histories stand beside their files
+
+
 @pytest.mark.parametrize(
-    "ranks, number", [(1, SIGNALS[0]), (1, SIGNALS[1]), (1, SIGNALS[2]), (2, SIGNALS[0])]
+    "kind, ranks, number",
+    [pytest.param(*end, marks=() if end in ORDINARY else pytest.mark.long) for end in ENDS],
 )
 def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
-    """On two ranks one of them is killed: both end. What is on disk is read, and the run goes on to the same
-    numbers.
+    """On two ranks one of them gets the signal: both end. What is on disk is read, and the run goes on to the
+    same numbers.
     """
     file = tmp_path / "run.h5"
-    process = begun(ranks, kind, file, 0.05)
+    process = begun(ranks, kind, file, "wait")
     victim, told = process.pid, 0
-    while told < 4 * ranks:
-        words = process.stdout.readline().split()
-        assert words, process.stderr.read()
-        told += words[:1] == ["rank"]
-        if ranks > 1 and words[:2] == ["rank", "1"]:
-            victim = int(words[3])
-    os.kill(victim, number)
-    process.communicate(timeout=60)
+    try:
+        while told < 4 * ranks:
+            words = process.stdout.readline().replace("\033[0m", "").split()
+            assert words, process.stderr.read()
+            told += words[:1] == ["rank"]
+            if ranks > 1 and words[:2] == ["rank", "1"]:
+                victim = int(words[3])
+        os.kill(victim, number)
+        process.communicate(timeout=60)
+    finally:
+        kill_all(process)
     assert process.returncode != 0
     read = sb.read_branch if kind == "branch" else sb.read_history
     with pytest.warns(sb.IncompleteHistory) if kind != "branch" else pytest.MonkeyPatch.context():
         part = read(file)
     assert not part.complete
-    assert last(on_ranks(ranks, PROGRAM, kind, str(file), "0").stdout) == undisturbed(kind, ranks)
+    assert last(on_ranks(ranks, PROGRAM, kind, str(file), "go").stdout) == undisturbed(kind, ranks)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_sweep_ended_and_resumed(number, tmp_path):
     """One line, no traceback, and the rows so far are not computed again."""
@@ -126,19 +163,70 @@ def test_sweep_ended_and_resumed(number, tmp_path):
         assert again.seconds[name] == row.seconds
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("size", [0, 700, 3000])
 def test_sweep_on_a_full_disk(size, tmp_path):
     """No file can grow beyond some bytes: one sentence; with room again the sweep is completed."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
-
-    def full():
-        signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
-        resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
-
     command = [sys.executable, "-m", "sbfem_petsc", "sweep", str(path), "--output", str(out), "--quiet"]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full, timeout=300)
+    done = subprocess.run(
+        command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full(size), timeout=120
+    )
     assert done.returncode != 0
     assert "Traceback" not in done.stderr and "error:" in done.stderr
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
     assert np.isfinite(read_sweep(out).values["frequencies/frequencies"]).all()
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A finished history, branch, sweep and run: a file of each, and what reads it."""
+    folder = tmp_path_factory.mktemp("files")
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.001)]).mesh(order=1, face_edges=2)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.02)
+    push = sb.PointForce("A", fy=10.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        burst = sb.PointForce("A", fy=sb.Harmonic(10.0, 700.0))
+        sb.transient(model, burst, 2e-3, 1e-5, modes=4, file=folder / "h.h5")
+        sb.frequency_response(
+            model, push, 700.0, 710.0, modes=4, steps=64, points=6, stability=False, file=folder / "b.h5"
+        )
+    path = written(folder, CASE + SWEEP)
+    assert sbfem("sweep", path, "--output", folder / "sweep", "--quiet").code == 0
+    assert sbfem("run", path, "--output", folder / "run", "--quiet").code == 0
+    return {
+        "history": (folder / "h.h5", sb.read_history),
+        "branch": (folder / "b.h5", sb.read_branch),
+        "sweep": (folder / "sweep" / "sweep.h5", read_sweep),
+        "run": (folder / "run" / "results.h5", read_run),
+    }
+
+
+@pytest.mark.parametrize("kind", ["history", "branch", "sweep", "run"])
+def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
+    """Whatever bit has changed, and wherever the end is missing: a sentence."""
+    path, read = files[kind]
+    data, copy, generator = path.read_bytes(), tmp_path / path.name, np.random.default_rng(1)
+    copy.write_bytes(data)
+    read(copy)
+    for place in generator.integers(len(data), size=60):
+        changed = bytearray(data)
+        changed[place] ^= 1 << int(generator.integers(8))
+        copy.write_bytes(changed)
+        with pytest.raises(ValueError, match="damaged|lost its checksum|no HDF5|checksum"):
+            read(copy)
+    for length in generator.integers(len(data), size=20):
+        copy.write_bytes(data[:length])
+        with pytest.raises(ValueError, match="truncated|damaged|lost its checksum"):
+            read(copy)
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, where not even root can write")
+@pytest.mark.parametrize("command", ["run", "sweep", "report", "export"])
+def test_folder_that_takes_no_files(command, files, tmp_path):
+    """One sentence, no traceback."""
+    source = written(tmp_path, CASE + SWEEP) if command in ("run", "sweep") else files["run"][0]
+    formats = ["--csv"] if command == "export" else []
+    done = sbfem(command, source, *formats, "--output", "/proc/out")
+    assert done.code == 2 and done.err.count("error:") == 1 and "/proc" in done.err

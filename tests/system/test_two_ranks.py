@@ -1,0 +1,109 @@
+"""Two ranks: whatever one of them is given, whether it takes part or not, no rank hangs and no result is a
+mixture.
+"""
+
+import json
+
+import pytest
+
+from tests.parallel import ROOT, on_ranks
+
+pytestmark = pytest.mark.long
+
+# What rank 1 does instead of calling -> what is told.
+INSTEAD = {
+    "pass": "rank 1 has ended",
+    "sys.exit(3)": "rank 1 of 2 has left by sys.exit(3)|rank 1 has ended",
+    "raise RuntimeError('my own mistake')": "my own mistake",
+    "sb.Material(-1.0, 0.3, 1.0)": "young = -1.0",
+    "sb.modal(examples.model(), 1)": "RanksDiffer",
+}
+ANALYSES = {
+    "Model": 0,
+    "modal": 0,
+    "static": 0,
+    "load_history": 0,
+    "transient": 1,
+    "periodic": 1,
+    "frequency_response": 1,
+    "load_response": 1,
+    "reduce": 0,
+}
+PROGRAM = """
+import os, sys, tempfile, warnings
+warnings.simplefilter("ignore")
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.fuzz import examples
+os.chdir(tempfile.mkdtemp())
+owner, call, ready = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "ready"
+if ready:
+    examples.model()
+if MPI.COMM_WORLD.rank == 0:
+    getattr(sb, owner)(**examples.CALLS[owner][call]())
+else:
+    INSTEAD
+"""
+# Each half has a model of its own, with other numbers; the frequencies are those of one rank alone.
+HALVES = """
+import os, sys, tempfile, warnings
+warnings.simplefilter("ignore")
+import sbfem_petsc as sb
+from mpi4py import MPI
+from tests.fuzz import examples
+world = MPI.COMM_WORLD
+half = world.Split(world.rank) if sys.argv[3] == "split" else MPI.COMM_SELF
+os.chdir(tempfile.mkdtemp())
+owner, call = sys.argv[1], int(sys.argv[2])
+steel = sb.Material(70e9, 0.33, 2700 * (1 + world.rank))
+model = lambda: sb.Model(examples.mesh(), steel, damping=0.02, comm=half)
+if owner != "Model":
+    getattr(sb, owner)(**{**examples.CALLS[owner][call](), "model": model()})
+found = world.allgather(sb.modal(model(), 1).frequencies[0])
+assert abs(found[0] / found[1] / 2**0.5 - 1.0) < 1e-9, found
+sys.stdout.write("fine\\n")
+"""
+
+
+def test_every_argument_on_one_rank():
+    """Each with another and a wrong value: both ranks have the same sentence, or the same result."""
+    told, mixtures, hangs, first = 0, [], [], 0
+    while True:
+        done = on_ranks(2, ROOT / "tests/system/two_ranks.py", str(first), check=False, timeout=600)
+        lines = [line for line in done.stdout.replace("\033[0m", "").splitlines() if line.startswith("{")]
+        begun = ended = None
+        for entry in map(json.loads, lines):
+            if "begun" in entry:
+                begun = entry
+                continue
+            ended, told = entry, told + 1
+            if not entry["same"]:
+                mixtures.append((begun["case"], entry["said"]))
+        if done.returncode == 0:
+            break
+        assert begun is not None and (ended is None or ended["ended"] < begun["begun"]), done.stderr
+        hangs.append((begun["case"], done.stderr[-2000:]))
+        first = begun["begun"] + 1
+    assert not hangs and not mixtures
+    assert told > 80
+
+
+@pytest.mark.parametrize("instead", INSTEAD)
+@pytest.mark.parametrize("owner", ANALYSES)
+def test_rank_that_does_not_call(owner, instead):
+    """Both end with a sentence, from the first call of the package on and later."""
+    if owner == "modal" and "modal" in instead:
+        instead = "sb.static(examples.model(), examples.PUSH)"
+    program = PROGRAM.replace("INSTEAD", instead)
+    ready = "new" if owner == "Model" else "ready"
+    done = on_ranks(2, program, owner, str(ANALYSES[owner]), ready, check=False, timeout=60)
+    assert done.returncode != 0, done.stdout + done.stderr
+    said = INSTEAD.get(instead, "RanksDiffer").split("|")
+    assert any(words in done.stderr for words in said), done.stderr
+
+
+@pytest.mark.parametrize("kind", ["split", "self"])
+@pytest.mark.parametrize("owner", ANALYSES)
+def test_communicators_of_their_own(owner, kind):
+    done = on_ranks(2, HALVES, owner, str(ANALYSES[owner]), kind, timeout=60)
+    assert done.stdout.count("fine") == 2
