@@ -14,7 +14,7 @@ from .fields import plot_contact, plot_crack, plot_modes
 from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
-from .tones import plot_backbone, plot_lines
+from .tones import plot_backbone, plot_lines, plot_sidebands
 
 __all__ = [
     "Panel",
@@ -32,6 +32,7 @@ __all__ = [
     "plot_modes",
     "plot_multipliers",
     "plot_orbit",
+    "plot_sidebands",
     "plot_spectra",
     "save_picture",
 ]
