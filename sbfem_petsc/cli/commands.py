@@ -22,8 +22,7 @@ def _say(options: Options, comm: Any, text: str) -> None:
 
 def _answer(comm: Any, value: Any) -> None:
     if comm.rank == 0:
-        json.dump(value, sys.stdout, indent=1, allow_nan=False)
-        print(flush=True)
+        print(json.dumps(value, indent=1, allow_nan=False), flush=True)
 
 
 def _case(options: Options, comm: Any) -> Case:

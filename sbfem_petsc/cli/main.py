@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
+import warnings
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from ..command_line import start_petsc, wrong_option
 from .parser import make_parser, split
+
+# numba would colour its messages by colorama, which writes a code behind the answer of a command
+os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 FAILED, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
 
@@ -41,8 +46,15 @@ def _guarded(options) -> int:
     from . import commands
 
     comm = MPI.COMM_WORLD
+
+    def warn(message: Any, *_: Any, **__: Any) -> None:
+        if comm.rank == 0:
+            sys.stderr.write(f"warning: {message}\n")
+
     try:
-        return int(getattr(commands, options.command)(options, comm))
+        with warnings.catch_warnings():
+            warnings.showwarning = warn
+            return int(getattr(commands, options.command)(options, comm))
     except KeyboardInterrupt:
         return _ended(
             comm, "interrupted; the same command goes on where it was", INTERRUPTED, everywhere=False

@@ -15,7 +15,7 @@ from .histories import Panel, plot_histories, plot_history, plot_load_history, p
 from .loci import plot_loci
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
-from .tones import plot_backbone, plot_lines
+from .tones import plot_backbone, plot_lines, plot_sidebands
 
 __all__ = [
     "Panel",
@@ -34,6 +34,7 @@ __all__ = [
     "plot_modes",
     "plot_multipliers",
     "plot_orbit",
+    "plot_sidebands",
     "plot_spectra",
     "save_picture",
 ]

@@ -10,6 +10,7 @@ from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..analysis.backbone import Backbone
 from ..analysis.quasi_periodic import QuasiPeriodic
+from ..indicators import Sidebands
 from ..parallel import on_root
 from ..petsc import MPI
 from .branches import DASHED
@@ -138,6 +139,69 @@ def _line_name(m: int, n: int) -> str:
     for count, tone in parts[1:]:
         text += f" {'−' if count < 0 else '+'} {times(count, tone)}"
     return text
+
+
+def plot_sidebands(
+    sidebands: Sidebands | Mapping[str, Sidebands],
+    *,
+    title: str = "",
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw a carrier and its sidebands as stems over their frequencies. Collective.
+
+    Parameters
+    ----------
+    sidebands : Sidebands or dict of str to Sidebands
+        On rank 0 at least.
+    title : str
+    comm : mpi4py communicator, optional
+        Default: MPI.COMM_WORLD.
+
+    Returns
+    -------
+    Axes on rank 0, None elsewhere; `save_picture` writes them
+    """
+    named = {"": sidebands} if isinstance(sidebands, Sidebands) else sidebands
+    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_sidebands(named, title))
+
+
+def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
+    if not sidebands:
+        raise ValueError("plot_sidebands: no sidebands are given")
+    heights = {name: np.abs([*s.lower[::-1], s.centre, *s.upper]) for name, s in sidebands.items()}
+    top = max(float(h.max()) for h in heights.values())
+    if not top > 0.0:
+        raise ValueError("plot_sidebands: there is neither a carrier nor a sideband")
+    factor, unit = length_unit(top)
+    along, name_of_unit = frequency_unit(max(s.carrier for s in sidebands.values()))
+    least = min(float(h[h > ROUND_OFF * top].min()) for h in heights.values())
+    floor = factor * 10.0 ** np.floor(np.log10(0.7 * least))
+    drawing = figure(2.9)
+    axes = drawing.subplots()
+    for k, (name, found) in enumerate(sidebands.items()):
+        colour, marker, height = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)], heights[name] * factor
+        order = np.arange(len(height)) - len(height) // 2
+        x = (found.carrier + order * found.modulation) * along
+        axes.vlines(x, floor, height, color=colour, linewidth=1.4)
+        axes.plot(x, height, linestyle="none", marker=marker, markersize=4, color=colour, label=name or "_")
+        if k:
+            continue
+        for at, level, n in zip(x, height, order):
+            words = "carrier" if n == 0 else f"{'+' if n > 0 else '−'}{abs(n)}"
+            axes.annotate(
+                words, (at, level), xytext=(0, 5), textcoords="offset points", fontsize=7, ha="center"
+            )
+    axes.set(yscale="log", ylim=(floor, 8.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
+    axes.set_ylabel(f"amplitude ({unit})")
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.set_title(title, fontsize=8, loc="left")
+    if any(sidebands):
+        axes.legend(fontsize=7, frameon=False, loc="upper right")
+    style(axes)
+    return axes
 
 
 def plot_backbone(

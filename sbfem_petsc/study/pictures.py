@@ -9,6 +9,7 @@ from .. import plot
 from ..parallel import on_root
 from ..results.vtu import write_modes, write_vtu
 from .case import Case
+from .solve import modulation
 
 # Cracks of a model that are drawn.
 MOST_CRACKS = 4
@@ -40,7 +41,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "load_history": _load_history,
             "transient": _transient,
             "periodic": _periodic,
-            "modulation": _periodic,
+            "modulation": _modulation,
             "frequency_response": _branch,
             "load_response": _branch,
             "quasi_periodic": _lines,
@@ -115,6 +116,14 @@ def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None
         _save(plot.plot_orbit(result, point, comm=comm), f"{stem}_orbit.png", comm)
     if len(result.multipliers):
         _save(plot.plot_multipliers(result, comm=comm), f"{stem}_multipliers.png", comm)
+
+
+def _modulation(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    table, comm = case.tables.analyses[name], _communicator(model)
+    found = modulation(table, result)["sidebands"]
+    title = f"$u_{table.direction}$({table.point}), modulation index {found.modulation_index:.3g}"
+    _save(plot.plot_sidebands({name: found}, title=title, comm=comm), f"{stem}_sidebands.png", comm)
+    _periodic(case, name, result, model, stem)
 
 
 def _branch(case: Case, name: str, result: Any, model: Any, stem: str) -> None:

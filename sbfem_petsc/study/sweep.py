@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,13 +19,12 @@ from .case import Case, read_case
 from .figures import figures
 from .folder import Folder
 from .rows import Row
+from .shares import Costs, Shares
 from .solve import Structure
 from .sweep_file import Sweep, read_sweep, together, write
 from .watch import Watch, watch_for
 
 __all__ = ["Sweep", "read_sweep", "sweep"]
-# Pieces of work for each group of ranks, at least: the last ones to end should be short.
-PIECES = 8
 
 
 def sweep(
@@ -149,7 +148,7 @@ class _Sweeping:
         self.inputs = paths.rows(self.table)
         self.names = self.table.analyses or list(case.tables.analyses)
         self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
-        self.groups = comm.size // self.table.ranks_per_row
+        self.costs = Costs()
         self.file = os.path.join(self.folder, f"{comm.rank // self.table.ranks_per_row:05d}.rows")
         self.healthy: dict[str, np.ndarray] = {}
 
@@ -163,10 +162,11 @@ class _Sweeping:
         finished = set(comm.bcast(done))
         total = len(self.inputs)
         self.watch.stage(f"{total} rows, {len(finished)} of them finished before")
-        pieces = self._pieces(finished)
+        alike = self._alike(finished)
         try:
-            for k in _shared(comm, self.group, len(pieces)):
-                self._piece(pieces[k], total)
+            with Shares(comm, self.group, [len(numbers) for numbers in alike]) as shares:
+                while (place := shares.structure(self.costs)) is not None:
+                    self._structure(alike[place], shares, place, total)
         finally:
             if not alone(comm):
                 self.group.Free()
@@ -179,27 +179,22 @@ class _Sweeping:
         result: Sweep = comm.bcast(table)
         return result
 
-    def _pieces(self, finished: set[int]) -> list[list[int]]:
-        """Rows that are not finished, those of one structure together, none of the pieces too long."""
-        longest = max(1, len(self.inputs) // (PIECES * self.groups))
-        alike: dict[tuple, list[int]] = {}
+    def _alike(self, finished: set[int]) -> list[list[int]]:
+        """Rows that are not finished, those of one structure together."""
+        found: dict[tuple, list[int]] = {}
         for k, row in enumerate(self.inputs):
             if k not in finished:
-                alike.setdefault(paths.structural(row), []).append(k)
-        return [
-            numbers[first : first + longest]
-            for numbers in alike.values()
-            for first in range(0, len(numbers), longest)
-        ]
+                found.setdefault(paths.structural(row), []).append(k)
+        return list(found.values())
 
-    def _piece(self, numbers: list[int], total: int) -> None:
-        """Rows of one structure."""
+    def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:
+        """Rows of one structure, as long as no other group has taken them."""
         structure: Structure | None = None
         reason = ""
         modal: dict[str, Any] = {}
         try:
-            for number in numbers:
-                began = time.monotonic()
+            while (taken := shares.row(place)) is not None:
+                number, began, first = numbers[taken], time.monotonic(), structure is None
                 values: dict[str, tuple[Any, str]] = {}
                 if not reason or structure is not None:
                     try:
@@ -209,17 +204,19 @@ class _Sweeping:
                         values, reason = self._row(case, number, structure, modal), ""
                     except Exception as error:  # a row that fails must not end the others
                         reason = _reason(error)
+                seconds = time.monotonic() - began
+                self.costs.add(seconds, first)
                 row = Row(
                     number,
                     reason,
-                    time.monotonic() - began,
+                    seconds,
                     {name: np.asarray(value) for name, (value, _) in values.items()},
                     {name: unit for name, (_, unit) in values.items()},
                 )
                 if self.group.rank == 0:
                     row_files.append(self.file, row)
                 if self.comm.rank == 0:
-                    self.watch.fraction(min(1.0, row_files.count(self.folder) / total))
+                    self.watch.fraction(1.0 - shares.left().sum() / total)
         finally:
             if structure is not None:
                 structure.destroy()
@@ -285,30 +282,3 @@ def _shift(cracked: np.ndarray, healthy: np.ndarray) -> np.ndarray:
 def _reason(error: Exception) -> str:
     expected = isinstance(error, (ValueError, KeyError, SolveError))
     return str(error) if expected else f"{type(error).__name__}: {error}"
-
-
-def _shared(comm: Any, group: Any, count: int) -> Iterator[int]:
-    """Numbers from 0 below `count`, each for one group: whoever is free takes the next. Collective."""
-    from mpi4py import MPI
-
-    window = MPI.Win.Allocate(8 if comm.rank == 0 else 0, 8, comm=comm)
-    if comm.rank == 0:
-        counter: Any = window.tomemory()
-        np.frombuffer(counter, dtype=np.int64)[:] = 0
-    comm.Barrier()
-    one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
-    try:
-        while True:
-            if group.rank == 0:
-                window.Lock(0, MPI.LOCK_SHARED)
-                window.Fetch_and_op(one, found, 0, 0, MPI.SUM)
-                window.Unlock(0)
-            number = int(group.bcast(int(found[0]) if group.rank == 0 else None))
-            if number >= count:
-                break
-            yield number
-    finally:
-        # an error on one rank alone ends the program; waiting for the others here would hide it
-        if not alone(comm):
-            comm.Barrier()
-            window.Free()

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import os
 import pathlib
 import subprocess
 import sys
@@ -120,6 +121,8 @@ def started(*arguments) -> subprocess.Popen:
     return subprocess.Popen(
         [sys.executable, "-m", "sbfem_petsc", *map(str, arguments)],
         cwd=ROOT,
+        # without a daemon of Open MPI's beside it, which outlives a process that is killed
+        env={**os.environ, "OMPI_MCA_ess_singleton_isolated": "1"},
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,

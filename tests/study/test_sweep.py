@@ -16,6 +16,7 @@ from sbfem_petsc import indicators
 from sbfem_petsc.study import parameters, rows
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.rows import Row
+from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.solve import Structure
 from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import on_ranks
@@ -104,6 +105,16 @@ def test_paths():
     for wrong in ("", "a..b", "[0]", "a[x]", ".a", "a b"):
         with pytest.raises(ValueError, match="is no path"):
             parameters.parsed(wrong)
+
+
+def test_worth_joining():
+    """Half of the rows that are left must take longer than the structure to make."""
+    costs = Costs()
+    assert not costs.worth_joining(100)  # nothing is known yet
+    costs.add(2.0, True)
+    assert costs.worth_joining(1) and not costs.worth_joining(0)  # rows are all that structures cost
+    costs.add(0.5, False)
+    assert costs.worth_joining(7) and not costs.worth_joining(6)  # 7 / 2 * 0.5 > 2.0 - 0.5
 
 
 # ---------------------------------------------------------------------- numbers
@@ -209,12 +220,32 @@ def test_killed_and_resumed(found, tmp_path):
         )
 
 
+JOINING = """
+import time
+from mpi4py import MPI
+from sbfem_petsc.cli import main
+from sbfem_petsc.study.shares import Costs, Shares
+comm, taken, costs = MPI.COMM_WORLD, [], Costs()
+costs.add(0.02, True)
+with Shares(comm, MPI.COMM_SELF, [9]) as shares:
+    while (place := shares.structure(costs)) is not None:
+        while (row := shares.row(place)) is not None:
+            taken.append(row)
+            time.sleep(0.02)
+    comm.Barrier()
+    assert not shares.left().any()
+each = comm.allgather(taken)
+assert sorted(sum(each, [])) == list(range(9)) and min(map(len, each)) >= 3, each
+"""
+
+
 def test_two_ranks(found, tmp_path):
-    """Two groups of a rank each share the rows; every row once, one rank's numbers."""
+    """Two groups of a rank each share the rows, those of one structure too where that saves time; every row
+    once, one rank's numbers.
+    """
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
     words = ["sweep", str(path), "--output", str(out), "--json"]
-    script = f"from sbfem_petsc.cli import main; main({words!r})"
-    done = on_ranks(2, script)
+    done = on_ranks(2, f"{JOINING}\nmain({words!r})")
     assert json.loads(done.stdout)["failed"] == 0
     assert len(list((out / "rows").iterdir())) == 2  # both had rows
     assert rows.count(str(out / "rows")) == 6
@@ -248,7 +279,6 @@ def test_structures_are_shared(tmp_path, monkeypatch):
         "solve",
         lambda self, case, name, **o: (solved.append(name), solve(self, case, name, **o))[1],
     )
-    monkeypatch.setattr("sbfem_petsc.study.sweep.PIECES", 1)
     found = sb.sweep(case_from_text(CASE + SWEEP), output=tmp_path / "out", comm=MPI.COMM_SELF)
     assert len(found) == 6 and not found.failed
     assert len(made) == 3

@@ -1,0 +1,113 @@
+"""Who computes which row of a sweep: counters on one rank that all groups of ranks take numbers from."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from ..parallel import alone
+
+
+class Costs:
+    """What rows have taken so far on this rank: the first one of a structure, with mesh, model and reduction,
+    and further ones.
+    """
+
+    def __init__(self) -> None:
+        self._first: list[float] = []
+        self._further: list[float] = []
+
+    def add(self, seconds: float, first: bool) -> None:
+        """Note what a row took."""
+        (self._first if first else self._further).append(seconds)
+
+    def worth_joining(self, left: int) -> bool:
+        """Whether it saves time to make a structure once more for half of the rows that another group has
+        left of it.
+        """
+        if left == 0 or not self._first:
+            return False
+        first = float(np.mean(self._first))
+        row = float(np.mean(self._further)) if self._further else first
+        return 0.5 * left * row > max(first - row, 0.0)
+
+
+class Shares:
+    """Rows of structures, each for one group of ranks. Collective to make and to leave.
+
+    Whoever is free takes a structure that nobody has begun, so that each is made once; when there is none
+    left, rows of a structure that others are at work on, if that saves time.
+
+    Parameters
+    ----------
+    comm : Comm
+        All ranks; the counters are on the first.
+    group : Comm
+        Ranks that compute a row together.
+    rows : sequence of int
+        Number of rows of each structure, the same on all ranks.
+    """
+
+    def __init__(self, comm: Any, group: Any, rows: Sequence[int]):
+        from mpi4py import MPI
+
+        self.comm, self.group = comm, group
+        self._rows = np.array(rows, dtype=np.int64)
+        # the number of structures begun, then of rows taken of each
+        count = 1 + len(rows)
+        self._window = MPI.Win.Allocate(8 * count if comm.rank == 0 else 0, 8, comm=comm)
+        if comm.rank == 0:
+            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+        comm.Barrier()
+
+    def __enter__(self) -> Shares:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        # an error on one rank alone ends the program; waiting for the others here would hide it
+        if not alone(self.comm):
+            self.comm.Barrier()
+            self._window.Free()
+
+    def structure(self, costs: Costs) -> int | None:
+        """Number of a structure to work on; None when nothing is left that is worth it. Collective over the
+        group.
+        """
+        found = None
+        if self.group.rank == 0:
+            found = self._taken(0)
+            if found >= len(self._rows):
+                left = self.left()
+                found = int(left.argmax()) if len(left) else None
+                if found is not None and not costs.worth_joining(int(left[found])):
+                    found = None
+        return self.group.bcast(found)
+
+    def row(self, structure: int) -> int | None:
+        """Number of a row, from 0, that nobody has taken of a structure; None if there is none. Collective
+        over the group.
+        """
+        found = self._taken(1 + structure) if self.group.rank == 0 else None
+        found = int(self.group.bcast(found))
+        return found if found < self._rows[structure] else None
+
+    def left(self) -> np.ndarray:
+        """Number of rows of each structure that nobody has taken."""
+        from mpi4py import MPI
+
+        counters = np.empty(1 + len(self._rows), dtype=np.int64)
+        self._window.Lock(0, MPI.LOCK_SHARED)
+        self._window.Get(counters, 0)
+        self._window.Unlock(0)
+        return np.maximum(self._rows - counters[1:], 0)
+
+    def _taken(self, counter: int) -> int:
+        from mpi4py import MPI
+
+        one, found = np.ones(1, dtype=np.int64), np.empty(1, dtype=np.int64)
+        self._window.Lock(0, MPI.LOCK_SHARED)
+        self._window.Fetch_and_op(one, found, 0, counter, MPI.SUM)
+        self._window.Unlock(0)
+        return int(found[0])
