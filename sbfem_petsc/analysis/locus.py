@@ -71,8 +71,8 @@ def locus(
             )
         if bifurcation.kind == "fold" and abs(bifurcation.multiplier - 1.0) > SMOOTH:
             raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to touch, "
-                "and no multiplier is 1 there; give a smooth fold"
+                f"locus: bifurcation = {bifurcation!r} is a corner of the branch, where a pair begins to "
+                "touch, and no multiplier is 1 there; give a smooth fold"
             )
         if bifurcation.state.shape != branch.states.shape[1:]:
             raise ValueError(

@@ -172,7 +172,8 @@ class _Follower:
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, near: complex) -> _Point:
         """The locus' point in the plane through a guess across a direction."""
-        y, slopes, known = guess.copy(), None, None
+        y, slopes = guess.copy(), None
+        known: tuple[np.ndarray, float] = (guess, 0.0)
         for iteration in range(1, ITERATIONS + 1):
             actual = y * self.units
             if not (actual[-2] > 0.0 and actual[-1] >= 0.0):

@@ -60,8 +60,8 @@ def plot_loci(
                 linewidth=1.2,
                 label=kind if number == 0 else None,
             )
-    axes.set(xlabel="forcing frequency, Hz", ylabel=label or f"factor on the {names.pop()}", title=title)
-    axes.title.set_size(9)
+    axes.set(xlabel="forcing frequency, Hz", ylabel=label or f"factor on the {names.pop()}")
+    axes.set_title(title, fontsize=9)
     axes.legend(fontsize=7, frameon=False)
     style(axes)
     return axes

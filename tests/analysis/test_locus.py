@@ -42,6 +42,7 @@ def test_ends_stand_on_curves_of_one_parameter(curve, factor):
             assert abs(abs(line.multiplier[end]) - 1.0) < 1e-5
             frequency = line.frequency[end]
             found = [b.value for b in of_kind(other, kind)]
+            assert np.abs(np.array(found) / frequency - 1.0).min() < (1e-4 if kind == "fold" else 2e-5)
 
 
 @pytest.mark.slow
