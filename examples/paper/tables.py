@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
@@ -43,9 +45,18 @@ def displacements(
     """(3, 2): displacements of A, B and C, m."""
     solved = bench.once(
         ("static", force, method, case, *sorted(mesh.items())),
-        lambda: sb.static(bench.model(case, **mesh), push(force), method=method),
+        lambda: _static(bench.model(case, **mesh), force, method),
     )
     return np.array([solved.displacement(name) for name in POINTS])
+
+
+def _static(model: sb.Model, force: float, method: str) -> sb.Static:
+    """Without the warning that contact at 1 N is shorter than the tip's S-element: the table says how far the
+    displacements are off.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", sb.MeshWarning)
+        return sb.static(model, push(force), method=method)
 
 
 def static_table(number: int):

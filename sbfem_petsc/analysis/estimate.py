@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer, positive
+from ..checks import integer, real
 from ..errors import SolveError, on_all_ranks
 from ..system.model import Model
 from ..system.resolution import MeshWarning
@@ -20,6 +20,8 @@ from ..system.resolution import MeshWarning
 ORDERS, CELLS, TIPS, FACES = 2, 0.75, 0.4, 1.5
 # Changes are taken to fall no faster than to this part of the one before.
 FASTEST = 0.3
+# Relative errors that may be asked for.
+FINEST, COARSEST = 1e-9, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,11 @@ class Estimate:
             f"Estimate({verdict}: relative error {self.error:.2g} with {self.levels[-1]!r} after "
             f"{len(self.levels)} levels; the first one was off by {self.first_error:.2g})"
         )
+
+
+def checked_accuracy(owner: str, accuracy: float) -> float:
+    """A relative error that discretisations can be asked for; TypeError or ValueError otherwise."""
+    return real(owner, "accuracy", accuracy, least=FINEST, most=COARSEST)
 
 
 def estimate(
@@ -223,7 +230,7 @@ def refined(
         That of `solve` on it.
     estimate : Estimate
     """
-    positive(owner, "accuracy", accuracy)
+    accuracy = checked_accuracy(owner, accuracy)
     integer(owner, "levels", levels, least=2, most=8)
     mesh, options = dict(mesh or {}), dict(options or {})
     if first is not None:

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import flag, integer, numbers_of, positive, real, shown
+from ..checks import flag, integer, numbers_of, real, shown
 from ..parallel import agree, collective
 from ..system.model import Model
 from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
 from ..system.resolution import warn_of_modes
-from .estimate import refined
+from .estimate import checked_accuracy, refined
 
 # No structure has a frequency beyond, Hz.
 HIGHEST = 1e30
@@ -71,7 +71,7 @@ def modal(
     with collective(model.comm):
         band = _checked_request(model, count, band, auxiliary_tolerance, verify)
         if accuracy is not None:
-            positive("modal", "accuracy", accuracy)
+            accuracy = checked_accuracy("modal", accuracy)
     agree(
         model.comm,
         "modal",

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import choice, flag, positive, shown
+from ..checks import choice, flag, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import RoundOffWarning, SolveError, on_all_ranks
 from ..loads import as_loads, separate
@@ -17,7 +17,7 @@ from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.resolution import MeshWarning
-from .estimate import refined
+from .estimate import checked_accuracy, refined
 from .static_result import Static
 
 # Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
@@ -74,7 +74,7 @@ def static(
         solve = _METHODS[choice("static", "method", method, _METHODS)]
         model.checked_loads(load)
         if accuracy is not None:
-            positive("static", "accuracy", accuracy)
+            accuracy = checked_accuracy("static", accuracy)
     agree(model.comm, "static", load=load, contact=contact, method=method, accuracy=accuracy)
     model.require_support("static")
     warn_of_idle_loads("static", model, separate(load)[0])

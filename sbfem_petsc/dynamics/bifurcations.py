@@ -15,6 +15,8 @@ from .stability import Multipliers, multipliers
 
 # How far along the arc between two points a bifurcation is located.
 FINE = 5e-3
+# A located multiplier this near the unit circle has passed it there.
+RESOLVED = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,9 +210,11 @@ def _crossing(
     point, one, other = _root(continuation, first, second, excess, ends)
     found = known.get(id(point)) or (before if point is first else after)
     value = complex(found.values[rank])
+    # a jump over the circle between two points that touch differently, finer than bifurcations are located
+    unresolved = abs(abs(value) - 1.0) > RESOLVED and (_touching(first) != _touching(second)).any()
     kind = (
         "grazing"
-        if (_touching(one) != _touching(other)).any()
+        if (_touching(one) != _touching(other)).any() or unresolved
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"

@@ -357,7 +357,7 @@ def test_start_from_a_neighbour(case_p):
     """
     model, orbit = case_p
     fresh = sb.periodic(orbit.reduced, FORCE, 3001.0, stability=False)
-    warm = sb.periodic(model, FORCE, 3001.0, start=orbit, stability=False)
+    warm = sb.periodic(model, FORCE, 3001.0, start=orbit, stability=False, jacobian="dense")
     assert warm.iterations <= 6 and warm.reduced is orbit.reduced
     assert sb.periodic(model, FORCE, 3000.0, start=orbit, stability=False).iterations <= 1
     assert np.linalg.norm(warm.state - fresh.state) < 1e-8 * np.linalg.norm(fresh.state)

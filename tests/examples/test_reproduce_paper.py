@@ -162,6 +162,8 @@ def test_part_that_fails(tmp_path, ranks):
         "eq1",
         "table6",
         "--no-pictures",
+        "-modal_eps_tol",
+        "1e-30",
         "-modal_eps_max_it",
         "1",
         ranks=ranks,

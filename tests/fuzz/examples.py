@@ -64,6 +64,12 @@ def motion() -> sb.History:
     return sb.transient(model(), PUSH, 1e-5, 1e-5, modes=6)
 
 
+def locus():
+    """Two points of a line of folds, made up."""
+    states = np.ones((2, 2))
+    return sb.Locus("fold", "load", TIME[1:3], TIME[1:3], states, np.ones(2, complex), ("begin", "end"))
+
+
 @functools.cache
 def branch() -> sb.Branch:
     return sb.frequency_response(oscillator(), 100.0, 20.0, 20.2, steps=64, points=40)
@@ -141,8 +147,12 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "modal": [
         lambda: {"model": model(), "count": 3, "auxiliary_tolerance": 1e-5, "verify": True},
         lambda: {"model": model(), "band": (10.0, 5000.0)},
+        lambda: {"model": model(), "count": 1, "accuracy": 0.0},
     ],
-    "static": [lambda: {"model": model(), "load": PUSH, "contact": True, "method": "active_set"}],
+    "static": [
+        lambda: {"model": model(), "load": PUSH, "contact": True, "method": "active_set"},
+        lambda: {"model": model(), "load": PUSH, "accuracy": 0.0},
+    ],
     "load_history": [lambda: {"model": model(), "load": PUSH, "time": [0.0, 1.0], "contact": True}],
     "transient": [
         lambda: {
@@ -244,7 +254,17 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         },
     ],
     "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1}],
-    "locus": [lambda: {"branch": branch(), "bifurcation": None, "start": 0.5, "stop": 2.0, "points": 3}],
+    "locus": [
+        lambda: {
+            "branch": branch(),
+            "bifurcation": None,
+            "start": 0.5,
+            "stop": 2.0,
+            "parameter": "load",
+            "points": 3,
+            "progress": None,
+        },
+    ],
     "quasi_periodic": [
         lambda: {
             "model": oscillator(),
@@ -356,6 +376,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Orbit": orbit,
     "Branch": branch,
     "Backbone": backbone,
+    "Locus": locus,
     "QuasiPeriodic": quasi_periodic,
     "ReducedModel": oscillator,
     "Model": model,
@@ -409,6 +430,9 @@ INTERNAL = {
         "scales",
         "spring_triples",
         "places",
+        "mesh_options",
+        "named_materials",
+        "remade",
         "damping_ratios",
         "destroy",
     },
