@@ -59,7 +59,8 @@ class Shares:
         count = 1 + len(rows)
         self._window = MPI.Win.Allocate(8 * count if comm.rank == 0 else 0, 8, comm=comm)
         if comm.rank == 0:
-            np.frombuffer(self._window.tomemory(), dtype=np.int64)[:] = 0
+            counters: Any = self._window.tomemory()
+            np.frombuffer(counters, dtype=np.int64)[:] = 0
         comm.Barrier()
 
     def __enter__(self) -> Shares:
