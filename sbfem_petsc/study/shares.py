@@ -59,8 +59,8 @@ class Shares:
         count = 1 + len(rows)
         self._window = MPI.Win.Allocate(8 * count if comm.rank == 0 else 0, 8, comm=comm)
         if comm.rank == 0:
-            memory: Any = self._window.tomemory()  # mpi4py's buffer, which NumPy's types do not know
-            np.frombuffer(memory, dtype=np.int64)[:] = 0
+            counters: Any = self._window.tomemory()
+            np.frombuffer(counters, dtype=np.int64)[:] = 0
         comm.Barrier()
 
     def __enter__(self) -> Shares:

@@ -1,5 +1,6 @@
 """Runs into a folder: numbers of the Python interface, resuming, failures, exit codes, ranks."""
 
+import inspect
 import json
 import os
 import shutil
@@ -321,6 +322,22 @@ def test_further_analyses(tmp_path, model):
     assert sbfem("report", tmp_path / "out").code == 0
     page = (tmp_path / "out" / "report.html").read_text()
     assert "1 probe -1 pump" in page and 'alt="lines"' in page
+
+
+@pytest.mark.skipif(
+    "accuracy" not in inspect.signature(sb.modal).parameters, reason="sb.modal takes no accuracy yet"
+)
+def test_accuracy(model):
+    """Finer meshes until two agree: the frequencies of `modal` with an accuracy, and its error."""
+    text = CASE.replace("count = 5", "count = 2\naccuracy = 1e-3")
+    rows = sb.sweep(
+        case_from_text(text), {"loads.push.fy": [200.0]}, analyses=["frequencies"], comm=MPI.COMM_SELF
+    ).values
+    found = sb.modal(model, 2, accuracy=1e-3)
+    np.testing.assert_allclose(rows["frequencies/frequencies"][0], found.frequencies, rtol=1e-7)
+    assert rows["frequencies/estimated_error"][0] == pytest.approx(found.estimate.error, rel=1e-3)
+    assert 0.0 < found.estimate.error <= 1e-3
+    found.model.destroy()
 
 
 def test_rows_of_further_analyses(model):
