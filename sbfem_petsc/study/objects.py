@@ -129,11 +129,7 @@ def _check_names(case: Case, found: meshing.BoundaryMesh) -> None:
         if name not in points:
             raise case.problem(("output", "points"), f"= {name!r} is no point; {one_of(points, name)}")
     for name, analysis in tables.analyses.items():
-<<<<<<< HEAD
-        asked: dict[tuple[str, ...], Any] = {("point",): getattr(analysis, "point", None)}
-=======
         asked: dict[Path, Any] = {("point",): getattr(analysis, "point", None)}
->>>>>>> study
         asked |= {("stress_at", place): at for place, at in getattr(analysis, "stress_at", {}).items()}
         for keys, point in asked.items():
             if isinstance(point, str) and point not in points:

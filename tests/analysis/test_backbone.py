@@ -46,6 +46,7 @@ def test_closed_form_itself():
     assert exact(1e12) == pytest.approx(0.7147775, abs=5e-8)
 
 
+@pytest.mark.slow
 def test_one_mass_with_a_stop():
     """Within 1e-6 at every energy; the highest point is that of the free spring, the deepest where all energy
     is in both springs, but for half a step.
@@ -80,6 +81,7 @@ def test_damping_of_one_mass():
     assert found.damping_ratio == pytest.approx(0.01 * own / found.frequency, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_resonance_peak_is_on_it():
     """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio
     of 0.02 moves a peak by: its square.
@@ -104,6 +106,7 @@ def two_masses(gap=1.0):
     )
 
 
+@pytest.mark.slow
 def test_second_mode_of_two_masses():
     """At 1.19768 J mass 1 moves by 0.8137 and does not reach the stops at 1: the linear 0.2575181 Hz. (The
     published 0.257905285 Hz is of stops made smooth, which push from afar; 1.5e-3 higher.) They are reached
@@ -122,6 +125,7 @@ def test_second_mode_of_two_masses():
     assert (np.diff(rising) > 0.0).all() and rising[-1] > 1.05 * linear
 
 
+@pytest.mark.slow
 def test_a_motion_of_two_masses_repeats():
     """A free history from a point of the branch, by `transient`, returns after each of ten periods, and its
     energy is that of the branch.
@@ -165,6 +169,7 @@ def tied(r):
     return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2.0 * np.pi)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mode, error", [(1, 1e-5), (2, 2e-5), (3, 6e-4), (4, 6e-4), (5, 2e-3)])
 def test_closed_crack(closed, mode, error):
     """The same frequency at every energy, and, within what the coupling of modes leaves, that of the bilinear
@@ -212,7 +217,7 @@ def test_damping_of_an_open_crack(opened):
     assert 0.0048 < found.damping_ratio[-1] < 0.00495
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_interactions_are_passed_over(opened):
     """Mode 1 without damping meets multiples of its frequency that are those of higher modes; the branch goes
     on beyond them, on the curve of the damped motion to 1e-4.

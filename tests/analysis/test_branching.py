@@ -50,6 +50,7 @@ def _doubling(curve):
     return next(item for item in curve.bifurcations if item.kind == "period doubling")
 
 
+@pytest.mark.slow
 def test_doubling_is_where_a_multiplier_is_minus_one(curve):
     """The multiplier at the point found; the step of the grid moves it by 1e-3 (2048 against 4096 steps)."""
     found = _doubling(curve)
@@ -137,7 +138,7 @@ def test_a_motion_of_one_period_over_two(reduction):
     assert minimal_periods(FixedPoint(short.state, np.zeros(0), driven, driven.run(short.state), ())) == 1
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_subcritical_doubling():
     """A beam whose motions of two periods begin unstable: their branch first goes back, turns in a fold and
     becomes stable.

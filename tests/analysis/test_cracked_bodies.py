@@ -64,6 +64,7 @@ def check_uniform(mesh, found):
         assert abs(mode_two) < 1e-3 * PRESSURE * math.sqrt(math.pi * 0.04)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LINES)
 def test_uniform_compression(name):
     plate = Plate(SQUARE, cracks=[CrackLine(points) for points in LINES[name]])
@@ -168,6 +169,7 @@ def test_crack_between_a_hole_and_the_edge():
     assert found.stress_intensity == {}
 
 
+@pytest.mark.slow
 def test_notch_from_the_bottom_edge():
     """The mirror image of a notch from the top: the same frequencies and contact, also if gmsh fills it."""
     beams = [

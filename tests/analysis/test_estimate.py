@@ -123,7 +123,7 @@ def distance(value, exact):
     return float(np.max(np.abs(np.asarray(value) - exact) / np.abs(exact)))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", TABLE)
 def test_right_within_a_factor_of_three(name):
     make_model, quantity, options, reference, uncertain = TABLE[name]
@@ -187,7 +187,7 @@ def test_a_model_is_its_own_first_level(short):
     assert sb.modal(short, 3).frequencies.shape == (3,)  # the model is still alive
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_accuracy_of_modes_and_statics(short):
     """The results of the finest mesh, whose error is within three times the estimate of it: against a much
     finer mesh.

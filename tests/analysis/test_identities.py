@@ -92,6 +92,7 @@ def test_bar_on_a_moving_wall(share):
 # ---------------------------------------------------------------- unreduced steps under strong modal damping
 
 
+@pytest.mark.slow
 def test_gaps_of_the_unreduced_model_are_those_of_its_points():
     """Whatever the damping, the gap by which contact is decided is the distance between the faces: at the
     mouth that of B and C. A damping ratio of 0.3 in 20 modes is felt within a step.

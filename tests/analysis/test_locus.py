@@ -27,7 +27,7 @@ def of_kind(branch, kind):
     return [b for b in branch.bifurcations if b.kind == kind and abs(abs(b.multiplier) - 1.0) < 0.02]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("factor", [0.93, 1.4])
 def test_ends_stand_on_curves_of_one_parameter(curve, factor):
     """The curve at an end's load has the bifurcation at the end's frequency, as far as curves locate it: to
@@ -68,7 +68,7 @@ def test_damping(curve):
     assert np.abs(np.array(found) / line.frequency[end] - 1.0).min() < 1e-4
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_convergence_with_the_steps():
     """The end of a line of folds at 512, 1024 and 2048 steps: 4e-6 and 2e-7 of it apart."""
     ends = []

@@ -35,7 +35,7 @@ def test_paper_case_at_its_best():
     assert largest_error(sb.modal(model, 46), "crack80_nu33", 46) < 2e-6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_orders_converge_and_stay():
     """Orders 3 to 12 on one mesh: errors fall until their floor and never rise above three times it."""
     errors = []

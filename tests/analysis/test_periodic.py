@@ -583,7 +583,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranks():
     """The same orbit on 1, 2 and 3 ranks: within 1e-7 of the first harmonic, since the reduction's modes
     differ by up to 3e-8; the same on every rank.

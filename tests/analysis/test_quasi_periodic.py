@@ -218,7 +218,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranks():
     """Two ranks share the samples: the same motion."""
     one, two = answer(on_ranks(1, RANKS)), answer(on_ranks(2, RANKS))

@@ -46,6 +46,7 @@ def crossings(curve, omega):
     return np.sort(a[k] + (a[k + 1] - a[k]) * (omega - x[k]) / (x[k + 1] - x[k]))
 
 
+@pytest.mark.long
 def test_the_same_branch_from_both_ends(curves):
     """Up and down, through two folds and the corner at 0.653 rad/s where the stop is met: one curve, complete
     both ways.
@@ -218,7 +219,7 @@ def test_response_of_the_beam(case_p):
     np.testing.assert_allclose(light.harmonics("A")[::4, 1], exact, rtol=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("force", [500.0, 1500.0])
 def test_curves_of_the_paper(case_p, force):
     """Complete, without a failed point, the peak rising in frequency with the force."""
@@ -227,7 +228,7 @@ def test_curves_of_the_paper(case_p, force):
     assert curve.peak("A").frequency == pytest.approx({500.0: 14193.8, 1500.0: 14234.5}[force], abs=3.0)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_verdicts_do_not_depend_on_the_grid(case_p):
     """700 N at 512 and 1024 steps: the same bifurcations within 3e-5 (one whose multipliers pass the circle
     at a slope of 1e-6 a hertz moves by 1.5e-5), one for each change of the number of
@@ -381,7 +382,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranks():
     """The same points on 1 and 2 ranks: the branch within 1e-6, since points depend on steps that round-off
     may change.

@@ -113,6 +113,7 @@ def growth(model, reduction, force, frequency, steps=512, size=1e-3, periods=400
     return orbit, np.log(np.abs(found.values[0])), np.polyfit(np.arange(periods + 1), np.log(part), 1)[0]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "force, frequency, size, stable",
     [
@@ -139,6 +140,7 @@ def test_disturbances_of_the_beam(beam, force, frequency, size, stable):
     assert found == pytest.approx(expected, rel=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "omega, large, size, stable",
     [

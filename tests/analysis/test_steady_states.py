@@ -44,6 +44,7 @@ def settled(reduction, periods):
     return last.displacement("M")[:-1, 1]
 
 
+@pytest.mark.long
 def test_where_newton_fails_a_history_leads_on(deep):
     """A motion that `transient` settles on by 0.86 s: with the same steps, which take the load as linear over
     a step, within 1e-4 of the peak; the slowest multiplier leaves 0.94^240 = 3e-7. A2/A1 = 1.291.
@@ -56,6 +57,7 @@ def test_where_newton_fails_a_history_leads_on(deep):
     assert harmonics[2] / harmonics[1] == pytest.approx(1.291, abs=1e-3)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "search, path",
     [
@@ -75,6 +77,7 @@ def test_other_ways_lead_to_the_same_motion(deep, search, path):
     assert np.linalg.norm(other.state - orbit.state) < 1e-9 * np.linalg.norm(orbit.state)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("x, depth", [(0.16857, 0.006), (0.020, 0.008), (0.24286, 0.003)])
 def test_other_cracks(x, depth):
     """The mirrored beam moves as the first one does; cracks where Newton's method needs no help."""
@@ -86,7 +89,7 @@ def test_other_cracks(x, depth):
         assert harmonics[2] / harmonics[1] == pytest.approx(1.291, abs=2e-3)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_all_depths_and_positions():
     """64 cracks at 260, 280 and 300 Hz: a steady state each."""
     for depth in np.linspace(0.001, 0.008, 8):

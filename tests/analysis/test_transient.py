@@ -60,6 +60,7 @@ def test_default_mesh_burst():
     assert (history.contact_force >= 0).all() and history.gap.min() > -1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency, duration", [(30.0, 0.07), (3000.0, 0.005)])
 def test_default_step(frequency, duration):
     """However slow the load, contact is resolved: 3e-4 against a step 8 times finer; at 30 Hz a step by the

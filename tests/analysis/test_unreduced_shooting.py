@@ -24,7 +24,7 @@ def harmonics(orbit):
     return orbit.harmonics("A")[:7]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_open_crack_is_the_linear_response(model):
     """Without contact: the closed form in 160 modes, but for average acceleration's period error of (omega
     h)^2 / 12, magnified by mode 7 at 3006 Hz.
@@ -41,7 +41,7 @@ def test_open_crack_is_the_linear_response(model):
     assert errors[1] < magnified and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_reduced_orbits_converge_to_the_unreduced_one(model):
     """The extrapolated unreduced orbit (second order in the step) and reduced ones with more and more modes:
     the distance falls to the extrapolation's own error.
@@ -61,6 +61,7 @@ def test_reduced_orbits_converge_to_the_unreduced_one(model):
     assert np.abs(limit[2]) > 5e-3 * np.abs(limit[1])  # the crack breathes
 
 
+@pytest.mark.slow
 def test_iterations_and_residual(model):
     """Newton's method ends as on the reduced model; a dozen linearised periods for each of its solves at
     most. An even number of steps is raised by one: what the steps do not resolve then turns its sign over the
@@ -94,7 +95,7 @@ if model.comm.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_ranks_agree():
     """The linear solves' tolerance is what remains."""
     found = [answer(on_ranks(ranks, PROGRAM)) for ranks in (1, 3)]

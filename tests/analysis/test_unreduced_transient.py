@@ -51,6 +51,7 @@ def test_second_order_in_the_step(model):
     assert far[0] / far[1] == pytest.approx(4, rel=0.2)
 
 
+@pytest.mark.slow
 def test_energy(model):
     """Stored energy equals the work done but for what contact dissipates, and contact never feeds energy
     in.
@@ -62,6 +63,7 @@ def test_energy(model):
     assert (history.contact_force >= 0).all() and history.gap.min() > -1e-15
 
 
+@pytest.mark.slow
 def test_papers_scheme_is_there_to_be_compared_with(model):
     """Eqs. (28)-(34): pairs tied with tension allowed; without contact it is the same Newmark."""
     paper, implicit = (
@@ -135,6 +137,7 @@ def test_modal_damping_is_that_of_the_reduced_model(model):
     assert np.abs(full.energy.balance).max() < 1e-8 * full.energy.external.max()
 
 
+@pytest.mark.slow
 def test_contact_inside_the_tip_element_is_of_first_order_in_the_step():
     """The force of a step is its mean, and the tip element's own flexibility gives way to it at the step's
     end: the distance to the reduced history halves with the step, and is 1e-6 without those rows.
@@ -172,6 +175,7 @@ def test_damping_matrix_of_mass_and_stiffness():
     assert "50 1/s M + 2e-08 s K" in repr(model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("modal", [True, False])
 def test_decrement(modal):
     """Free decay after a short burst at the first mode: the logarithmic decrement is that of the ratio, by
@@ -331,7 +335,7 @@ def on_one_rank():
     return answer(on_ranks(1, RANKS))
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [2, 3, 4])
 def test_histories_on_several_ranks(on_one_rank, ranks):
     """Reduced and unreduced, with contact and both kinds of damping: within 1e-6 (2e-9 is met), the same

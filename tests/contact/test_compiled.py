@@ -40,6 +40,7 @@ def run(folder, **environment):
     return done.stdout.splitlines()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("cache", ["beside", "user", "none"])
 def test_directories_that_cannot_be_written(tmp_path, cache):
     """Machine code is kept beside the source, else in the user's cache directory; with neither it runs."""

@@ -43,7 +43,7 @@ def test_built_without_a_warning(tmp_path):
     assert "detection_probability" in (tmp_path / "site" / "reference" / "indicators.html").read_text()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("page", WITH_SNIPPETS, ids=lambda page: page.stem)
 def test_snippets_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
@@ -56,7 +56,7 @@ def test_snippets_run(page, tmp_path, monkeypatch):
         exec(compile(snippet, page.name, "exec"), names)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_the_tutorial_runs(tmp_path):
     """From its first cell to its last, with the figures that it shows."""
     notebook = nbformat.read(ROOT / "docs/tutorial.ipynb", as_version=4)

@@ -22,6 +22,7 @@ def results(ran):
     return read_results(ran[1] / "beam_notch.h5")
 
 
+@pytest.mark.slow
 def test_files_and_pictures(ran):
     done, folder = ran
     assert {path.name for path in folder.iterdir()} == {
@@ -74,6 +75,7 @@ def test_printed_tables(ran):
         assert title in text
 
 
+@pytest.mark.slow
 def test_two_ranks_and_petsc_options(results, tmp_path):
     """Conjugate gradients for the statics on two ranks: the same numbers, and no option left unused."""
     arguments = ["--output", tmp_path, "--no-pictures", "-static_ksp_type", "cg", "-static_ksp_rtol", "1e-10"]

@@ -82,6 +82,7 @@ def compare(found: dict, expected: dict, tolerance: dict) -> None:
             assert error(found[case][name], expected[case][name]) < bound, (case, name)
 
 
+@pytest.mark.long
 def test_files_and_pictures(ran):
     done, folder = ran
     names = {
@@ -134,6 +135,7 @@ def test_printed_convergence(ran):
         assert (errors[1:] < errors[:-1] / 3).all() and errors[-1] < 5e-4
 
 
+@pytest.mark.long
 def test_two_ranks(ran, tmp_path):
     done = run("gmsh_bracket.py", "--output", tmp_path, "--no-pictures", ranks=2)
     assert {path.name for path in tmp_path.iterdir()} == {

@@ -120,6 +120,7 @@ def test_resumed(fast):
     assert not list(folder.rglob("*.part"))
 
 
+@pytest.mark.long
 def test_killed_run_goes_on(tmp_path):
     """A run killed while it computes keeps what was finished, and nothing half written is taken for a
     result.
@@ -153,6 +154,7 @@ def test_two_ranks(fast, tmp_path):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_part_that_fails(tmp_path, ranks):
     """It is named with a sentence, the others are kept, and the exit code says so."""
@@ -181,6 +183,7 @@ def test_part_that_fails(tmp_path, ranks):
     assert "error" not in parts["table6"]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_unknown_part(tmp_path, ranks):
     done = on_ranks(

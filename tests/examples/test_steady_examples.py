@@ -56,6 +56,7 @@ def test_harmonics(tmp_path):
         assert (tmp_path / name).stat().st_size > 20000
 
 
+@pytest.mark.long
 def test_harmonics_on_two_ranks(tmp_path):
     """A coarse mesh and 256 steps: the same numbers on one rank and two."""
     options = (
@@ -131,6 +132,7 @@ def test_frequency_response(tmp_path):
         assert (tmp_path / name).stat().st_size > 20000
 
 
+@pytest.mark.long
 def test_hole(tmp_path):
     """Figs. 12 and 13: the breathing crack adds a second harmonic of 4.3e-4 of the first; hole and open crack
     alone add none.
@@ -148,6 +150,7 @@ def test_hole(tmp_path):
         assert (tmp_path / name).stat().st_size > 20000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name, options, sentence",
     [

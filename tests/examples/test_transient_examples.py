@@ -42,6 +42,7 @@ def test_tone_burst(tmp_path):
         assert (tmp_path / name).stat().st_size > 20000
 
 
+@pytest.mark.long
 def test_short_tone_burst_on_two_ranks(tmp_path):
     """5 ms on a coarse mesh: the same numbers on one rank and two."""
     options = (
@@ -111,6 +112,7 @@ def test_modulation(tmp_path):
     assert (tmp_path / "figure_10.png").stat().st_size > 20000
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name, options, sentence",
     [

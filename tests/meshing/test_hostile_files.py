@@ -321,6 +321,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGKILL])
 def test_the_child_goes_with_its_parent(tmp_path, by):
     """Ctrl-C, and an end that the parent cannot see coming."""

@@ -37,6 +37,7 @@ def moved():
     return mesh, sb.transient(model, LOAD, 0.002, 1e-6, modes=16)
 
 
+@pytest.mark.slow
 def test_contact_inside_the_tip_element(tmp_path):
     """In equilibrium a history's field is that of the static solution, between the faces' nodes too, and an
     orbit's field has it as well.
@@ -151,6 +152,7 @@ def test_motions_without_fields(moved, tmp_path):
         write_animation(tmp_path / "film", history.reduced)
 
 
+@pytest.mark.slow
 def test_two_ranks(tmp_path):
     on_ranks(2, PROGRAM, str(tmp_path))
     files = [e.get("file") for e in xml.parse(tmp_path / "history.pvd").getroot().iter("DataSet")]

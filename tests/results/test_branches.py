@@ -87,6 +87,7 @@ def same(found, expected):
         np.testing.assert_array_equal(one.direction, other.direction)
 
 
+@pytest.mark.slow
 def test_what_is_read_is_what_was_found(whole):
     curve, path = whole
     with warnings.catch_warnings():
@@ -129,6 +130,7 @@ def test_save_and_read_a_load_curve(tmp_path):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("after", [17, 60])
 def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
     """Ctrl-C after some points, on every part of the branch: the file is readable and marked, and the
@@ -193,6 +195,7 @@ def test_resume_without_a_file_begins(tmp_path):
         assert len(read_branch(path).value) == 3
 
 
+@pytest.mark.slow
 def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
     whole = continuation.shoot_along

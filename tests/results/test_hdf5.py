@@ -56,6 +56,7 @@ def test_what_is_written_is_read_back(solved, tmp_path):
     assert "4 modes" in repr(found) and "closing" in repr(found)
 
 
+@pytest.mark.slow
 def test_every_dataset_has_a_unit_and_a_description(serial_files):
     with h5py.File(serial_files / "results.h5") as file:
         seen = []
@@ -83,6 +84,7 @@ def test_petsc_options_are_recorded(solved, tmp_path):
     assert list(found.static) == ["static"] and found.modal is None
 
 
+@pytest.mark.long
 def test_two_ranks_write_what_one_writes(serial_files, parallel_files):
     one, two = (read_results(str(folder / "results.h5")) for folder in (serial_files, parallel_files))
     assert one.units == two.units and two.inputs["ranks"] == 2
@@ -138,6 +140,7 @@ def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]
 
 
+@pytest.mark.slow
 def test_failures_are_known_to_all_ranks(tmp_path, parallel_files):
     (tmp_path / "file").write_text("")
     done = on_ranks(2, "fail", str(tmp_path))

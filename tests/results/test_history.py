@@ -121,6 +121,7 @@ def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     """kill -9 and Ctrl-C after some chunks: readable, not complete; restarted it is the uninterrupted
@@ -146,6 +147,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     assert read_history(path).complete
 
 
+@pytest.mark.slow
 def test_killed_at_any_moment(small_chunks, tmp_path):
     """A writer that does nothing but write, killed at four moments: always readable, and the rows are those
     of the state.
@@ -346,6 +348,7 @@ def test_full_tmpfs(model, small_chunks, tmp_path, monkeypatch):
         subprocess.run(["umount", str(folder)], check=True)
 
 
+@pytest.mark.slow
 def test_two_ranks_continue_a_serial_run(model, whole, small_chunks, tmp_path):
     """The file's own reduction goes on, so the number of ranks does not matter."""
     path = tmp_path / "h.h5"
@@ -373,6 +376,7 @@ def test_state_half_written(model, whole, small_chunks, tmp_path):
     same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
 
 
+@pytest.mark.slow
 def test_error_of_rank_0_on_both_ranks(tmp_path):
     """Both ranks end, neither by the other's abort, and the sentence is printed once."""
     done = on_ranks(2, PROGRAM, str(tmp_path / "missing" / "h.h5"), "go", "new", check=False, timeout=60)
@@ -482,6 +486,7 @@ def test_two_writers(model, small_chunks, tmp_path):
     sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.001})
 
 
+@pytest.mark.slow
 def test_changed_bytes_are_told(model, tmp_path):
     """Any byte of the file that is turned round is told of, or changes nothing that is read."""
     path, other = tmp_path / "h.h5", tmp_path / "other.h5"

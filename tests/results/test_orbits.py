@@ -26,6 +26,7 @@ def orbit(request, model):
     return sb.periodic(model, LOAD, 1000.0, reduction=request.param, **options)
 
 
+@pytest.mark.long
 def test_what_is_read_is_what_was_found(orbit, tmp_path):
     path = tmp_path / "orbit.h5"
     save_orbit(orbit, path)

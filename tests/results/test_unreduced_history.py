@@ -116,6 +116,7 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
@@ -141,7 +142,7 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
     assert read_history(path).complete
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     """Each rank continues from its own part; another number of ranks is refused with a sentence."""
     path = tmp_path / "h.h5"

@@ -65,6 +65,7 @@ def test_wrong_command_lines(arguments, words, tmp_path, monkeypatch):
     assert done.code == 2 and words in done.err and done.out == ""
 
 
+@pytest.mark.slow
 def test_check(folder):
     """Sizes are those of the model; estimates are positive and grow with the work."""
     done = sbfem("check", folder / "case.toml", "--json")
@@ -115,6 +116,7 @@ class Tags(html.parser.HTMLParser):
         self.text += data
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("results", ["out", "swept"])
 def test_report(folder, tmp_path, results):
     """One file that refers to nothing outside itself, with numbers and pictures."""
@@ -133,6 +135,7 @@ def test_report(folder, tmp_path, results):
             assert f"{frequency:.6g}" in page.text
 
 
+@pytest.mark.long
 def test_plot_again(folder, tmp_path):
     """Pictures drawn from the results are those that the run has drawn."""
     assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet").code == 0
@@ -180,6 +183,7 @@ def test_doctor():
     assert done.code == (1 if found["faults"] else 0)
 
 
+@pytest.mark.slow
 def test_petsc_options(tmp_path):
     """Words after -- reach the solves; one that no solve has asked for is told."""
     path = written(
@@ -196,6 +200,7 @@ def test_petsc_options(tmp_path):
     assert "static_ksp_monitir" in done.stdout + done.stderr
 
 
+@pytest.mark.slow
 def test_interrupt_and_termination(tmp_path):
     """SIGINT: 130, SIGTERM: 143, and the sentence that tells how to go on."""
     path = written(

@@ -214,6 +214,7 @@ def test_two_runs_at_once(folder):
     assert done.code == 2 and "another process is at work" in done.err
 
 
+@pytest.mark.long
 def test_two_ranks(summary, tmp_path):
     """One rank's numbers, to the tolerances between ranks."""
     path = written(tmp_path, CASE[: CASE.index("[analyses.burst]")])
@@ -233,6 +234,7 @@ def test_two_ranks(summary, tmp_path):
     np.testing.assert_allclose(two, one, atol=1e-6 * max(one))
 
 
+@pytest.mark.long
 def test_wrong_case_on_two_ranks(tmp_path):
     """One sentence, exit code 2."""
     path = written(tmp_path, CASE.replace("order = 3", "ordre = 3"))

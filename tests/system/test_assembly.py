@@ -60,6 +60,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.slow
 def test_room_on_ranks():
     """Rows that several ranks add to are counted exactly: no room left over, none to be got while filling."""
     one = answer(on_ranks(1, ROOM))
@@ -104,6 +105,7 @@ LOADS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize(
     "law", [sb.Unilateral(), sb.Tied(), sb.Unilateral(1e-13)], ids=["unilateral", "tied", "layer"]

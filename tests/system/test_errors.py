@@ -144,6 +144,7 @@ MPI.COMM_WORLD.barrier()
     assert "the user's own mistake" in done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize(
     "arguments, sentence",

@@ -56,7 +56,7 @@ def growth(names: str, ranks: int, first: int, calls: int) -> float:
     return answer(done)["growth"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_is_flat():
     assert growth("modal,static,reduce,transient,periodic", 1, 15, 25) < LIMIT
 

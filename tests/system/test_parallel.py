@@ -61,12 +61,13 @@ def test_paper_beam(serial, ranks):
     compare(answer(on_ranks(ranks, PROGRAM, "paper", "each")), serial["paper"])
 
 
+@pytest.mark.long
 def test_mesh_on_rank_0_alone(serial):
     """Rank 0 scatters the parts: the numbers are those of a mesh on every rank."""
     compare(answer(on_ranks(3, PROGRAM, "paper", "root")), serial["paper"])
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_more_ranks_than_elements(serial):
     """Two S-elements on four ranks."""
     assert serial["two"]["elements"] == 2
@@ -88,7 +89,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_iterative_solver_by_option():
     """Conjugate gradients with algebraic multigrid, chosen on the command line, on two ranks, agree with the
     direct solver.
@@ -122,7 +123,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_histories(ranks):
     """Histories on several ranks agree within 1e-6 with one rank's, reduced and full, and so do the numbers

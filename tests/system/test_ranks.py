@@ -123,6 +123,7 @@ def said():
     return answer(on_ranks(2, BEGIN + ALL_DIFFERENT, json.dumps(list(DIFFERENT)), timeout=90))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", DIFFERENT)
 def test_arguments_that_differ_are_told(said, case):
     first, second = said[case]
@@ -138,6 +139,7 @@ def run(program: str) -> subprocess.CompletedProcess[str]:
 SAMPLE = [*list(FAILING)[::4], "sys.exit() if rank else structure()"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "program", [pytest.param(p, marks=() if p in SAMPLE else pytest.mark.long) for p in FAILING]
 )
@@ -147,6 +149,7 @@ def test_failure_ends_all_ranks(program):
     assert FAILING[program] in done.stderr, done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", sorted(RIGHT))
 def test_right_programs_are_left_alone(program):
     done = run(program)
@@ -154,10 +157,12 @@ def test_right_programs_are_left_alone(program):
     assert done.stdout.count("fine") == 2
 
 
+@pytest.mark.slow
 def test_exit_code_is_kept():
     assert run("sys.exit(7) if rank else world.barrier()").returncode == 7
 
 
+@pytest.mark.slow
 def test_error_known_to_all_is_printed_once():
     done = run("sb.modal(structure(), 0)")
     assert done.returncode == 1
@@ -179,6 +184,7 @@ def test_error_keeps_its_type_and_attributes():
     assert done.stdout.count("same 1") == 2 and done.stdout.count("odd 1") == 2
 
 
+@pytest.mark.slow
 def test_excepthook_of_the_program_is_kept():
     """A program's own hook prints, and is called under mpiexec too."""
     program = (

@@ -39,7 +39,7 @@ CASES = [
 ]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "options"), CASES, ids=str)
 def test_estimated_errors(name, options):
     """Within a factor of three where the error is more than 5e-5: below, the clamped corners matter, which
@@ -135,6 +135,7 @@ if model.comm.rank == 0:
 """
 
 
+@pytest.mark.long
 def test_edges_between_ranks():
     alone, together = (answer(on_ranks(ranks, PROGRAM, timeout=100))["errors"] for ranks in (1, 3))
     np.testing.assert_allclose(together, alone, rtol=1e-6)

@@ -114,6 +114,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
+@pytest.mark.long
 def test_ranks_agree():
     """1e-9 in all frequencies: rounded displacements leave 2.5e-10 at 10,000 heights."""
     one = answer(on_ranks(1, RANKS))

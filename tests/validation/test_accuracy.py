@@ -53,7 +53,7 @@ BODIES = {name: LINES[name] for name in ("crossing pair", "T", "star of three")}
 BODIES["through"] = [[(0, 0.04), (SIDE, 0.06)]]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("name", BODIES)
 def test_every_analysis_runs(name):
     """Cracks that meet, and a crack that cuts the body: all analyses, with forces in balance."""

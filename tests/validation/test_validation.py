@@ -6,6 +6,7 @@ from tests.validation import cases  # noqa: F401  (registers them)
 from tests.validation.page import CASES, agrees, section
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "key", [pytest.param(key, marks=[pytest.mark.long] if case.long else []) for key, case in CASES.items()]
 )
