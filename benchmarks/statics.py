@@ -7,7 +7,7 @@ repeats by turns; making the meshes is not counted. The error is the largest rel
 SuperLU in symmetric mode) belongs the same condensation onto the pairs and the same active set as ours, with
 one factorisation, one solve for each pair and one for each load. The peer's meshes are those of
 `peer_scikit_fem.py` for the natural frequencies; the finest is still less accurate here than the default
-mesh of sbfem-petsc, and of some fifty more, with smaller elements at the tip and the corners, none was as
+mesh of sbfem-petsc, and of 37 more, with smaller elements at the tip and the corners, none was as
 accurate.
 
     ./run python benchmarks/statics.py

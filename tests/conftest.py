@@ -13,6 +13,9 @@ ROOT = pathlib.Path(__file__).parents[1]
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
+# A process without a launcher needs no daemon of Open MPI's, which would outlive it where it is killed.
+os.environ.setdefault("OMPI_MCA_ess_singleton_isolated", "1")
+
 # Two processes that add different signatures of one function to numba's cache at the same moment may give
 # both the same file: each worker has its own cache, and so have the programs that it starts.
 _worker = os.environ.get("PYTEST_XDIST_WORKER")

@@ -21,7 +21,7 @@ ORDERS, CELLS, TIPS, FACES = 2, 0.75, 0.4, 1.5
 # Changes are taken to fall no faster than to this part of the one before.
 FASTEST = 0.3
 # Relative errors that may be asked for.
-FINEST, COARSEST = 1e-9, 0.1
+FINEST, COARSEST = 1e-13, 0.1
 
 
 @dataclass(frozen=True, eq=False)

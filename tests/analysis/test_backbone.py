@@ -169,7 +169,7 @@ def tied(r):
     return np.sqrt(np.linalg.eigvalsh(stiffness)) / (2.0 * np.pi)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("mode, error", [(1, 1e-5), (2, 2e-5), (3, 6e-4), (4, 6e-4), (5, 2e-3)])
 def test_closed_crack(closed, mode, error):
     """The same frequency at every energy, and, within what the coupling of modes leaves, that of the bilinear

@@ -80,7 +80,7 @@ def test_convergence_with_the_steps():
     assert second < 0.5 * first and second < 1e-6
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_line_that_turns_back_and_one_that_is_closed(curve, tmp_path):
     """The doublings on both sides of an island are one line, with a least load; both Neimark-Sacker points of
     the curve lie on one ring.

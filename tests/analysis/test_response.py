@@ -66,6 +66,7 @@ def test_the_same_branch_from_both_ends(curves):
         np.testing.assert_allclose(found[0], found[1], rtol=0.01)
 
 
+@pytest.mark.long
 def test_points_are_periodic_motions(curves):
     """Each point is the orbit that `periodic` finds from it; harmonics and amplitudes are that orbit's."""
     up = curves[0]

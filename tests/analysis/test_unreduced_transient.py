@@ -175,7 +175,7 @@ def test_damping_matrix_of_mass_and_stiffness():
     assert "50 1/s M + 2e-08 s K" in repr(model)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("modal", [True, False])
 def test_decrement(modal):
     """Free decay after a short burst at the first mode: the logarithmic decrement is that of the ratio, by

@@ -105,10 +105,12 @@ def test_files_and_pictures(ran):
     assert results.static["closing"]["loads"]["1"]["fy"] == FORCE and results.inputs["thickness"] == THICKNESS
 
 
+@pytest.mark.long
 def test_numbers(ran):
     compare(numbers(ran[1]), CONVERGED, TOLERANCE)
 
 
+@pytest.mark.long
 def test_contact_is_partial_and_complementary(ran):
     """Pushed up, the crack's upper part closes and its tip opens; pulled down it does not touch."""
     found = numbers(ran[1])
@@ -122,6 +124,7 @@ def test_contact_is_partial_and_complementary(ran):
     assert (opening["gap"] > 0.0).all() and not opening["force"].any()
 
 
+@pytest.mark.long
 def test_printed_convergence(ran):
     """The table of orders: f 1, u and K when opening lose at least a factor of three at each order."""
     table = ran[0].stdout.split("Convergence with the order")[1]
@@ -189,11 +192,13 @@ def test_against_independent_finite_elements(ran):
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_help(ranks):
     check_help("gmsh_bracket.py", ranks, ("--order", "--size", "--output", "--no-pictures"))
 
 
+@pytest.mark.long
 def test_bad_size_is_one_sentence(tmp_path):
     done = run("gmsh_bracket.py", "--output", tmp_path, "--size", "-1", check=False)
     assert done.returncode == 1 and done.stderr.count("\n") == 1 and "size" in done.stderr

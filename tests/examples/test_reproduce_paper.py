@@ -47,6 +47,7 @@ def fast(tmp_path_factory):
     return folder, done.stdout, {name: part["numbers"] for name, part in parts.items()}, parts
 
 
+@pytest.mark.long
 def test_static_tables(fast):
     """Converged displacements within 5e-5 of the reference (its error is 3e-5 and less); at A along x the
     mesh's logarithm; the one-pass tie behind the 100 N columns.
@@ -64,6 +65,7 @@ def test_static_tables(fast):
     assert fast[2]["table4"]["mouth_closing"]["p5"] == pytest.approx(2e-6, abs=2e-10)
 
 
+@pytest.mark.long
 def test_frequencies(fast):
     """Modes 1-46: converged within the reference's own error of 1e-6, order 5 within 2e-5; the paper's
     columns as far off as they are.
@@ -77,6 +79,7 @@ def test_frequencies(fast):
         np.testing.assert_allclose(fast[2]["fig12"]["frequencies"][case], frequencies(name), rtol=1.5e-5)
 
 
+@pytest.mark.long
 def test_closed_forms(fast):
     assert (
         fast[2]["eq1"]["book_error"] < 6e-5
@@ -85,6 +88,7 @@ def test_closed_forms(fast):
     )
 
 
+@pytest.mark.long
 def test_report_is_self_contained(fast):
     """Pictures inside, also as PNG files; every part named, numbers of four to six digits, nothing
     fetched.
@@ -102,6 +106,7 @@ def test_report_is_self_contained(fast):
     assert set(parts) == set(FAST) and all("error" not in part for part in parts.values())
 
 
+@pytest.mark.long
 def test_resumed(fast):
     """Finished parts are reused; one whose result is lost, or whose inputs differ, is computed again, and so
     are all with --fresh.
@@ -144,6 +149,7 @@ def test_killed_run_goes_on(tmp_path):
     assert set(parts) == {"table6", "eq1"} and re.search(r"│ table6 +│ +[\d.]+ \(reused\)", done.stdout)
 
 
+@pytest.mark.long
 def test_two_ranks(fast, tmp_path):
     """Parts shared out: the same numbers, printed once."""
     done, parts = report(tmp_path, "--only", *FAST, ranks=2)
@@ -196,6 +202,7 @@ def test_unknown_part(tmp_path, ranks):
     )
 
 
+@pytest.mark.long
 def test_list_and_help():
     listed = run("reproduce_paper.py", "--list").stdout
     assert all(

@@ -306,6 +306,7 @@ def test_nothing_of_mpi_goes_to_the_child(monkeypatch):
 
 INTERRUPTED = """
 import signal, sys, threading, os
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
 from meshing.gmsh import isolation
 started = isolation.subprocess.Popen
 class Popen(started):

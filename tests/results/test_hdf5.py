@@ -140,7 +140,7 @@ def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
     assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_failures_are_known_to_all_ranks(tmp_path, parallel_files):
     (tmp_path / "file").write_text("")
     done = on_ranks(2, "fail", str(tmp_path))

@@ -1,6 +1,5 @@
 """Runs into a folder: numbers of the Python interface, resuming, failures, exit codes, ranks."""
 
-import inspect
 import json
 import os
 import shutil
@@ -326,9 +325,6 @@ def test_further_analyses(tmp_path, model):
     assert "1 probe -1 pump" in page and 'alt="lines"' in page
 
 
-@pytest.mark.skipif(
-    "accuracy" not in inspect.signature(sb.modal).parameters, reason="sb.modal takes no accuracy yet"
-)
 def test_accuracy(model):
     """Finer meshes until two agree: the frequencies of `modal` with an accuracy, and its error."""
     text = CASE.replace("count = 5", "count = 2\naccuracy = 1e-3")

@@ -1,5 +1,7 @@
 """A gmsh model read on every rank: the process in which gmsh works must not take itself for a rank."""
 
+import pytest
+
 from tests.parallel import answer, on_ranks
 
 PROGRAM = """

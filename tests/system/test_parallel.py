@@ -56,7 +56,7 @@ def compare(found, expected):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ranks", [2, 3, 4])
+@pytest.mark.parametrize("ranks", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4))])
 def test_paper_beam(serial, ranks):
     compare(answer(on_ranks(ranks, PROGRAM, "paper", "each")), serial["paper"])
 

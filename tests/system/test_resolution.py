@@ -57,7 +57,7 @@ def test_estimated_errors(name, options):
     assert ratio.min() > 1 / 3 and ratio.max() < 3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "options"), CASES, ids=str)
 def test_modes_off_by_a_thousandth_warn(name, options):
     """Whatever number of modes is asked for; and nobody is warned of what is right to 3e-4."""
@@ -81,6 +81,7 @@ def test_what_the_warning_says():
         sb.modal(model, 20)
 
 
+@pytest.mark.long
 def test_the_usual_is_not_warned_of():
     """The paper's beam: 46 modes to 68 kHz, and steady states up to its 20 kHz."""
     model = case_p()
