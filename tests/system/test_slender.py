@@ -78,15 +78,18 @@ TAKEN = (1.0 - timoshenko(200.0)) * 200.0**2
 
 @pytest.mark.parametrize(("ratio", "error"), [(100_000, 1e-2), (60_000, 1e-3)])
 def test_warning_with_the_error(ratio, error):
-    """Beyond: a warning that states the error within a factor of ten."""
-    length = ratio * HEIGHT
-    model = cantilever(ratio)
-    with pytest.warns(RoundOffWarning, match="shorter cells") as caught:
-        found = sb.static(model, sb.PointForce("A", fy=1.0))
-    stated = float(str(caught[0].message).split("error of about ")[1].split(",")[0])
-    actual = abs(found.displacement("A")[1] / (length**3 / (3 * YOUNG * HEIGHT**3 / 12)) - 1.0)
-    assert actual < error
-    assert actual / 10 < stated < 10 * actual
+    """Beyond: a warning that states the error within a factor of ten: of the largest of four beams, since
+    rounding may leave one of them right by chance.
+    """
+    stated, actual = [], []
+    for part in (1.0, 1.01, 1.02, 1.03):
+        length = part * ratio * HEIGHT
+        with pytest.warns(RoundOffWarning, match="shorter cells") as caught:
+            found = sb.static(cantilever(part * ratio), sb.PointForce("A", fy=1.0))
+        stated.append(float(str(caught[0].message).split("error of about ")[1].split(",")[0]))
+        actual.append(abs(found.displacement("A")[1] / (length**3 / (3 * YOUNG * HEIGHT**3 / 12)) - 1.0))
+    assert max(actual) < error
+    assert max(actual) / 10 < max(stated) < 10 * max(actual)
 
 
 def test_refusal():
