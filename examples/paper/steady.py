@@ -36,7 +36,7 @@ def orbit(
     model = bench.model(case, damping, **mesh)
 
     def solve():
-        return sb.periodic(model, push(force), frequency, steps=steps, contact=contact)
+        return sb.periodic(model, push(force), frequency, steps=steps, contact=contact, jacobian="dense")
 
     return bench.once(
         ("orbit", case, force, frequency, damping, contact, steps, *sorted(mesh.items())), solve
