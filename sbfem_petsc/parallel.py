@@ -38,7 +38,8 @@ class collective:
     """Context in which an error on one rank is raised on all of them.
 
     The body must not communicate. Every rank of `comm` enters it; after it, the error of the lowest failing
-    rank is raised on every rank that had none, so that no rank waits for another that has given up.
+    rank is raised on every rank that had none or another one, so that no rank waits for another that has
+    given up, and all go on at the same place.
     """
 
     def __init__(self, comm: MPI.Comm):
@@ -62,8 +63,10 @@ class collective:
         if any(word[:1] == AGREE for word in told):
             raise _mark(_apart(comm, told))
         messages = comm.allgather(None if error is None else _packed(error))
-        if error is None:
-            raise _mark(_unpacked(next(m for m in messages if m is not None)))
+        first = next(message for message in messages if message is not None)
+        mine = messages[comm.rank]
+        if error is None or mine is None or mine[1:] != first[1:]:
+            raise _mark(_unpacked(first))
         _mark(error)
         return False
 

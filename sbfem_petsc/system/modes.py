@@ -328,23 +328,11 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     if not (model.supported and solve.refinement):
         slender = slender[:0]
     if len(slender):
-        # those next to them, too, where that makes them better: a factorisation's round-off reaches ten times
-        # that of the matrix
-        own = np.zeros(count, dtype=bool)
-        own[slender] = True
+        # those next to them, too: a factorisation's round-off reaches ten times that of the matrix
         noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _summed(model, array * mx))
         slender = np.flatnonzero(noise > NEEDED * np.abs(values))
-        shapes, inertia = array[:, slender], mx[:, slender]
-        refined = kx[:, slender].copy()
-        refined[: pencil.owned] = model.refinement.operator(shapes[: pencil.owned])
-        quotients = _summed(model, shapes * refined) / _summed(model, shapes * inertia)
-        errors = [
-            _summed(model, (product - value * inertia) ** 2)
-            for product, value in ((kx[:, slender], values[slender]), (refined, quotients))
-        ]
-        better = own[slender] | (errors[1] <= errors[0])
-        slender = slender[better]
-        kx[:, slender], values[slender] = refined[:, better], quotients[better]
+        kx[: pencil.owned, slender] = model.refinement.operator(array[: pencil.owned, slender])
+        values[slender] = (_summed(model, array * kx) / _summed(model, array * mx))[slender]
     sums = np.stack(
         [
             (array * mx).sum(axis=0),

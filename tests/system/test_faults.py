@@ -3,7 +3,6 @@ numbers.
 """
 
 import os
-import re
 import resource
 import signal
 import subprocess
@@ -19,14 +18,14 @@ from meshing import Beam, VNotch
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.run import read_run
 from sbfem_petsc.study.sweep_file import read_sweep
-from tests.parallel import ROOT, interruptible, kill_all, on_ranks
+from tests.parallel import ROOT, answer, interruptible, kill_all, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
 # Follows a branch, or integrates a history, slowly; each rank says who it is. Ends with the last value.
 PROGRAM = """
-import os, sys, time, warnings
+import json, os, sys, time, warnings
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from mpi4py import MPI
@@ -47,14 +46,17 @@ if kind == "branch":
     push = sb.PointForce("A", fy=10.0)
     found = sb.frequency_response(model, push, 700.0, 800.0, modes=4, steps=64, points=40, stability=False,
                                   file=file, resume=True, progress=tell)
-    print(f"last {found.amplitude('A')[-1]!r} {len(found.value)}", flush=True)
+    last = [found.amplitude("A")[-1], len(found.value)]
 else:
     from sbfem_petsc.dynamics import reduced_history, unreduced_history
     reduced_history.CHUNK = unreduced_history.CHUNK = 8
     push = sb.PointForce("A", fy=sb.Harmonic(10.0, 700.0))
     found = sb.transient(model, push, 2e-3, 1e-5, modes=4, reduction="modes" if kind == "history" else None,
                          file=file, restart=True, progress=tell)
-    print(f"last {found.displacement('A')[-1].tolist()!r} {len(found.time)}", flush=True)
+    last = [*found.displacement("A")[-1], len(found.time)]
+found = MPI.COMM_WORLD.gather(list(map(float, last)))
+if MPI.COMM_WORLD.rank == 0:
+    print("\\n" + json.dumps({"last": found}), flush=True)
 """
 
 
@@ -85,12 +87,11 @@ def full(size):
     return limit
 
 
-def last(output: str) -> np.ndarray:
+def last(done):
     """The numbers of the last line, the same on all ranks to rounding."""
-    lines = [line for line in output.splitlines() if line.startswith("last")]
-    found = [[float(number) for number in re.findall(r"-?\d[\d.]*(?:e[+-]?\d+)?", line)] for line in lines]
-    assert found and np.allclose(found, found[0], rtol=1e-9, atol=0.0)
-    return np.array(found[0])
+    found = np.array(answer(done)["last"])
+    np.testing.assert_allclose(found, found[[0] * len(found)], rtol=1e-9)
+    return found[0]
 
 
 @pytest.fixture(scope="module")
@@ -101,7 +102,7 @@ def undisturbed(tmp_path_factory):
     def make(kind, ranks):
         if (kind, ranks) not in found:
             file = str(folder / f"{kind}{ranks}.h5")
-            found[kind, ranks] = last(on_ranks(ranks, PROGRAM, kind, file, "go").stdout)
+            found[kind, ranks] = last(on_ranks(ranks, PROGRAM, kind, file, "go"))
         return found[kind, ranks]
 
     return make
@@ -143,7 +144,7 @@ def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
     with pytest.warns(sb.IncompleteHistory) if kind != "branch" else pytest.MonkeyPatch.context():
         part = read(file)
     assert not part.complete
-    continued = last(on_ranks(ranks, PROGRAM, kind, str(file), "go").stdout)
+    continued = last(on_ranks(ranks, PROGRAM, kind, str(file), "go"))
     # in one process bit by bit
     np.testing.assert_allclose(continued, undisturbed(kind, ranks), rtol=0.0 if ranks == 1 else 1e-9)
 
