@@ -31,7 +31,7 @@ FURTHER = 1.4
 WARNED = 7e-4
 # Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode
 # is looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
-WARNED_AMPLITUDE, LEAST_DAMPING = 1e-2, 1e-3
+WARNED_AMPLITUDE, LEAST_DAMPING = 3e-3, 1e-3
 # Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for
 # orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
 # 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.

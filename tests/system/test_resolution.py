@@ -2,6 +2,7 @@
 frequencies.
 """
 
+import re
 import warnings
 
 import numpy as np
@@ -101,6 +102,23 @@ def test_loads_beyond_the_mesh_warn(frequency):
         sb.periodic(model, sb.EdgeLoad("right", ty=1e5), frequency, contact=False)
     ours = [one for one in told if one.category is sb.MeshWarning]
     assert all(one.filename == __file__ for one in ours)
+
+
+@pytest.mark.parametrize("frequency", [6e4, 1e5])
+def test_warnings_of_loads_state_the_error(frequency):
+    """Traction on the end of a plain beam of 100 x 10 mm: the sentence's error is that of two meshes within a
+    factor of ten.
+    """
+    beam, load, found = Beam(0.1, 0.01), sb.EdgeLoad("right", tx=1e5), []
+    for mesh, modes in ((beam.mesh(), None), (beam.mesh(order=7, size=0.005), 150)):
+        model = sb.Model(mesh, ALUMINIUM, damping=0.01)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            orbit = sb.periodic(model, load, frequency, contact=False, modes=modes, stability=False)
+        found.append((orbit.harmonics("A")[1], [str(one.message) for one in told]))
+    error = abs(found[0][0] - found[1][0]) / abs(found[1][0])
+    stated = [re.search("changes its amplitude by about (.*) of itself", one) for one in found[0][1]]
+    assert not found[1][1] and 0.1 < float(next(filter(None, stated))[1]) / error < 10.0
 
 
 def test_too_few_modes_for_the_load_warn():
