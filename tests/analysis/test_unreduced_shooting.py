@@ -31,13 +31,13 @@ def test_open_crack_is_the_linear_response(model):
     """
     exact = harmonics(sb.periodic(model, LOAD, 3000.0, contact=False, modes=160, stability=False))[1]
     errors = []
-    for steps in (129, 257):
+    for steps in (65, 129):
         orbit = sb.periodic(model, LOAD, 3000.0, steps=steps, contact=False, reduction=None)
         found = harmonics(orbit)
         assert orbit.iterations == 1 or orbit.residuals[1] < 1e-3 * orbit.residuals[0]
         assert np.abs(found[2:]).max() < 1e-7 * np.abs(found[1])  # the linear solves' tolerance
         errors.append(abs(found[1] - exact) / abs(exact))
-    magnified = (2 * np.pi / 257) ** 2 / 12 / model.damping_ratios(np.array([2 * np.pi * 3000.0]))[0]
+    magnified = (2 * np.pi / 129) ** 2 / 12 / model.damping_ratios(np.array([2 * np.pi * 3000.0]))[0]
     assert errors[1] < magnified and np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.2)
 
 
@@ -88,7 +88,7 @@ from tests.reference import paper_beam
 aluminium = sb.Material(young=70e9, poisson=0.33, density=2700)
 rayleigh = sb.rayleigh_factors(0.005, 1500.0, 9000.0)
 model = sb.Model(paper_beam().mesh(order=3), aluminium, rayleigh=rayleigh)
-orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, steps=97, reduction=None)
+orbit = sb.periodic(model, sb.PointForce("A", fy=300.0), 3000.0, steps=65, reduction=None)
 if model.comm.rank == 0:
     c = orbit.harmonics("A")[:4]
     print(json.dumps({"real": list(c.real), "imag": list(c.imag)}))
