@@ -95,7 +95,8 @@ def orbits(reduced, repeats):
 def jacobian(reduced, repeats, unknowns):
     """Cost of the exact derivative and of the monodromy in integrations of one period."""
     from sbfem_petsc.dynamics.excitation import Excitation
-    from sbfem_petsc.dynamics.shooting import Period, shoot
+    from sbfem_petsc.dynamics.period_map import Period
+    from sbfem_petsc.dynamics.shooting import shoot
     from sbfem_petsc.dynamics.stability import multipliers
 
     print(

@@ -17,7 +17,7 @@ from scipy import linalg
 
 from ..errors import SolveError
 from ..writing import write_table
-from .shooting import DrivenPeriod, Period, PeriodMotion
+from .period_map import DrivenPeriod, Period, PeriodMotion
 from .stability import multipliers
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker")

@@ -9,7 +9,8 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.shooting import Period, shoot_nearby
+from sbfem_petsc.dynamics.period_map import Period
+from sbfem_petsc.dynamics.shooting import shoot_nearby
 from sbfem_petsc.dynamics.steady import find_steady_state
 from tests.parallel import ROOT
 

@@ -469,11 +469,6 @@ def public() -> dict[str, Any]:
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
     for name, item in vars(indicators).items():
-        if (
-            callable(item)
-            and not isinstance(item, type)
-            and item.__module__ == indicators.__name__
-            and name[0] != "_"
-        ):
+        if callable(item) and not isinstance(item, type) and name in indicators.__all__:
             found[f"indicators.{name}"] = item
     return found
