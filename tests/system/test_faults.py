@@ -8,7 +8,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 import warnings
 
 import numpy as np
@@ -19,8 +18,8 @@ from meshing import Beam, VNotch
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.run import read_run
 from sbfem_petsc.study.sweep_file import read_sweep
-from tests.parallel import ROOT, interruptible, kill_all, on_ranks
-from tests.study.small_case import CASE, SWEEP, sbfem, started, written
+from tests.parallel import ROOT, in_session, interruptible, kill_all, on_ranks
+from tests.study.small_case import CASE, SWEEP, sbfem, started, stopped, written
 
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
@@ -62,17 +61,7 @@ def begun(ranks, *arguments):
     command = [sys.executable, "-c", PROGRAM, *map(str, arguments)]
     if ranks > 1:
         command = ["mpiexec", "-n", str(ranks), *command]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    return subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=interruptible,
-    )
+    return in_session(command, preexec_fn=interruptible)
 
 
 def full(size):
@@ -154,13 +143,7 @@ def test_sweep_ended_and_resumed(number, tmp_path):
     """One line, no traceback, and the rows so far are not computed again."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
     process = started("sweep", path, "--output", out, "--quiet")
-    limit = time.monotonic() + 120
-    while process.poll() is None and time.monotonic() < limit:
-        if (out / "rows").is_dir() and rows.count(str(out / "rows")) >= 2:
-            break
-        time.sleep(0.01)
-    process.send_signal(number)
-    errors = process.communicate(timeout=60)[1]
+    errors = stopped(process, out / "rows", number)
     assert process.returncode not in (0, 1) and "goes on where it was" in errors and "Traceback" not in errors
     before = rows.read(str(out / "rows"))
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
