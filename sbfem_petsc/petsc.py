@@ -158,6 +158,14 @@ def free(comm: MPI.Comm, *items: Any) -> None:
         item.destroy()
 
 
+def collect(comm: MPI.Comm) -> None:
+    """Destroy the objects that Python has let go of, which PETSc keeps until all ranks ask for that.
+    Collective.
+    """
+    PETSc.garbage_cleanup(PETSc.COMM_SELF)
+    PETSc.garbage_cleanup(comm)
+
+
 def dense_columns(matrix: PETSc.Mat, columns: np.ndarray) -> PETSc.Mat:
     """Columns (owned, k), in Fortran's order, as a dense matrix that shares their memory."""
     size = (matrix.getSizes()[0], columns.shape[1])

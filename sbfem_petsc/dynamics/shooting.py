@@ -232,7 +232,8 @@ class _Newton:
             state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
             driven, motion = self._motion(x.array_r)
         finally:
-            for item in (snes, x, f, matrix):
+            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
+            for item in (snes, ksp, x, f, matrix):
                 item.destroy()
         own = self.derivatives if self.jacobian == "updated" else len(self.residuals) - 1
         return FixedPoint(state, values, driven, motion, tuple(self.residuals), own)
