@@ -37,6 +37,7 @@ __all__ = [
     "SLEPc",
     "block_solve",
     "check_ksp",
+    "collect",
     "configure",
     "dense_columns",
     "direct_solver",
