@@ -262,14 +262,23 @@ class Derivative:
         frame[(ends == self.steps) & ~np.isin(self.steps, instants)] = final
         frame[frame < 0] = final
         inside = frame < final
-        late = ends[inside] - self._begin[frame[inside]]
-        late -= self._onward[frame[inside]] & (late > 0)
-        found[inside] = self.propagation.inverted(late, found[inside])
-        total = np.concatenate([np.zeros((1, *found.shape[1:])), np.cumsum(found, axis=0)])
+        late, onward = ends[inside] - self._begin[frame[inside]], self._onward[frame[inside]]
+        found[inside] = self.propagation.inverted(late - (onward & (late > 0)), found[inside])
         edges = np.searchsorted(frame, np.arange(final + 2))
-        added = total[edges[1:]] - total[edges[:-1]]
+        total = _sums(found)
         before = total[np.searchsorted(ends, instants, side="right")] - total[edges[self._frame]]
+        # where the state goes on by a step, so does what has come before
+        early = np.flatnonzero(inside)[onward & (late == 0)]
+        for parameter in range(found.shape[2]):
+            found[early, :, parameter] = self._moved(found[early, :, parameter].T, 1).T
+        total = _sums(found)
+        added = total[edges[1:]] - total[edges[:-1]]
         return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
+
+
+def _sums(values: np.ndarray) -> np.ndarray:
+    """(n + 1, ...): of the first rows."""
+    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
 def _product(one: np.ndarray, other: np.ndarray) -> np.ndarray:
