@@ -94,6 +94,11 @@ def _guarded(options) -> int:
         return 0
     except (ValueError, TypeError, KeyError, OSError) as error:
         return _ended(comm, f"error: {error}", WRONG_INPUT, getattr(error, "on_all_ranks", False))
+    except MemoryError as error:
+        text = (
+            f"error: there is not enough memory ({error}); use a coarser mesh, or more ranks on more machines"
+        )
+        return _ended(comm, text, FAILED, everywhere=False)
     except RuntimeError as error:
         return _ended(comm, f"error: {error}", FAILED, getattr(error, "on_all_ranks", False))
 

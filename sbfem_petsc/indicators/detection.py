@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, ncx2
 
-from ..checks import positive, real, real_array, shown
+from ..checks import positive, real, real_array, refuse_masked, shown
 from .record import checked_record
 
 
@@ -101,6 +101,7 @@ def detection_probability(values, noise: float, false_alarm: float = 0.01) -> np
         For values that are not finite or have no last axis, noise or a probability out of range.
     """
     owner = "detection_probability"
+    refuse_masked(owner, "values", values)
     try:
         array = np.asarray(values)
     except ValueError:  # rows of different lengths
@@ -118,7 +119,8 @@ def detection_probability(values, noise: float, false_alarm: float = 0.01) -> np
     if false_alarm >= 1.0:
         raise ValueError(f"{owner}: false_alarm = {false_alarm:g} must be between 0 and 1, for example 0.01")
     freedom = array.shape[-1] * (2 if array.dtype.kind == "c" else 1)
-    energy = np.sum((np.abs(array) / noise) ** 2, axis=-1)
+    with np.errstate(over="ignore"):  # as large as numbers go is seen
+        energy = np.sum((np.abs(array) / noise) ** 2, axis=-1)
     threshold = chi2.isf(false_alarm, freedom)
     # beyond this the far tail of the distribution is no longer summed; the probability is 1 to round-off
     seen = ncx2.sf(threshold, freedom, np.minimum(energy, 1e4 + 4.0 * threshold))
