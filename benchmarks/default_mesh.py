@@ -28,8 +28,9 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.dynamics.period_map import DrivenPeriod
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
-from sbfem_petsc.dynamics.shooting import DrivenPeriod, shoot
+from sbfem_petsc.dynamics.shooting import shoot
 
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
 MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002

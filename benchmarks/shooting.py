@@ -95,7 +95,8 @@ def orbits(reduced, repeats):
 def jacobian(reduced, repeats, unknowns):
     """Cost of the exact derivative and of the monodromy in integrations of one period."""
     from sbfem_petsc.dynamics.excitation import Excitation
-    from sbfem_petsc.dynamics.shooting import Period, shoot
+    from sbfem_petsc.dynamics.period_map import Period
+    from sbfem_petsc.dynamics.shooting import shoot
     from sbfem_petsc.dynamics.stability import multipliers
 
     print(
@@ -150,7 +151,8 @@ def curves(reduced):
         seconds, curve = least(lambda: follow(True), 1)
         plain, _ = least(lambda: follow(False), 1)
         print(
-            f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}{int((~curve.stable).sum()):11d}"
+            f"{force:10g}{len(curve.value):9d}{int(curve.iterations.sum()):20d}"
+            f"{int((~curve.stable).sum()):11d}"
             f"{len(curve.bifurcations):15d}{seconds:10.2f}{plain:12.2f}   (asked: at most {ASKED_CURVE:g} s)"
         )
 

@@ -183,9 +183,10 @@ def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "
     TypeError
         If its entries are no real numbers; bools and complex numbers are none.
     ValueError
-        If it has other dimensions or values that are not finite.
+        If it has other dimensions, masked entries or values that are not finite.
     """
     in_unit = f" ({unit})" if unit else ""
+    refuse_masked(owner, name, value)
     try:
         array = np.asarray(value)
     except ValueError:  # rows of different lengths
@@ -200,6 +201,12 @@ def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "
         at = place[0] if len(place) == 1 else place
         raise ValueError(f"{owner}: {name}[{at}] = {array[place]} must be finite{in_unit}")
     return array
+
+
+def refuse_masked(owner: str, name: str, value: Any) -> None:
+    """Raise a ValueError for a masked array: the values behind its mask would be taken."""
+    if np.ma.is_masked(value):
+        raise ValueError(f"{owner}: {name} has masked entries; leave them out")
 
 
 def shown(value: Any) -> str:

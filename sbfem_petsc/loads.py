@@ -42,7 +42,8 @@ class Load:
     @property
     def components(self) -> dict[str, float | Signal]:
         """Numbers or signals by name."""
-        return {f.name: getattr(self, f.name) for f in fields(self) if f.name not in _PLACES}  # type: ignore[arg-type]
+        own: Any = self  # each kind of load is a dataclass
+        return {f.name: getattr(self, f.name) for f in fields(own) if f.name not in _PLACES}
 
     def units(self) -> list[tuple[Load, float | Signal]]:
         """A unit load and its amplitude for each component that is not zero."""

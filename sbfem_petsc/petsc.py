@@ -37,6 +37,7 @@ __all__ = [
     "SLEPc",
     "block_solve",
     "check_ksp",
+    "collect",
     "configure",
     "dense_columns",
     "direct_solver",
@@ -124,13 +125,13 @@ def configure(item: Any) -> None:
 
 @contextlib.contextmanager
 def solving(what: str) -> Iterator[None]:
-    """Context in which an error of PETSc becomes one sentence, a `SolveError`."""
+    """Context in which an error of PETSc, and a lack of memory, becomes one sentence, a `SolveError`."""
     try:
         yield
-    except PETSc.Error as error:
-        if error.ierr == OUT_OF_MEMORY:
+    except (PETSc.Error, MemoryError) as error:
+        if isinstance(error, MemoryError) or error.ierr == OUT_OF_MEMORY:
             said = (
-                "PETSc has not enough memory for it; use more ranks on more machines, a coarser mesh, or for "
+                "there is not enough memory for it; use more ranks on more machines, a coarser mesh, or for "
                 "statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
             )
         else:
@@ -156,6 +157,14 @@ def free(comm: MPI.Comm, *items: Any) -> None:
         return
     for item in items:
         item.destroy()
+
+
+def collect(comm: MPI.Comm) -> None:
+    """Destroy the objects that Python has let go of, which PETSc keeps until all ranks ask for that.
+    Collective.
+    """
+    PETSc.garbage_cleanup(PETSc.COMM_SELF)
+    PETSc.garbage_cleanup(comm)
 
 
 def dense_columns(matrix: PETSc.Mat, columns: np.ndarray) -> PETSc.Mat:

@@ -8,6 +8,7 @@ import contextlib
 import csv
 import os
 import re
+import tempfile
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -69,6 +70,26 @@ def replaced(path: Any, what: str) -> Iterator[str]:
     finally:
         with contextlib.suppress(OSError):
             os.remove(temporary)
+
+
+@contextlib.contextmanager
+def spare_folder() -> Iterator[str]:
+    """A folder for files that nobody keeps.
+
+    Raises
+    ------
+    ValueError
+        If the system has no place for one, as on a full disk.
+    """
+    try:
+        folder = tempfile.TemporaryDirectory()
+    except OSError as error:
+        raise ValueError(
+            f"there is no folder for temporary files ({error.strerror or error}); make room, or name one in "
+            "the environment variable TMPDIR"
+        ) from None
+    with folder as name:
+        yield name
 
 
 def synchronise(path: str) -> None:

@@ -13,7 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import pytest
 
@@ -48,7 +48,6 @@ def on_ranks(
         "OMPI_MCA_mpi_yield_when_idle": "1",
         "OMP_NUM_THREADS": "1",
         **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")]),
     }
     with all_cores() if ranks > 1 else contextlib.nullcontext():
         done = whole([mpiexec, "-n", str(ranks), sys.executable, *program, *arguments], environment, timeout)
@@ -57,21 +56,32 @@ def on_ranks(
     return done
 
 
+def in_session(
+    command: list[str], environment: Mapping[str, str] = os.environ, *, preexec_fn: Callable | None = None
+) -> subprocess.Popen[str]:
+    """Start a command, with the project importable, that leads a session of its own, by which `kill_all`
+    finds what it has started.
+    """
+    places = os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])
+    return subprocess.Popen(
+        command,
+        cwd=ROOT,
+        env={**environment, "PYTHONPATH": places},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+        preexec_fn=preexec_fn,
+    )
+
+
 def whole(
     command: list[str], environment: dict[str, str], timeout: float
 ) -> subprocess.CompletedProcess[str]:
     """Run a command in a session of its own; after `timeout` seconds all of it is killed and the test
     fails with what it has written until then.
     """
-    process = subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    )
+    process = in_session(command, environment)
     try:
         output, errors = process.communicate(timeout=timeout)
     except BaseException as error:  # also when the test itself is interrupted

@@ -389,8 +389,8 @@ class TestDetectionProbability:
         )
 
     def test_limits(self):
-        found = detection_probability([[0.0, 0.0], [1e-12, 0.0], [1e6, 0.0]], 1.0, 0.03)
-        assert found == pytest.approx([0.03, 0.03, 1.0], rel=1e-9)
+        found = detection_probability([[0.0, 0.0], [1e-12, 0.0], [1e6, 0.0], [1e300, 0.0]], 1.0, 0.03)
+        assert found == pytest.approx([0.03, 0.03, 1.0, 1.0], rel=1e-9)
 
     @pytest.mark.parametrize(
         "arguments, sentence",
@@ -399,6 +399,7 @@ class TestDetectionProbability:
             ((1.0, 1.0), "shape"),
             (([1.0], 0.0), "noise"),
             (([1.0], 1.0, 1.0), "false_alarm = 1 must be between 0 and 1"),
+            ((np.ma.array([1.0, 9.0], mask=[False, True]), 1.0), "values has masked entries"),
         ],
     )
     def test_bad_input(self, arguments, sentence):

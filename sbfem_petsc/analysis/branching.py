@@ -8,7 +8,8 @@ from ..checks import instance, positive
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
-from ..dynamics.shooting import Period, shoot_along
+from ..dynamics.period_map import Period
+from ..dynamics.shooting import shoot_along
 from ..errors import SolveError, on_all_ranks
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.

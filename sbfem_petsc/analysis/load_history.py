@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..capacity import require_memory
 from ..checks import flag, instance, real_array
 from ..errors import at_point
 from ..loads import Loads
@@ -102,7 +103,25 @@ def load_history(
         loads = model.checked_loads(load, constant=False)
         flag("load_history", "contact", contact)
     agree(model.comm, "load_history", load=load, time=times, contact=contact)
+    require_memory(
+        "load_history",
+        model.comm,
+        len(times) * _state_size(model),
+        f"{len(times):,d} states",
+        lambda share: f"at most {int(share * len(times)):,d} times fit, or take a coarser mesh",
+    )
     return LoadHistory(times, tuple(static(model, _at(loads, float(t)), contact=contact) for t in times))
+
+
+def _state_size(model: Model) -> float:
+    """Bytes that a static solution keeps on this rank, about: the fields of displacement and forces, by nodes
+    and by unknowns, what belongs to the contact rows, and Python's own.
+    """
+    nodes, unknowns = (
+        len(model.part.nodes),
+        int(model.ranges[model.comm.rank + 1] - model.ranges[model.comm.rank]),
+    )
+    return 8.0 * (4 * nodes + 2 * unknowns + 6 * model.gap_operator.pairs) + 6000.0
 
 
 def _checked(time) -> np.ndarray:

@@ -17,8 +17,9 @@ from ..dynamics.branch_following import follow, linear_branch
 from ..dynamics.continuation import ContinuationSettings, ParameterRange
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
+from ..dynamics.period_map import Period
 from ..dynamics.preparation import PeriodSettings, prepare
-from ..dynamics.shooting import Period, shoot
+from ..dynamics.shooting import shoot
 from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
 from ..parallel import agree, collective

@@ -25,6 +25,8 @@ from .static_result import Static
 REFUSED, ROUND_OFF = 1e-2, 1e-5
 # Share of the contact resultant that nothing carries next to a tip, beyond which the user is warned.
 UNRESOLVED = 2e-2
+# Share of the loads up to which it is left unsaid.
+NEGLIGIBLE = 1e-6
 
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
@@ -113,9 +115,12 @@ def _judged(found: Static) -> dict[str, np.ndarray]:
 
 
 def _unresolved(found: Static) -> float:
-    """Share of the contact resultant that pairs and pressure modes do not carry."""
+    """Share of the contact resultant that pairs and pressure modes do not carry; 0 where that is nothing
+    beside the loads. It falls with the square of the loads: those that vanish leave one of rounding.
+    """
     missed = sum(found.unresolved_contact.values())
-    return missed / (missed + max(found.contact_resultant, 0.0)) if missed > 0.0 else 0.0
+    loads = found.model.comm.allreduce(float(np.abs(found.columns.nodal).sum()))
+    return missed / (missed + max(found.contact_resultant, 0.0)) if missed > NEGLIGIBLE * loads else 0.0
 
 
 def _warn_of_contact(found: Static) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -24,15 +25,40 @@ class _Terminated(BaseException):
 
 def main(arguments: list[str] | None = None) -> NoReturn:
     """Run a command and exit with its code."""
-    own, rest = split(sys.argv[1:] if arguments is None else list(arguments))
+    try:
+        sys.exit(_run(sys.argv[1:] if arguments is None else list(arguments)))
+    except ImportError as error:
+        sys.exit(_not_installed(error))
+
+
+def _run(arguments: list[str]) -> int:
+    own, rest = split(arguments)
     parser = make_parser()
     options = parser.parse_args(own)
     wrong = wrong_option(rest)
     if wrong is not None:
         parser.error(wrong)
-    start_petsc(rest)
+    # what is missing then is what this command is to tell
+    with contextlib.suppress(ImportError) if options.command == "doctor" else contextlib.nullcontext():
+        start_petsc(rest)
     signal.signal(signal.SIGTERM, _terminate)
-    sys.exit(_guarded(options))
+    return _guarded(options)
+
+
+def _not_installed(error: ImportError) -> int:
+    """Tell of a package that is missing or broken; the ranks of other machines may have it."""
+    text = f"error: {error}"
+    if error.name is not None:
+        text = (
+            f"error: {error.name.split('.')[0]} cannot be imported ({error}); use ./run in the project's "
+            "folder, or `conda env create -f environment.yml`, or install it into this environment with pip"
+        )
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        sys.stderr.write(f"{text}\n")
+        return FAILED
+    return _ended(MPI.COMM_WORLD, text, FAILED, everywhere=False)
 
 
 def _terminate(number: int, frame: FrameType | None) -> NoReturn:
@@ -68,6 +94,11 @@ def _guarded(options) -> int:
         return 0
     except (ValueError, TypeError, KeyError, OSError) as error:
         return _ended(comm, f"error: {error}", WRONG_INPUT, getattr(error, "on_all_ranks", False))
+    except MemoryError as error:
+        text = (
+            f"error: there is not enough memory ({error}); use a coarser mesh, or more ranks on more machines"
+        )
+        return _ended(comm, text, FAILED, everywhere=False)
     except RuntimeError as error:
         return _ended(comm, f"error: {error}", FAILED, getattr(error, "on_all_ranks", False))
 

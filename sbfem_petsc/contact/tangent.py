@@ -1,15 +1,5 @@
-"""Exact derivative of the time steps (`marching.march`) with the contact sets of a history.
+"""Exact derivative of the time steps (`marching.march`) with the contact sets of a history (`closed_sets`).
 
-Where no row changes sides a step is linear: with the set A of rows that keep their gaps at its end, the thin
-contact forces p = U^T force obey dp = -K (V^T dq + ...) with the position dq before they act and
-K = U_A^T W_AA^-1 U_A. With K_R = U_A^T R_AA^-1 U_A, which knows nothing of the step's length and is kept for
-every set that has occurred, and M = V^T diag(cq) V, K = (K_R^-1 + M)^-1.
-
-The modal forces of contact are then -B B^T dq. The columns of B are few: what moves the state by less than
-rounding is left out, and of some twenty rows in contact about six directions remain.
-
-Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
-state at its beginning, coupled by a small triangular matrix, so that many columns are carried through a block
 by a few products of large matrices. The free motion of the modes between is not computed at all: the state is
 kept as what it was at an earlier instant but for contact (a frame), and the rows take the free motion up to
 their own instants.
@@ -17,291 +7,18 @@ their own instants.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
 
-# Directions of contact that change the position by less than this share in a step are left out.
-LEAST = 1e-14
+from .closed_sets import Contacts
+
 # Rows that are condensed into one block.
 BLOCK = 48
 # Longest frame, and what it may not exceed: condition of a mode's free motion over its length, decades by
 # which areas in its phase plane shrink. The decay itself costs no digits, each mode only changes its unit.
 FRAME, WORST, DECAY = 2048, 1e6, 40.0
-
-
-class ClosedSet:
-    """Rows that keep their gaps, condensed.
-
-    Parameters
-    ----------
-    left : (c, r) array
-        U.
-    residual : (c, c) array
-        R.
-    closed : (c,) bool array
-
-    Attributes
-    ----------
-    operator : (r, r) array
-        K_R.
-
-    Raises
-    ------
-    LinAlgError
-        If R is not definite in these rows.
-    """
-
-    def __init__(self, left: np.ndarray, residual: np.ndarray, closed: np.ndarray):
-        self.rows, self.count = np.flatnonzero(closed), len(closed)
-        block = residual[self.rows[:, None], self.rows]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self._weight = 1.0 / np.sqrt(np.diagonal(block))
-            scaled = self._weight[:, None] * block * self._weight
-        # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
-        self._factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1) if len(scaled) else (scaled, 0)
-        if failed:
-            raise np.linalg.LinAlgError(
-                "the residual flexibility of the rows in contact is not positive definite"
-            )
-        self._half = self._weight[:, None] * left[self.rows]
-        if len(scaled):
-            self._half, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1)
-        self.operator = self._half.T @ self._half
-
-    @functools.cached_property
-    def spread(self) -> np.ndarray:
-        """(r, c): U_A^T R_AA^-1 over all rows."""
-        result = np.zeros((self._half.shape[1], self.count))
-        if len(self.rows):
-            solved, _ = linalg.lapack.dtrtrs(self._factor, self._half, lower=1, trans=1)
-            result[:, self.rows] = solved.T * self._weight
-        return result
-
-    def stiffness(self, row: int) -> float:
-        """Diagonal of R_AA^-1 at one of its rows, N/m."""
-        unit = np.zeros(len(self.rows))
-        place = int(np.searchsorted(self.rows, row))
-        unit[place] = self._weight[place]
-        solved, _ = linalg.lapack.dtrtrs(self._factor, unit, lower=1)
-        return float(solved @ solved)
-
-
-class ClosedSets:
-    """The closed sets that occur, each condensed once.
-
-    Parameters
-    ----------
-    left : (c, r) array
-        U.
-    residual : (c, c) array
-        R.
-    """
-
-    def __init__(self, left: np.ndarray, residual: np.ndarray):
-        self.left, self.residual = left, residual
-        self._known: dict[bytes, ClosedSet] = {}
-
-    def __getitem__(self, closed: np.ndarray) -> ClosedSet:
-        key = closed.tobytes()
-        found = self._known.get(key)
-        if found is None:
-            if len(self._known) > 4096:
-                self._known.clear()
-            found = self._known[key] = ClosedSet(self.left, self.residual, closed)
-        return found
-
-
-@dataclass(frozen=True, eq=False)
-class Contacts:
-    """What contact does to a small disturbance at the instants 0 .. n of a history.
-
-    Attributes
-    ----------
-    instants : (k,) int array
-        Those at which it does something.
-    counts : (k,) int array
-        How many rows of the next arrays belong to each.
-    factors : (s, m) array
-        The rows of B^T of all instants, one instant after the other.
-    shifts : (s, e) array
-        B^T dq is added to by so much for each of e parameters.
-    """
-
-    instants: np.ndarray
-    counts: np.ndarray
-    factors: np.ndarray
-    shifts: np.ndarray
-
-
-def exact_contacts(
-    sets: ClosedSets,
-    right: np.ndarray,
-    coefficients: np.ndarray,
-    *,
-    closed: np.ndarray,
-    gap_rates: np.ndarray,
-) -> Contacts:
-    """Of the steps as they are.
-
-    Parameters
-    ----------
-    sets : ClosedSets
-    right : (m, r) array
-        V.
-    coefficients : (10, m) array
-        See `marching`.
-    closed : (n + 1, c) bool array
-        Rows that keep their gaps at the steps' ends.
-    gap_rates : (n + 1, c, e) array
-        Rates of the free gaps with e parameters.
-    """
-    instants = np.flatnonzero(closed.any(axis=1))
-    changed = np.ones(len(instants), dtype=bool)
-    changed[1:] = (closed[instants[1:]] != closed[instants[:-1]]).any(axis=1)
-    # the first instant has no step before it: the force there follows from the position through R alone
-    changed[1:2] |= instants[:1] == 0
-    which = np.cumsum(changed) - 1
-    found = [sets[closed[n]] for n in instants[changed]]
-    operators = np.array([item.operator for item in found]).reshape(len(found), *[right.shape[1]] * 2)
-    thin = _Thin(operators, right, coefficients[4], instants[changed] == 0)
-    parameters = gap_rates.shape[2]
-    pressed = np.zeros((len(instants), right.shape[1], parameters))
-    if parameters:
-        ends = np.append(np.flatnonzero(changed), len(instants))
-        for item, first, last in zip(found, ends[:-1], ends[1:]):
-            pressed[first:last] = item.spread @ gap_rates[instants[first:last]]
-    return thin.contacts(instants, which, pressed)
-
-
-def located_contacts(
-    sets: ClosedSets,
-    right: np.ndarray,
-    coefficients: np.ndarray,
-    *,
-    closed: np.ndarray,
-    gaps: np.ndarray,
-    forces: np.ndarray,
-) -> Contacts:
-    """As `exact_contacts` without parameters, for the variational equation with each switch located inside
-    its step.
-
-    The steps hold a row's force at the mean of their ends, so a row acts over whole steps, and multipliers
-    jump where a switch passes an instant of the grid. Here a switch stands where the gap without the row's
-    own force, linear over the step, vanishes; a step acts by the mean of K_R over the sets that it passes
-    through, an instant by the mean of the steps beside it. What is left of the jumps is of second order in
-    the step.
-
-    Parameters
-    ----------
-    gaps, forces : (n + 1, c) arrays
-    """
-    steps = len(closed) - 1
-    switched, switching = np.nonzero(closed[1:] != closed[:-1])
-    switches, first = np.unique(switched, return_index=True)
-    # the sets between the switches, and where in its step each row switches
-    between = [sets[closed[0]], *(sets[closed[n + 1]] for n in switches)]
-    number = np.repeat(np.arange(len(switches)), np.diff(first, append=len(switched)))
-    opens = closed[switched, switching]
-    at = np.where(opens, switched, switched + 1)
-    holding = number + ~opens
-    stiffness = np.array([between[k].stiffness(row) for k, row in zip(holding, switching)])
-    overlap = forces[at, switching] / stiffness
-    gap = np.maximum(gaps[2 * switched + 1 - at, switching], 0.0)
-    moments = np.where(opens, overlap, gap) / (overlap + gap)
-    # operators of the sets and of the steps with a switch by turns, and the number that acts in each step
-    table = np.zeros((2 * len(switches) + 1, right.shape[1], right.shape[1]))
-    table[::2] = [item.operator for item in between]
-    bounds = np.append(first, len(switched))
-    for k, (one, other) in enumerate(zip(bounds[:-1], bounds[1:])):
-        touching, passed = closed[switches[k]].copy(), 0.0
-        order = one + np.argsort(moments[one:other], kind="stable")
-        for place in order[:-1]:
-            table[2 * k + 1] += (moments[place] - passed) * sets[touching].operator
-            passed = moments[place]
-            touching[switching[place]] = ~touching[switching[place]]
-        last = moments[order[-1]]
-        before = sets[touching] if len(order) > 1 else between[k]
-        table[2 * k + 1] += (last - passed) * before.operator + (1.0 - last) * between[k + 1].operator
-    acting = 2 * np.searchsorted(switches, np.arange(steps))
-    acting[switches] += 1
-    pairs = np.stack([np.append(acting[:1], acting), np.append(acting, acting[-1:])], axis=1)
-    instants = np.flatnonzero(table.any(axis=(1, 2))[pairs].any(axis=1))
-    # two neighbours follow each other along the table: their numbers and their sum tell the pair
-    key = 2 * pairs[instants].sum(axis=1) + (instants == 0)
-    _, kinds, which = np.unique(key, return_index=True, return_inverse=True)
-    kinds = instants[kinds]
-    means = 0.5 * (table[pairs[kinds, 0]] + table[pairs[kinds, 1]])
-    thin = _Thin(means, right, coefficients[4], kinds == 0)
-    return thin.contacts(instants, which.ravel(), np.zeros((len(instants), right.shape[1], 0)))
-
-
-class _Thin:
-    """B^T of operators K_R (k, r, r). Where `fixed`, K_R itself acts and not (K_R^-1 + M)^-1.
-
-    With S^T K_R S = F F^T by Cholesky with pivots, up to columns that move the state by less than rounding,
-    and 1 + F^T F = C C^T, B^T = C^-1 F^T S^-1 V^T.
-    """
-
-    def __init__(self, operators: np.ndarray, right: np.ndarray, gain: np.ndarray, fixed: np.ndarray):
-        values, axes = np.linalg.eigh((right.T * gain) @ right)
-        root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
-        self.scaled = axes * root  # S
-        self.columns, self.pivots, self.ranks = pivoted_cholesky(self.scaled.T @ operators @ self.scaled)
-        rank = self.columns.shape[2]
-        transposed = np.swapaxes(self.columns, 1, 2)
-        moved = np.where(fixed[:, None, None], 0.0, transposed @ self.columns) + np.eye(rank)
-        self.held = np.linalg.cholesky(moved)  # C
-        self.factors = np.linalg.solve(self.held, transposed) @ ((axes / root).T @ right.T)
-
-    def contacts(self, instants: np.ndarray, which: np.ndarray, pressed: np.ndarray) -> Contacts:
-        """Of instants with these operators; `pressed` (k, r, e) are U_A^T R_AA^-1 times changes of the
-        gaps.
-        """
-        counts = self.ranks[which]
-        owner = np.repeat(np.arange(len(instants)), counts)
-        place = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-        shifts = np.zeros((len(owner), pressed.shape[2]))
-        if shifts.size:
-            # in the range of F: its coordinates follow from the rows of the pivots, which are triangular
-            known = np.take_along_axis(self.columns, self.pivots[:, :, None], axis=1)
-            empty = np.arange(known.shape[1]) >= self.ranks[:, None]
-            known[empty] = np.eye(known.shape[1])[np.nonzero(empty)[1]]
-            maps = np.linalg.solve(self.held, np.linalg.solve(known, self.scaled.T[self.pivots]))
-            shifts = (maps[which] @ pressed)[owner, place]
-        return Contacts(instants, counts, self.factors[which[owner], place], shifts)
-
-
-def pivoted_cholesky(matrices: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """F (k, r, n) with F F^T = the semidefinite matrices (k, r, r) but for what is below `LEAST`, the rows of
-    the pivots (k, n), and the number of columns of each (k,); the columns beyond are zero.
-    """
-    count, size = matrices.shape[:2]
-    every = np.arange(count)
-    left = np.einsum("kii->ki", matrices).copy()
-    least = LEAST * np.maximum(left.max(axis=1, initial=0.0), 1.0)
-    columns, pivots = np.zeros((count, size, size)), np.zeros((count, size), dtype=int)
-    ranks = np.zeros(count, dtype=int)
-    for n in range(size):
-        pivot = left.argmax(axis=1)
-        largest = left[every, pivot]
-        more = largest > least
-        if not more.any():
-            break
-        column = matrices[every, :, pivot]
-        column -= (columns[:, :, :n] @ columns[every, pivot, :n, None])[:, :, 0]
-        column *= np.where(more, 1.0 / np.sqrt(np.where(more, largest, 1.0)), 0.0)[:, None]
-        columns[:, :, n], pivots[:, n] = column, pivot
-        # what has been a pivot is used up, and zero above the later ones
-        left -= column**2
-        left[every, pivot] = -1.0
-        columns[every[:, None], pivots[:, :n], n] = 0.0
-        ranks += more
-    rank = int(ranks.max(initial=0))
-    return columns[:, :, :rank], pivots[:, :rank], ranks
 
 
 class Propagation:
@@ -545,14 +262,23 @@ class Derivative:
         frame[(ends == self.steps) & ~np.isin(self.steps, instants)] = final
         frame[frame < 0] = final
         inside = frame < final
-        late = ends[inside] - self._begin[frame[inside]]
-        late -= self._onward[frame[inside]] & (late > 0)
-        found[inside] = self.propagation.inverted(late, found[inside])
-        total = np.concatenate([np.zeros((1, *found.shape[1:])), np.cumsum(found, axis=0)])
+        late, onward = ends[inside] - self._begin[frame[inside]], self._onward[frame[inside]]
+        found[inside] = self.propagation.inverted(late - (onward & (late > 0)), found[inside])
         edges = np.searchsorted(frame, np.arange(final + 2))
-        added = total[edges[1:]] - total[edges[:-1]]
+        total = _sums(found)
         before = total[np.searchsorted(ends, instants, side="right")] - total[edges[self._frame]]
+        # where the state goes on by a step, so does what has come before
+        early = np.flatnonzero(inside)[onward & (late == 0)]
+        for parameter in range(found.shape[2]):
+            found[early, :, parameter] = self._moved(found[early, :, parameter].T, 1).T
+        total = _sums(found)
+        added = total[edges[1:]] - total[edges[:-1]]
         return shifts + np.einsum("sj,sje->se", self._rows, before[self._owner]), added
+
+
+def _sums(values: np.ndarray) -> np.ndarray:
+    """(n + 1, ...): of the first rows."""
+    return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
 
 
 def _product(one: np.ndarray, other: np.ndarray) -> np.ndarray:

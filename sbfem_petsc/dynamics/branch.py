@@ -13,7 +13,8 @@ from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
 from .bifurcations import Bifurcation
 from .orbit import FLOOR, Orbit, axis_number, make_orbit
-from .shooting import FixedPoint, Period
+from .period_map import Period
+from .shooting import FixedPoint
 
 
 class BranchWarning(UserWarning):

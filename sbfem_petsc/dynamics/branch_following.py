@@ -15,8 +15,9 @@ from .branch import Branch, BranchWarning
 from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
 from .excitation import one_sided
 from .orbit import modal_motion, multiplier_error
+from .period_map import Period
 from .several_periods import distances, minimal_periods
-from .shooting import FixedPoint, Period
+from .shooting import FixedPoint
 from .stability import Multipliers, multipliers
 
 # Harmonics kept of every point.

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError
+from .period_map import DrivenPeriod, Period
 from .several_periods import minimal_periods, passes_shorter
-from .shooting import DrivenPeriod, FixedPoint, Period, shoot_along
+from .shooting import FixedPoint, shoot_along
 
 # Arc length in which the state's relative change and SPAN times the parameter's relative change are summed as
 # squares.

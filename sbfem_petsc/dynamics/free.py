@@ -20,7 +20,7 @@ from ..contact.complementarity import solve_complementarity
 from ..errors import SolveError
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
-from .shooting import DrivenPeriod, Period, PeriodMotion
+from .period_map import DrivenPeriod, Period, PeriodMotion
 
 # Newton's method: closing error relative to the state, and iterations.
 CLOSED, ITERATIONS = 1e-11, 12

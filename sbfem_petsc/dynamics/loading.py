@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from numbers import Real
+from typing import Any
 
 from ..checks import integer, real, shown
 from ..errors import on_all_ranks
@@ -76,7 +77,7 @@ def loading(
         units, signals = separate(load, number)
         return Loading(tuple(units), tuple(signals))
     count = system.load_modes.shape[1]
-    values = load if isinstance(load, (list, tuple)) else (load,)
+    values: Any = load if isinstance(load, (list, tuple)) else (load,)
     if all(isinstance(value, (Real, Signal)) for value in values):
         if len(values) != count:
             raise ValueError(
@@ -86,7 +87,7 @@ def loading(
         for value in values:
             if isinstance(value, Real):
                 real(owner, "load", value)
-        given = tuple(number(v) if isinstance(v, Real) else as_signal(v) for v in values)  # type: ignore[arg-type]
+        given = tuple(v if isinstance(v, Signal) else number(v) for v in values)
         return Loading(system.loads, given)
     if system.model is None:
         raise TypeError(

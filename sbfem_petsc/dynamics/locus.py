@@ -17,7 +17,7 @@ from scipy import linalg
 
 from ..errors import SolveError
 from ..writing import write_table
-from .shooting import DrivenPeriod, Period, PeriodMotion
+from .period_map import DrivenPeriod, Period, PeriodMotion
 from .stability import multipliers
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker")
@@ -157,7 +157,8 @@ class _Follower:
 
     def excess(self, scaled: np.ndarray, near: complex) -> tuple[float, complex]:
         """How far the multiplier of this kind is from its place, and the multiplier."""
-        y = scaled * self.units
+        # at an end of the range the differences beside it lie outside
+        y = self._in_range(scaled, 2.0 * APART)
         driven = self.family.at(*y[-2:])
         values = multipliers(driven, driven.run(y[:-2])).values
         if self.kind == "Neimark-Sacker":
@@ -170,14 +171,19 @@ class _Follower:
         value = complex(values[np.argmin(np.abs(values - target))])
         return (value.real - target), value
 
+    def _in_range(self, scaled: np.ndarray, slack: float = 0.0) -> np.ndarray:
+        """State and parameters; negative damping would let motions grow without bounds."""
+        actual = scaled * self.units
+        if not (actual[-2] > 0.0 and scaled[-1] >= -slack):
+            raise _Failure("the parameters have left their range")
+        return actual
+
     def correct(self, guess: np.ndarray, normal: np.ndarray, near: complex) -> _Point:
         """The locus' point in the plane through a guess across a direction."""
         y, slopes = guess.copy(), None
         known: tuple[np.ndarray, float] = (guess, 0.0)
         for iteration in range(1, ITERATIONS + 1):
-            actual = y * self.units
-            if not (actual[-2] > 0.0 and actual[-1] >= 0.0):
-                raise _Failure("the parameters have left their range")
+            actual = self._in_range(y)
             driven = self.family.at(*actual[-2:])
             motion = driven.run(actual[:-2])
             matrix = self.family.derivative(driven, motion, actual[:-2], float(actual[-1]))

@@ -11,7 +11,8 @@ from ..checks import choice
 from ..errors import SolveError, on_all_ranks
 from .excitation import one_sided
 from .history import Motion
-from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot, shoot_nearby
+from .period_map import DrivenPeriod, Period, PeriodMotion
+from .shooting import FixedPoint, shoot, shoot_nearby
 from .stability import Multipliers, multipliers
 from .states import ModalStates, Point
 

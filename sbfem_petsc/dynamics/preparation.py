@@ -15,7 +15,8 @@ from ..system.model import Model
 from .excitation import Excitation
 from .loading import communicator, loading, serving
 from .orbit import Orbit
-from .shooting import JACOBIANS, Period
+from .period_map import Period
+from .shooting import JACOBIANS
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64

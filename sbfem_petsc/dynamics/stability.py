@@ -12,7 +12,8 @@ from scipy import linalg, optimize
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc, configure
-from .shooting import WHOLE, DrivenPeriod, PeriodMotion
+from .period_map import DrivenPeriod, PeriodMotion
+from .shooting import WHOLE
 
 PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the

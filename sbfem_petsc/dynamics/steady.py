@@ -16,7 +16,8 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
-from .shooting import FixedPoint, Period, shoot
+from .period_map import Period
+from .shooting import FixedPoint, shoot
 
 
 @dataclass(frozen=True)

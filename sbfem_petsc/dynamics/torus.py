@@ -18,7 +18,7 @@ from ..errors import SolveError
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
-from .shooting import Period, PeriodMotion
+from .period_map import Period, PeriodMotion
 
 # Newton's method: closing error relative to the linear response, and iterations.
 CLOSED, ITERATIONS = 1e-11, 15

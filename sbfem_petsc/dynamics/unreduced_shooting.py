@@ -200,7 +200,7 @@ class _UnreducedPeriod:
                 )
             state, _, rows = self.run(x.array_r.copy(), record=True)
         finally:
-            free(comm, snes, x, f, matrix)
+            free(comm, snes, ksp, x, f, matrix)
         march = self.march
         # the last instant is the first one: the rows begin after it
         places, speeds, forces, gaps, intensities = (

@@ -15,7 +15,7 @@ from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..parallel import on_root
 from ..petsc import MPI
-from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, figure, style
+from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, by_name, figure, style
 from .units import divisors, frequency_unit, length_unit
 
 GREY = "#8A8A8A"
@@ -62,7 +62,7 @@ def plot_branches(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = {"": branches} if isinstance(branches, Branch) else branches
+    named = by_name(branches, Branch)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, window, title, every))
 
 

@@ -6,7 +6,8 @@ Through matplotlib's object-oriented interface alone: no display, no global stat
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,6 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
+from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..writing import destination, replaced
 
@@ -33,6 +35,8 @@ MATERIAL = "#E8EDF2"
 WIDTH = 7.2  # inches: two columns of a journal
 RESOLUTION = 200  # dots per inch
 FORMATS = ("png", "svg", "pdf")
+
+Subject = TypeVar("Subject")
 
 
 def figure(height: float, width: float = WIDTH) -> Figure:
@@ -61,7 +65,8 @@ def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> s
     """
     if drawing is None:
         return None
-    first = drawing if isinstance(drawing, (Axes, Figure)) else next(iter(np.ravel(drawing)), None)  # type: ignore[arg-type]
+    several: Any = drawing
+    first = drawing if isinstance(drawing, (Axes, Figure)) else next(iter(np.ravel(several)), None)
     picture = first.figure if isinstance(first, Axes) else first
     if not isinstance(picture, Figure):
         raise TypeError(f"save_picture: {drawing!r} is neither axes nor a figure")
@@ -83,6 +88,30 @@ def style(axes) -> None:
     axes.yaxis.get_offset_text().set_size(7)
     axes.xaxis.label.set_size(8)
     axes.yaxis.label.set_size(8)
+
+
+def by_name(subjects: Subject | Mapping[str, Subject], kind: type[Subject]) -> Mapping[str, Subject]:
+    """What is to be drawn by its names in the legend; one alone has none."""
+    return {"": subjects} if isinstance(subjects, kind) else subjects  # type: ignore[return-value]
+
+
+def stems(axes: Axes, x, heights, *, floor: float, number: int, name: str, size: float = 4.0) -> None:
+    """Stems from a floor, which logarithmic scales need, with the colour and marker of the curve `number`."""
+    colour, marker = CYCLE[number % len(CYCLE)], MARKERS[number % len(MARKERS)]
+    axes.vlines(x, floor, heights, color=colour, linewidth=0.35 * size)
+    axes.plot(x, heights, linestyle="none", marker=marker, markersize=size, color=colour, label=name or "_")
+
+
+def finish_stems(axes: Axes, names: Mapping[str, object], title: str) -> None:
+    """Ticks and grid of stems on a logarithmic scale, title, and a legend where there are names."""
+    axes.yaxis.set_major_locator(LogLocator(numticks=12))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.set_title(title, fontsize=8, loc="left")
+    if any(names):
+        axes.legend(fontsize=7, frameon=False, loc="upper right")
+    style(axes)
 
 
 def crack_title(crack) -> str:

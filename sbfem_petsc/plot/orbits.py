@@ -6,14 +6,14 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
+from matplotlib.ticker import MaxNLocator
 
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit
 from ..parallel import on_root
 from ..petsc import MPI
 from .branches import DASHED, GREY, draw_growth
-from .drawing import BLACK, BLUE, CYCLE, MARKERS, VERMILION, figure, style
+from .drawing import BLACK, BLUE, CYCLE, VERMILION, by_name, figure, finish_stems, stems, style
 from .units import divisors, force_unit, length_unit
 
 LIGHT = "#BBBBBB"
@@ -59,7 +59,7 @@ def plot_harmonics(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = {"": orbits} if isinstance(orbits, Orbit) else orbits
+    named = by_name(orbits, Orbit)
     return on_root(
         comm or MPI.COMM_WORLD,
         lambda: _draw_harmonics(named, point, direction, count, decades, forces, title),
@@ -91,29 +91,13 @@ def _draw_harmonics(
         # rounding is no harmonic
         seen = (levels > floor) & (levels > ROUND_OFF * levels.max())
         x = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1))
-        axes.vlines(x, floor, levels[seen], color=CYCLE[k % len(CYCLE)], linewidth=1.4)
-        axes.plot(
-            x,
-            levels[seen],
-            linestyle="none",
-            marker=MARKERS[k % len(MARKERS)],
-            markersize=4,
-            color=CYCLE[k % len(CYCLE)],
-            label=name or "_",
-        )
+        stems(axes, x, levels[seen], floor=floor, number=k, name=name)
     axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
     axes.set(
         xlabel="harmonic number",
         ylabel=f"$|u_{direction}|$({point})" + (" (m)" if forces is None else " / force (m/N)"),
     )
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
-    axes.set_axisbelow(True)
-    axes.set_title(title, fontsize=8, loc="left")
-    if any(found):
-        axes.legend(fontsize=7, frameon=False, loc="upper right")
-    style(axes)
+    finish_stems(axes, found, title)
     return axes
 
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.ticker import LogLocator, NullFormatter
 
 from ..analysis.backbone import Backbone
 from ..analysis.quasi_periodic import QuasiPeriodic
@@ -14,7 +13,7 @@ from ..indicators import Sidebands
 from ..parallel import on_root
 from ..petsc import MPI
 from .branches import DASHED
-from .drawing import BLACK, CYCLE, MARKERS, figure, style
+from .drawing import BLACK, CYCLE, by_name, figure, finish_stems, stems, style
 from .units import frequency_unit, length_unit
 
 # Orders up to which a line is named in the picture.
@@ -45,15 +44,14 @@ def plot_lines(
         Lines up to this \\|m\\| and \\|n\\|.
     decades : float
         Below the largest line; what is smaller is left out.
-    title : str
-    comm : mpi4py communicator, optional
-        Default: MPI.COMM_WORLD.
+    title, comm
+        As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = {"": motions} if isinstance(motions, QuasiPeriodic) else motions
+    named = by_name(motions, QuasiPeriodic)
     return on_root(
         comm or MPI.COMM_WORLD, lambda: _draw_lines(named, point, direction, order, decades, title)
     )
@@ -83,17 +81,7 @@ def _draw_lines(
     axes = drawing.subplots()
     for k, (name, lines) in enumerate(found.items()):
         x, y = np.array([(f, height) for f, height, _ in lines if height > least]).T
-        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
-        axes.vlines(x * along, floor, y * factor, color=colour, linewidth=1.2)
-        axes.plot(
-            x * along,
-            y * factor,
-            linestyle="none",
-            marker=marker,
-            markersize=3.5,
-            color=colour,
-            label=name or "_",
-        )
+        stems(axes, x * along, y * factor, floor=floor, number=k, name=name, size=3.5)
     highest: dict[tuple[int, int], tuple[float, float]] = {}
     for lines in found.values():
         for f, height, line in lines:
@@ -113,14 +101,7 @@ def _draw_lines(
     axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_xlim(left=0.0)
     axes.set_ylabel(f"$|u_{direction}|$({point}) ({unit})")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
-    axes.set_axisbelow(True)
-    axes.set_title(title, fontsize=8, loc="left")
-    if any(found):
-        axes.legend(fontsize=7, frameon=False, loc="upper right")
-    style(axes)
+    finish_stems(axes, found, title)
     return axes
 
 
@@ -153,15 +134,14 @@ def plot_sidebands(
     ----------
     sidebands : Sidebands or dict of str to Sidebands
         On rank 0 at least.
-    title : str
-    comm : mpi4py communicator, optional
-        Default: MPI.COMM_WORLD.
+    title, comm
+        As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = {"": sidebands} if isinstance(sidebands, Sidebands) else sidebands
+    named = by_name(sidebands, Sidebands)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_sidebands(named, title))
 
 
@@ -179,11 +159,10 @@ def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
     drawing = figure(2.9)
     axes = drawing.subplots()
     for k, (name, found) in enumerate(sidebands.items()):
-        colour, marker, height = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)], heights[name] * factor
+        height = heights[name] * factor
         order = np.arange(len(height)) - len(height) // 2
         x = (found.carrier + order * found.modulation) * along
-        axes.vlines(x, floor, height, color=colour, linewidth=1.4)
-        axes.plot(x, height, linestyle="none", marker=marker, markersize=4, color=colour, label=name or "_")
+        stems(axes, x, height, floor=floor, number=k, name=name)
         if k:
             continue
         for at, level, n in zip(x, height, order):
@@ -193,14 +172,7 @@ def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
             )
     axes.set(yscale="log", ylim=(floor, 8.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_ylabel(f"amplitude ({unit})")
-    axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
-    axes.set_axisbelow(True)
-    axes.set_title(title, fontsize=8, loc="left")
-    if any(sidebands):
-        axes.legend(fontsize=7, frameon=False, loc="upper right")
-    style(axes)
+    finish_stems(axes, sidebands, title)
     return axes
 
 
@@ -216,15 +188,14 @@ def plot_backbone(
     ----------
     backbones : Backbone or dict of str to Backbone
         On rank 0 at least.
-    title : str
-    comm : mpi4py communicator, optional
-        Default: MPI.COMM_WORLD.
+    title, comm
+        As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = {"": backbones} if isinstance(backbones, Backbone) else backbones
+    named = by_name(backbones, Backbone)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_backbones(named, title))
 
 

@@ -139,7 +139,7 @@ class BranchFile:
 
         Parameters
         ----------
-        period : dynamics.shooting.Period
+        period : dynamics.period_map.Period
         parameter : dynamics.continuation.ParameterRange
 
         Returns

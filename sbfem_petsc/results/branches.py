@@ -9,7 +9,7 @@ from ..checks import shown
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.excitation import Excitation
-from ..dynamics.shooting import Period
+from ..dynamics.period_map import Period
 from ..recording.branch_file import FORM, VERSION, WHAT, read_arrays, write_branch
 from ..recording.hdf5 import opened
 from ..recording.reduced_models import read_reduced_model

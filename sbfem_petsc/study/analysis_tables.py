@@ -9,6 +9,8 @@ from pydantic import Discriminator, Field, Tag
 from .tables import Name, Names, Pair, Table, by_kind, item
 
 _LOAD = "name of a load, or several that act together"
+# Most values of a range, and rows of a sweep.
+MOST = 1_000_000
 _ACCURACY = "relative error asked for: finer meshes are made until two of them agree"
 
 
@@ -17,7 +19,7 @@ class Range(Table):
 
     start: float = item(text="first value", unit="that of the key")
     stop: float = item(text="last value", unit="that of the key")
-    count: int | None = item(None, text="number of values (not for Latin hypercube samples)", ge=1)
+    count: int | None = item(None, text="number of values (not for Latin hypercube samples)", ge=1, le=MOST)
     scale: Literal["linear", "logarithmic"] = item("linear", text="spacing")
 
 
@@ -259,7 +261,7 @@ class SweepTable(Table):
     method: Literal["grid", "list", "latin_hypercube"] = item(
         "grid", text="every combination; the n-th values together; random samples that fill the ranges"
     )
-    samples: int | None = item(None, text="number of Latin hypercube samples", ge=1)
+    samples: int | None = item(None, text="number of Latin hypercube samples", ge=1, le=MOST)
     seed: int = item(0, text="seed of the samples", ge=0)
     analyses: Names | None = item(None, text="analyses that are run in each row; default: all")
     healthy: dict[str, Any] | None = item(

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import math
 import os
 import re
 from collections.abc import Iterator
 from typing import Any
 
+from .analysis_tables import MOST
 from .geometry_tables import MESH_KEYS
 from .load_tables import COMPONENTS
 from .problems import Path, Problem, one_of
 
 # Names that the summary of a run uses itself.
 RESERVED = ("run",)
+# Names of files, and of groups in them.
+_FILED = re.compile(r"[^/\\.\s][^/\\]*")
 _PERIODIC = ("harmonic", "constant")
 # Signals that each kind of analysis understands beside numbers.
 _SIGNALS = {
@@ -134,8 +138,14 @@ def _loads(case: Any, folder: str) -> Iterator[Problem]:
 def _analyses(case: Any) -> Iterator[Problem]:
     for name, analysis in case.analyses.items():
         path: Path = ("analyses", name)
-        if name in RESERVED or not re.fullmatch(r"[^/\\.\s][^/\\]*", name):
+        if name in RESERVED or not _FILED.fullmatch(name):
             yield Problem(path, "cannot be a name of an analysis; use letters, digits, '-' and '_'")
+        for place in getattr(analysis, "stress_at", {}):
+            if not _FILED.fullmatch(place):
+                yield Problem(
+                    (*path, "stress_at", place),
+                    "cannot be a name of a place; use letters, digits, '-' and '_'",
+                )
         yield from _analysis_loads(case, path, analysis)
         if analysis.kind == "modal":
             if (analysis.count is None) == (analysis.band is None):
@@ -252,6 +262,12 @@ def _sweep(case: Any) -> Iterator[Problem]:
             yield Problem((*here, "count"), "is missing (number of values); add it")
         if values.scale == "logarithmic" and not (values.start > 0.0 and values.stop > 0.0):
             yield Problem((*here, "scale"), '= "logarithmic" needs start and stop greater than 0')
+    if sweep.method == "grid" and math.prod(lengths.values()) > MOST:
+        yield Problem(
+            (*path, "parameters"),
+            f"make {math.prod(lengths.values()):,d} rows, more than {MOST:,d}; give fewer values, or samples "
+            'with method = "latin_hypercube"',
+        )
     if sweep.method == "list" and len(set(lengths.values())) > 1:
         listed = ", ".join(f"{name}: {count}" for name, count in lengths.items())
         yield Problem(

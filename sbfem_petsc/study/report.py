@@ -6,7 +6,6 @@ import base64
 import html
 import math
 import os
-import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -15,10 +14,10 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..writing import replaced, spare_folder
 from .estimates import duration
 from .revive import read_any
 from .run import RunResults
-from .storage import replaced
 from .summaries import Quantity, Tree
 from .sweep_file import Sweep
 
@@ -58,22 +57,31 @@ def write_report(path: str, output: str | None = None) -> str:
     -------
     str
         The file.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If there are no results, or the file cannot be written: a former report stays as it was.
     """
     results = read_any(path)
     home = path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path))
     file = output or os.path.join(home, "report.html")
-    with tempfile.TemporaryDirectory() as spare:
-        folder = os.path.join(home, "pictures")
-        if isinstance(results, Sweep):
-            from ..plot.maps import draw_sweep
-
-            draw_sweep(results, spare)
-            folder = spare
-        parts = _sweep(results, folder) if isinstance(results, Sweep) else _run(results, folder)
-        text = "".join(parts)
-    with replaced(file) as temporary, open(temporary, "w", encoding="utf-8") as target:
+    if isinstance(results, Sweep):
+        text = _drawn(results)
+    else:
+        text = "".join(_run(results, os.path.join(home, "pictures")))
+    with replaced(file, "report") as temporary, open(temporary, "w", encoding="utf-8") as target:
         target.write(text)
     return file
+
+
+def _drawn(results: Sweep) -> str:
+    """A sweep's page; its pictures are drawn for it."""
+    from ..plot.maps import draw_sweep
+
+    with spare_folder() as folder:
+        draw_sweep(results, folder)
+        return "".join(_sweep(results, folder))
 
 
 def _page(title: str, facts: str) -> str:

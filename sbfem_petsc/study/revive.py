@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import os
-import tempfile
 from typing import Any
 
 import h5py
@@ -15,6 +14,7 @@ import sbfem_petsc as sb
 
 from ..parallel import on_root
 from ..recording.hdf5 import opened
+from ..writing import spare_folder
 from . import pictures, run, sweep_file
 from .case import Case, case_from_text
 from .estimates import duration
@@ -132,7 +132,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
 
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder
-    with tempfile.TemporaryDirectory() as spare:
+    with spare_folder() as spare:
         case = case_of(results, source, spare)
         structure: Structure | None = None
         try:
@@ -268,7 +268,7 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
     names = [name for name, kind in results.kinds.items() if kind in ("modal", "static")]
     if not names:
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
-    with tempfile.TemporaryDirectory() as spare:
+    with spare_folder() as spare:
         case = case_of(results, source, spare)
         structure = Structure(case, comm)
         try:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from ..writing import reason
+
 _HEAD = struct.Struct("<4sQI")  # mark, length, checksum
 _MARK = b"row\0"
 
@@ -41,7 +43,13 @@ class Row:
 
 
 def append(path: str, row: Row) -> None:
-    """Add a row to a file; it is on the disk when this returns."""
+    """Add a row to a file; it is on the disk when this returns.
+
+    Raises
+    ------
+    ValueError
+        If the system refuses, as on a full disk.
+    """
     buffer = io.BytesIO()
     facts = {"number": row.number, "reason": row.reason, "seconds": row.seconds, "units": row.units}
     names = list(row.values)
@@ -51,10 +59,13 @@ def append(path: str, row: Row) -> None:
         **{f"v{k}": row.values[name] for k, name in enumerate(names)},
     )
     payload = buffer.getvalue()
-    with open(path, "ab") as file:
-        file.write(_HEAD.pack(_MARK, len(payload), zlib.crc32(payload)) + payload)
-        file.flush()
-        os.fsync(file.fileno())
+    try:
+        with open(path, "ab") as file:
+            file.write(_HEAD.pack(_MARK, len(payload), zlib.crc32(payload)) + payload)
+            file.flush()
+            os.fsync(file.fileno())
+    except OSError as error:
+        raise ValueError(f"rows of the sweep in {path!r} cannot be written: {reason(error)}") from None
 
 
 def read(folder: str) -> dict[int, Row]:

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from ..recording.hdf5 import new_hdf5
+from ..writing import reason
 from .summaries import Quantity, Tree
 
 
@@ -21,6 +22,11 @@ def replaced(path: str) -> Iterator[str]:
     """A temporary name that becomes `path` when all went well; the file reaches the disk before.
 
     The name is always the same, so that what a killed process has left is overwritten by the next.
+
+    Raises
+    ------
+    ValueError
+        If the system refuses, as on a full disk.
     """
     temporary = os.path.join(os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.part")
     try:
@@ -28,6 +34,8 @@ def replaced(path: str) -> Iterator[str]:
         with open(temporary, "rb") as file:
             os.fsync(file.fileno())
         os.replace(temporary, path)
+    except OSError as error:
+        raise ValueError(f"file {path!r} cannot be written: {reason(error)}") from None
     finally:
         if os.path.exists(temporary):
             os.remove(temporary)

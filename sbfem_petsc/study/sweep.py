@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,6 +12,7 @@ import numpy as np
 from .. import indicators
 from ..errors import SolveError
 from ..parallel import alone, collective
+from ..writing import spare_folder
 from . import parameters as paths
 from . import rows as row_files
 from .case import Case, read_case
@@ -116,7 +116,7 @@ def sweep(
                 ("sweep", "ranks_per_row"),
                 f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
             )
-    with tempfile.TemporaryDirectory() as spare, watch or watch_for(comm) as told:
+    with spare_folder() as spare, watch or watch_for(comm) as told:
         place = comm.bcast(spare) if output is None else os.fspath(output)
         folder_path = check_output_folder(place, comm)
         folder: Folder | None = None

@@ -65,22 +65,24 @@ def assemble(
         Unknowns a node, where it is the same at all of them.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
-    lengths = row_lengths(comm, ranges, column_ranges, blocks)
-    matrix = PETSc.Mat().create(comm)
-    matrix.setType(PETSc.Mat.Type.AIJ)
-    matrix.setSizes(_sizes(comm, ranges, column_ranges))
-    matrix.setBlockSize(block_size)
     with solving("assembly"):
+        lengths = row_lengths(comm, ranges, column_ranges, blocks)
+        matrix = PETSc.Mat().create(comm)
+        matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix.setSizes(_sizes(comm, ranges, column_ranges))
+        matrix.setBlockSize(block_size)
         matrix.setPreallocationNNZ(lengths)
-    # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless it
-    # is said on all of them.
-    matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
-    for block in blocks:
-        rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
-        for batch in block.batches():
-            values = np.ascontiguousarray(block.values(batch))
-            matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
-    matrix.assemble()
+        # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless
+        # it is said on all of them.
+        matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        for block in blocks:
+            rows, columns = (
+                np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns)
+            )
+            for batch in block.batches():
+                values = np.ascontiguousarray(block.values(batch))
+                matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
+        matrix.assemble()
     _mark(matrix, symmetric)
     return matrix
 

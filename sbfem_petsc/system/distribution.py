@@ -104,7 +104,8 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
             facts = _facts(mesh, numbering)
             wanted = [comm.rank] if everywhere else range(comm.size)
             parts = [(facts, partition.extract(mesh, numbering, rank)) for rank in wanted]
-    facts, part = parts[0] if everywhere else comm.scatter(parts if comm.rank == 0 else None)  # type: ignore[arg-type]
+    sent: Any = parts if comm.rank == 0 else None
+    facts, part = parts[0] if everywhere else comm.scatter(sent)
     return Distribution(**facts, part=part)
 
 

@@ -14,7 +14,7 @@ from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
 from ..parallel import agree, alone, checked_communicator, collective
-from ..petsc import MPI
+from ..petsc import MPI, collect
 from ..supports import as_supports
 from .distribution import declared_clamp
 from .modes import Modal, lowest_modes
@@ -114,6 +114,7 @@ class Model(Structure):
             tip_modes=tip_modes,
             contact_laws=contact_laws,
         )
+        collect(comm)  # models before this one that nobody has freed
         self._recipe = getattr(mesh, "recipe", None)
         self._given = dict(
             material=material,

@@ -1,5 +1,7 @@
 """Static load histories against the single static solutions, the linear response and a slow time history."""
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -51,6 +53,21 @@ def test_without_contact_it_is_linear(model):
     expected = np.outer(600.0 * np.sin(2.0 * np.pi * 0.3 * TIMES + 0.2), one)
     np.testing.assert_allclose(found.displacement("A"), expected, rtol=1e-8)
     assert (found.gap < 0.0).any() and not found.contact_force.any()
+
+
+def test_no_warning_of_rounding(model):
+    """Where the loads vanish but for rounding, 1e-13 N and less, so does the contact that is missed."""
+    load = sb.PointForce("A", fy=sb.Harmonic(600.0, 1.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = sb.load_history(model, load, [0.0, 0.5, 0.75, 1.0])
+    missed = [sum(state.unresolved_contact.values()) for state in found.states]
+    assert max(missed[0], missed[1], missed[3]) < 1e-20 and max(missed[1], missed[3]) > 0.0
+
+
+def test_more_states_than_memory(model):
+    with pytest.raises(ValueError, match=r"10,000,000 states would take .* at most [\d,]+ times fit"):
+        sb.load_history(model, sb.PointForce("A", fy=1.0), np.linspace(0.0, 1.0, 10_000_000))
 
 
 def test_a_slow_time_history_is_the_same(model):

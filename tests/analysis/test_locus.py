@@ -27,6 +27,16 @@ def of_kind(branch, kind):
     return [b for b in branch.bifurcations if b.kind == kind and abs(abs(b.multiplier) - 1.0) < 0.02]
 
 
+def test_predictions_far_out_of_range():
+    """Steps of a hundredth of 1e5 run to factors at which damping would be negative: another end, told."""
+    system = two_masses(0.02, compliance=0.1)
+    curve = sb.frequency_response(system, [0.1], 0.092, 0.0932, steps=128, points=40)
+    (bifurcation,) = curve.bifurcations
+    line = sb.locus(curve, bifurcation, 1.0, 1e5, parameter="damping", points=4)
+    assert (line.value >= 0.0).all() and np.isfinite(line.frequency).all()
+    assert "no further point" in line.reasons[1]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("factor", [0.93, 1.4])
 def test_ends_stand_on_curves_of_one_parameter(curve, factor):

@@ -6,10 +6,13 @@ import sys
 
 import numpy as np
 import pytest
+from scipy import linalg
 
 import sbfem_petsc as sb
+from sbfem_petsc.contact.tangent import Propagation
 from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.shooting import Period, shoot_nearby
+from sbfem_petsc.dynamics.period_map import Period
+from sbfem_petsc.dynamics.shooting import shoot_nearby
 from sbfem_petsc.dynamics.steady import find_steady_state
 from tests.parallel import ROOT
 
@@ -114,6 +117,63 @@ def test_derivative_with_a_parameter(chain_motion, name):
     np.testing.assert_allclose(
         both[:, : len(state)], driven.carried(motion, np.eye(len(state))), atol=1e-13 * np.abs(both).max()
     )
+
+
+def test_overdamped_modes():
+    """Free motion that decays by 1e5 or more in two steps is not inverted: every instant stands alone. Two
+    masses, the first held to an elastic stop by a preload: the exponential of the linear system with the stop
+    as a spring. The stop's force is held over each step, which takes a share of the order of a step; the
+    steps themselves are linear.
+    """
+    stiffness, drag, stop = np.array([[2.0, -1.0], [-1.0, 2.0]]), 200.0 * np.eye(2), 0.5
+    reduced = sb.reduce_matrices(
+        np.eye(2),
+        stiffness,
+        [[1.0, 0.0]],
+        [0.0],
+        loads=np.eye(2)[:, :1],
+        sensors={"first": 0},
+        modes=2,
+        damping=drag,
+        compliance=[stop],
+    )
+    rows, omega, frequency, errors = reduced.gap.modes, reduced.omega, 0.02, []
+    for steps in (64, 128):
+        period = Period(
+            reduced, Excitation.of([sb.Harmonic(0.01, frequency) - 1.0], frequency, None, 1), steps
+        )
+        driven = period.at(frequency)
+        motion = driven.run(driven.linear_state)
+        assert (motion.forces > 0.0).all() and period.length(driven.step).propagation.reach == 0
+        found = driven.carried(motion, np.eye(4))
+        base = end(driven, driven.linear_state)
+        units = np.array([end(driven, driven.linear_state + 1e-3 * unit) - base for unit in np.eye(4)])
+        # round-off of states of 1, by 1e-3
+        np.testing.assert_allclose(found, 1e3 * units.T, atol=1e-11)
+        system = np.zeros((4, 4))
+        system[:2, 2:], system[2:, :2] = np.eye(2), -np.diag(omega**2) - rows.T @ rows / stop
+        system[2:, 2:] = -drag
+        weights = np.append(period.weights, [1.0, 1.0])
+        exact = weights[:, None] * linalg.expm(system / frequency) / weights
+        errors.append(np.abs(found - exact).max())
+    assert errors[0] < 2e-5 and 1.8 < errors[0] / errors[1] < 2.2
+
+
+def test_frames_change_nothing(chain_motion, monkeypatch):
+    """The free motion inverted or moved on step by step: the same derivative, parameters included."""
+    period, driven, state, motion = chain_motion
+    frames = driven.carried(motion, np.eye(len(state)), ("frequency", "load"))
+    assert period.length(driven.step).propagation.reach > 8
+    monkeypatch.setattr(Propagation, "_reach", lambda *_: 0)
+    period = Period(period.reduced, period.excitation, period.steps)
+    alone = period.at(driven.frequency)
+    assert period.length(driven.step).propagation.reach == 0
+    found = alone.carried(alone.run(state), np.eye(len(state)), ("frequency", "load"))
+    # frames may lose six digits: the condition `WORST`
+    for columns in (np.s_[: len(state)], np.s_[-2], np.s_[-1]):
+        np.testing.assert_allclose(
+            found[:, columns], frames[:, columns], atol=1e-10 * np.abs(found[:, columns]).max()
+        )
 
 
 @pytest.mark.parametrize("located", [False, True])

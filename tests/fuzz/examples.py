@@ -13,6 +13,7 @@ from mpi4py import MPI
 import meshing
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
+from tests.systems import two_masses
 
 Arguments = dict[str, Any]
 
@@ -73,6 +74,13 @@ def locus():
 @functools.cache
 def branch() -> sb.Branch:
     return sb.frequency_response(oscillator(), 100.0, 20.0, 20.2, steps=64, points=40)
+
+
+@functools.cache
+def with_bifurcation() -> sb.Branch:
+    """With a Neimark-Sacker point."""
+    system = two_masses(0.02, compliance=0.1)
+    return sb.frequency_response(system, [0.1], 0.092, 0.0932, steps=128, points=40)
 
 
 @functools.cache
@@ -256,12 +264,12 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1}],
     "locus": [
         lambda: {
-            "branch": branch(),
-            "bifurcation": None,
-            "start": 0.5,
-            "stop": 2.0,
+            "branch": with_bifurcation(),
+            "bifurcation": with_bifurcation().bifurcations[0],
+            "start": 0.99,
+            "stop": 1.01,
             "parameter": "load",
-            "points": 3,
+            "points": 1,
             "progress": None,
         },
     ],
@@ -469,11 +477,6 @@ def public() -> dict[str, Any]:
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
     for name, item in vars(indicators).items():
-        if (
-            callable(item)
-            and not isinstance(item, type)
-            and item.__module__ == indicators.__name__
-            and name[0] != "_"
-        ):
+        if callable(item) and not isinstance(item, type) and name in indicators.__all__:
             found[f"indicators.{name}"] = item
     return found

@@ -22,7 +22,7 @@ import sbfem_petsc as sb
 from sbfem_petsc import capacity
 from sbfem_petsc.dynamics import reduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, read_history
-from tests.parallel import ROOT, answer, interruptible, on_ranks
+from tests.parallel import ROOT, answer, in_session, interruptible, on_ranks
 
 # 40 chunks of 256 steps; after the seventh the child waits for a signal, if it is to.
 PROGRAM = """
@@ -94,15 +94,7 @@ def stopped(fraction):
 
 
 def child(path, wait, mode="new"):
-    return subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(path), wait, mode],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
-        preexec_fn=interruptible,
-    )
+    return in_session([sys.executable, "-c", PROGRAM, str(path), wait, mode], preexec_fn=interruptible)
 
 
 def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):

@@ -6,7 +6,6 @@ import errno
 import os
 import pathlib
 import signal
-import subprocess
 import sys
 
 import h5py
@@ -16,7 +15,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import unreduced_history as module
 from sbfem_petsc.results.history import IncompleteHistory, read_history
-from tests.parallel import ROOT, answer, interruptible, on_ranks
+from tests.parallel import answer, in_session, interruptible, on_ranks
 
 PROGRAM = """
 import json, os, signal, sys, time
@@ -120,15 +119,7 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
 @pytest.mark.parametrize("kind", [signal.SIGKILL, signal.SIGINT])
 def test_killed_and_restarted(model, whole, tmp_path, kind):
     path = tmp_path / "h.h5"
-    run = subprocess.Popen(
-        [sys.executable, "-c", PROGRAM, str(path), "wait", "new"],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])},
-        preexec_fn=interruptible,
-    )
+    run = in_session([sys.executable, "-c", PROGRAM, str(path), "wait", "new"], preexec_fn=interruptible)
     for _ in range(3):
         assert run.stdout.readline().startswith("done"), run.stderr.read()
     run.send_signal(kind)

@@ -7,8 +7,10 @@ import os
 import pathlib
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 
+from sbfem_petsc.study import rows
 from tests.parallel import ROOT, interruptible
 
 CASE = """\
@@ -114,6 +116,17 @@ def sbfem(*arguments) -> Done:
         except SystemExit as ended:
             code = int(ended.code or 0)
     return Done(code, out.getvalue(), err.getvalue())
+
+
+def stopped(process: subprocess.Popen, rows_folder: pathlib.Path, number: int) -> str:
+    """Send a signal to a sweep that has written two rows; what it has said as an error."""
+    limit = time.monotonic() + 120
+    while process.poll() is None and time.monotonic() < limit:
+        if rows_folder.is_dir() and rows.count(str(rows_folder)) >= 2:
+            break
+        time.sleep(0.01)
+    process.send_signal(number)
+    return process.communicate(timeout=60)[1]
 
 
 def started(*arguments) -> subprocess.Popen:

@@ -111,13 +111,9 @@ def test_objects():
         "damping = 0.01", "rayleigh = { ratio = 0.01, low = 100.0, high = 1000.0 }\nthickness = 0.02"
     )
     text += """
-[loads.wind]
-kind = "edge_load"
-edge_set = "top"
-pressure = { kind = "step", amplitude = 5.0, time = 1.0 }
-[loads.weight]
-kind = "support_motion"
-ay = 9.81
+[loads]
+wind = { kind = "edge_load", edge_set = "top", pressure = { kind = "step", amplitude = 5.0, time = 1.0 } }
+weight = { kind = "support_motion", ay = 9.81 }
 [loads.sweep]
 kind = "point_force"
 point = "A"

@@ -3,8 +3,11 @@
 import html.parser
 import io
 import json
+import os
 import re
 import signal
+import subprocess
+import sys
 import time
 
 import h5py
@@ -12,7 +15,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.study.watch import LogLines
-from tests.parallel import on_ranks
+from tests.parallel import ROOT, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
 COMMANDS = ("new", "check", "mesh", "run", "sweep", "plot", "report", "info", "export", "doctor")
@@ -173,6 +176,24 @@ def test_broken_results(folder, tmp_path):
         file["x"] = 1
     done = sbfem("info", tmp_path / "other.h5")
     assert done.code == 2 and "another kind" in done.err
+
+
+@pytest.mark.parametrize("missing", ["petsc4py", "mpi4py"])
+def test_package_that_is_missing(missing, tmp_path):
+    """One sentence with a remedy, no traceback; `doctor` lists what is there."""
+    (tmp_path / f"{missing}.py").write_text(f"raise ModuleNotFoundError('none here', name={missing!r})")
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(tmp_path), str(ROOT)])}
+
+    def said(*arguments):
+        command = [sys.executable, "-m", "sbfem_petsc", *arguments]
+        return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=60)
+
+    done = said("run", "case.toml")
+    assert done.returncode == 1 and done.stdout == "" and "Traceback" not in done.stderr
+    assert done.stderr.startswith(f"error: {missing} cannot be imported") and done.stderr.count("\n") == 1
+    assert "./run" in done.stderr
+    if missing == "petsc4py":
+        assert "petsc4py cannot be imported" in said("doctor").stdout
 
 
 def test_doctor():

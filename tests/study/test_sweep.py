@@ -4,7 +4,6 @@ import csv
 import itertools
 import json
 import signal
-import time
 
 import numpy as np
 import pytest
@@ -20,7 +19,7 @@ from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.solve import Structure
 from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import on_ranks
-from tests.study.small_case import CASE, SWEEP, sbfem, started, written
+from tests.study.small_case import CASE, SWEEP, sbfem, started, stopped, written
 
 DEPTHS, FORCES = [0.002, 0.004], [100.0, 200.0, 300.0]
 
@@ -200,13 +199,7 @@ def test_killed_and_resumed(found, tmp_path):
     """kill -9 in the middle: the rows are those of an undisturbed sweep, and none is computed twice."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
     process = started("sweep", path, "--output", out, "--quiet")
-    limit = time.monotonic() + 120
-    while process.poll() is None and time.monotonic() < limit:
-        if (out / "rows").is_dir() and rows.count(str(out / "rows")) >= 2:
-            break
-        time.sleep(0.01)
-    process.send_signal(signal.SIGKILL)
-    process.communicate()
+    stopped(process, out / "rows", signal.SIGKILL)
     before = rows.read(str(out / "rows"))
     assert 2 <= len(before) <= 6
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0

@@ -185,6 +185,18 @@ WRONG = [
     ),
     (
         'kind = "static"\nload = "push"',
+        'kind = "load_history"\nload = "push"\ntimes = { start = 0, stop = 1, count = 1000000000 }' + NEW,
+        "analyses.push.times.count = 1000000000",
+        "must be at most 1e+06",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "static"\nload = "push"\nstress_at = { "." = "A" }' + NEW,
+        "analyses.push.stress_at",
+        "cannot be a name of a place",
+    ),
+    (
+        'kind = "static"\nload = "push"',
         'kind = "static"\nload = "push"\nstress_at = { top = [0.05] }' + NEW,
         "analyses.push.stress_at.top",
         "at least 2 expected",
@@ -202,6 +214,12 @@ WRONG = [
     ('"loads.push.fy"', '"loads..fy"', "loads..fy", "write it as in geometry.notches[0].depth"),
     ("[0.002, 0.004]", "[0.002, -0.004]", "notches[0].depth", "must be greater than 0, in m"),
     ("[0.002, 0.004]", "[]", "notches[0].depth", "at least 1 expected"),
+    (
+        "[0.002, 0.004]",
+        "{ start = 0.002, stop = 0.004, count = 1000000 }",
+        "sweep.parameters",
+        "make 3,000,000 rows, more than 1,000,000",
+    ),
     (
         ", count = 3 }",
         " }",

@@ -7,7 +7,6 @@ import resource
 import signal
 import subprocess
 import sys
-import time
 import warnings
 
 import numpy as np
@@ -18,8 +17,8 @@ from meshing import Beam, VNotch
 from sbfem_petsc.study import rows
 from sbfem_petsc.study.run import read_run
 from sbfem_petsc.study.sweep_file import read_sweep
-from tests.parallel import ROOT, answer, interruptible, kill_all, on_ranks
-from tests.study.small_case import CASE, SWEEP, sbfem, started, written
+from tests.parallel import ROOT, answer, in_session, interruptible, kill_all, on_ranks
+from tests.study.small_case import CASE, SWEEP, sbfem, started, stopped, written
 
 SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
@@ -64,17 +63,7 @@ def begun(ranks, *arguments):
     command = [sys.executable, "-c", PROGRAM, *map(str, arguments)]
     if ranks > 1:
         command = ["mpiexec", "-n", str(ranks), *command]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    return subprocess.Popen(
-        command,
-        cwd=ROOT,
-        env=environment,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        preexec_fn=interruptible,
-    )
+    return in_session(command, preexec_fn=interruptible)
 
 
 def full(size):
@@ -155,13 +144,7 @@ def test_sweep_ended_and_resumed(number, tmp_path):
     """One line, no traceback, and the rows so far are not computed again."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
     process = started("sweep", path, "--output", out, "--quiet")
-    limit = time.monotonic() + 120
-    while process.poll() is None and time.monotonic() < limit:
-        if (out / "rows").is_dir() and rows.count(str(out / "rows")) >= 2:
-            break
-        time.sleep(0.01)
-    process.send_signal(number)
-    errors = process.communicate(timeout=60)[1]
+    errors = stopped(process, out / "rows", number)
     assert process.returncode not in (0, 1) and "goes on where it was" in errors and "Traceback" not in errors
     before = rows.read(str(out / "rows"))
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
@@ -181,7 +164,11 @@ def test_sweep_on_a_full_disk(size, tmp_path):
         command, cwd=ROOT, capture_output=True, text=True, preexec_fn=full(size), timeout=120
     )
     assert done.returncode != 0
-    assert "Traceback" not in done.stderr and "error:" in done.stderr
+    assert (
+        "Traceback" not in done.stderr
+        and "error:" in done.stderr
+        and (str(out) in done.stderr or "TMPDIR" in done.stderr)
+    )
     assert sbfem("sweep", path, "--output", out, "--quiet").code == 0
     assert np.isfinite(read_sweep(out).values["frequencies/frequencies"]).all()
 
@@ -228,6 +215,61 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
         copy.write_bytes(data[:length])
         with pytest.raises(ValueError, match="truncated|damaged|lost its checksum"):
             read(copy)
+
+
+@pytest.mark.parametrize(
+    "kind, share",
+    [
+        ("run", 0.5),
+        pytest.param("run", 0.0, marks=pytest.mark.long),
+        pytest.param("sweep", 0.5, marks=pytest.mark.long),
+    ],
+)
+def test_report_on_a_full_disk(kind, share, files, tmp_path):
+    """One sentence with exit code 2, and the former report as it was; with room again a whole one."""
+    page = tmp_path / "report.html"
+    arguments = ["report", str(files[kind][0]), "--output", str(page)]
+    assert sbfem(*arguments).code == 0
+    before = page.read_bytes()
+    command = [sys.executable, "-m", "sbfem_petsc", *arguments]
+    limit = full(int(share * len(before)))
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, preexec_fn=limit, timeout=120)
+    assert done.returncode == 2 and done.stderr.count("error:") == 1 and "Traceback" not in done.stderr
+    assert "cannot be written: File too large" in done.stderr and str(page) in done.stderr
+    assert page.read_bytes() == before and os.listdir(tmp_path) == [page.name]
+    assert sbfem(*arguments).code == 0 and page.read_bytes().endswith(b"</html>\n")
+
+
+# Ends itself where the whole page has been written under another name, but has not its own yet.
+ENDED = """
+import os, sys
+from sbfem_petsc import writing
+from sbfem_petsc.cli import main
+writing.synchronise = lambda path: os.kill(os.getpid(), int(sys.argv[1]))
+main(["report", *sys.argv[2:]])
+"""
+
+
+@pytest.mark.parametrize(
+    "ranks, number, former",
+    [
+        (1, signal.SIGKILL, "a former one"),
+        pytest.param(1, signal.SIGTERM, "", marks=pytest.mark.long),
+        pytest.param(2, signal.SIGKILL, "", marks=pytest.mark.long),
+        pytest.param(2, signal.SIGTERM, "a former one", marks=pytest.mark.long),
+    ],
+)
+def test_report_ended(ranks, number, former, files, tmp_path):
+    """The former report stays, or none is there; the next one is whole."""
+    page = tmp_path / "report.html"
+    if former:
+        page.write_text(former)
+    end = (str(int(number)), str(files["run"][0]), "--output", str(page))
+    done = on_ranks(ranks, ENDED, *end, check=False)
+    assert done.returncode != 0 and "Traceback" not in done.stderr
+    assert page.read_text() == former if former else not page.exists()
+    assert sbfem("report", files["run"][0], "--output", page).code == 0
+    assert page.read_text().endswith("</html>\n")
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, where not even root can write")

@@ -1,0 +1,314 @@
+"""One period of a reduced model as a map, with its exact derivative.
+
+The unknowns are the state x = (Omega q, q') at t = 0, whose norm is that of energy. The linear steady state
+is subtracted in closed form: what is integrated is the difference z, driven by contact alone, so that a
+motion without contact is exact whatever the step.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts
+from ..contact.marching import contact_forces, march, thin_factors
+from ..contact.tangent import Derivative, Propagation
+from ..errors import SolveError, on_all_ranks
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
+from .steps import step_coefficients
+
+
+@dataclass(frozen=True, eq=False)
+class PeriodMotion:
+    """One period from a given state.
+
+    Attributes
+    ----------
+    residual : (2 m,) array
+        x(T) - x(0).
+    states, velocities : (n + 1, m) arrays
+        Difference z of modal displacement and velocity to the linear steady state.
+    forces : (n + 1, pairs) array
+    """
+
+    residual: np.ndarray
+    states: np.ndarray
+    velocities: np.ndarray
+    forces: np.ndarray
+
+
+class Period:
+    """The period of a driven reduced model, in equal steps.
+
+    Parameters
+    ----------
+    reduced : ReducedModel
+    excitation : Excitation
+    steps : int
+        Steps in the common period of the loads.
+    contact : bool
+    """
+
+    def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
+        self.reduced, self.steps = reduced, steps
+        r = reduced
+        rows = r.gap.modes if contact else r.gap.modes[:0]
+        self.pairs, self.modes = len(rows), len(r.omega)
+        self.rows = rows
+        self.left, self.right = thin_factors(rows)
+        self.laws = r.contact_laws.first(self.pairs)
+        self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
+        self.sets = ClosedSets(self.left, self.residual_flexibility)
+        # a rigid-body motion has no frequency of its own to be weighed with
+        self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
+        self._load(excitation)
+        self._lengths: dict[float, _Length] = {}
+
+    def under(self, excitation: Excitation) -> Period:
+        """The same period under other loads, over as many forcing periods."""
+        result = copy.copy(self)
+        result._load(excitation)
+        return result
+
+    def _load(self, excitation: Excitation) -> None:
+        self.excitation, self.phases = excitation, excitation.phases(self.steps)
+        self._cosines, self._sines = self.phases.real.copy(), self.phases.imag.copy()
+        self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
+
+    def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
+        """(n + 1, ...) real values of complex amplitudes (k, ...)."""
+        return self._cosines @ amplitudes.real - self._sines @ amplitudes.imag
+
+    def loaded(self, factor: float) -> tuple[np.ndarray, np.ndarray]:
+        """Load amplitudes over time, with a factor on those that oscillate, and the gaps under them of which
+        the modes know nothing.
+        """
+        if factor not in self._loaded:
+            if len(self._loaded) > 4:
+                self._loaded.clear()
+            r = self.reduced
+            loads = self.over_time(self.excitation.scaled(factor).amplitudes)
+            gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
+            self._loaded[factor] = loads, gaps
+        return self._loaded[factor]
+
+    def length(self, step: float) -> _Length:
+        """What the length of a step (s) alone determines."""
+        if step not in self._lengths:
+            if len(self._lengths) > 4:
+                self._lengths.clear()
+            self._lengths[step] = _Length(self, step)
+        return self._lengths[step]
+
+    def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
+        """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
+        key = (frequency, factor)
+        if key not in self._prepared:
+            if len(self._prepared) > 4:
+                self._prepared.clear()
+            self._prepared[key] = DrivenPeriod(self, frequency, factor)
+        return self._prepared[key]
+
+
+class _Length:
+    """Coefficients of a step of some length, W, and the free motion over all steps, whatever the loads."""
+
+    def __init__(self, period: Period, step: float):
+        r = period.reduced
+        self._reduced, self._step, self._steps = r, step, period.steps
+        self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
+        self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + period.residual_flexibility
+
+    @functools.cached_property
+    def propagation(self) -> Propagation:
+        """For derivatives."""
+        r = self._reduced
+        return Propagation(self.coefficients, r.omega, r.damping, self._step, self._steps)
+
+
+class DrivenPeriod:
+    """A `Period` at one frequency and load: all that its steps need."""
+
+    def __init__(self, period: Period, frequency: float, factor: float):
+        self.period, self.frequency, self.factor = period, frequency, factor
+        p, r = period, period.reduced
+        self.duration = p.excitation.periods / frequency
+        self.step = self.duration / p.steps
+        length = p.length(self.step)
+        self.coefficients, self.flexibility = length.coefficients, length.flexibility
+        self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
+        self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
+        self.loads, static = p.loaded(factor)
+        self.free_gap = p.over_time((self.amplitudes @ p.right) @ p.left.T) + static
+        self._kept: tuple | None = None
+        self.linear_state = self._state(
+            self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
+        )
+
+    def _state(self, q, v) -> np.ndarray:
+        return np.concatenate([self.period.weights * q, v])
+
+    def run(self, state: np.ndarray) -> PeriodMotion:
+        """Integrate one period from a state x."""
+        p, m, steps = self.period, self.period.modes, self.period.steps
+        difference = state - self.linear_state
+        q, v = difference[:m] / p.weights, difference[m:].copy()
+        force, active = np.zeros(p.pairs), np.zeros(p.pairs, dtype=bool)
+        states, velocities, forces = (
+            np.empty((steps + 1, m)),
+            np.empty((steps + 1, m)),
+            np.zeros((steps + 1, p.pairs)),
+        )
+        gap = self.free_gap[0] + p.left @ (p.right.T @ q)
+        reached, settled = 0, 0
+        active[:] = p.laws.touched(gap)
+        if active.any():
+            settled = contact_forces(
+                p.residual_flexibility,
+                gap,
+                p.laws.tied,
+                active,
+                np.empty((p.pairs, p.pairs)),
+                np.full(p.pairs + 1, -1),
+                force,
+            )
+        states[0], velocities[0], forces[0] = q, v, force
+        if settled >= 0:
+            reached, _ = march(
+                self.coefficients,
+                (p.left, p.right),
+                self.flexibility,
+                p.laws.tied,
+                external=np.zeros((steps + 1, m)),
+                free_gap=self.free_gap,
+                state=(q, v, force, active),
+                history=(states[1:], velocities[1:], forces[1:]),
+            )
+        if reached < steps:
+            raise on_all_ranks(
+                SolveError(
+                    f"periodic: the contact problem of step {reached} of {steps} at {self.frequency:g} Hz "
+                    "was not solved; use more steps, or pairs of like size"
+                )
+            )
+        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces)
+
+    def carried(
+        self,
+        motion: PeriodMotion,
+        columns: np.ndarray,
+        parameters: tuple[str, ...] = (),
+        located: bool = False,
+    ) -> np.ndarray:
+        """Derivative of x(T) along columns of x(0), (2 m, c), and behind them with the named parameters,
+        "frequency" or "load", at fixed x(0).
+
+        Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
+        a step (see `located_operators`); without parameters.
+        """
+        p, m = self.period, self.period.modes
+        gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))
+        shifts = np.zeros((2 * m, len(parameters)))
+        for k, name in enumerate(parameters):
+            gap_rates[:, :, k], shifts[:, k] = (
+                self._frequency_rates() if name == "frequency" else self._load_rates()
+            )
+        derivative = self._derivative(motion, gap_rates, located, keep=columns.shape[1] < m)
+        columns = np.concatenate([columns, -shifts], axis=1)
+        result = derivative(
+            columns[:m] / p.weights[:, None],
+            columns[m:],
+            functools.partial(self._sources, motion, parameters) if "frequency" in parameters else None,
+        )
+        result[:m] *= p.weights[:, None]
+        result[:, result.shape[1] - len(parameters) :] += shifts
+        return result
+
+    def _derivative(
+        self, motion: PeriodMotion, gap_rates: np.ndarray, located: bool, keep: bool
+    ) -> Derivative:
+        """The linearised motion; that along the state may be kept, for many products with it."""
+        p = self.period
+        key = (located, motion)
+        if gap_rates.shape[2] == 0 and self._kept is not None and self._kept[0] == key:
+            return self._kept[1]
+        closed = p.laws.acting(motion.forces)
+        if located:
+            gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+            contacts = located_contacts(
+                p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
+            )
+        else:
+            contacts = exact_contacts(p.sets, p.right, self.coefficients, closed=closed, gap_rates=gap_rates)
+        result = Derivative(p.length(self.step).propagation, contacts, p.steps)
+        if gap_rates.shape[2] == 0 and keep:
+            self._kept = key, result
+        return result
+
+    def monodromy(self, motion: PeriodMotion) -> np.ndarray:
+        """dx(T) / dx(0) of the motion, (2 m, 2 m), with switches located inside their steps."""
+        return self.carried(motion, np.eye(2 * self.period.modes), located=True)
+
+    def _frequency_rates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Rates of the free gaps and of the linear state with the frequency."""
+        p = self.period
+        gaps = p.over_time((self._slopes @ p.right) @ p.left.T)
+        linear = self._state(
+            self._slopes.sum(axis=0).real,
+            (self.speeds * (self._slopes + self.amplitudes / self.frequency)).sum(axis=0).real,
+        )
+        return gaps, linear
+
+    def _sources(
+        self, motion: PeriodMotion, parameters: tuple[str, ...], starts: np.ndarray, ends: np.ndarray
+    ) -> np.ndarray:
+        """What a change of the steps' length adds to q and v over moves from `starts` to `ends`, (n, 2 m, e):
+        a move takes several steps only where no contact acts between its ends nor at its start.
+        """
+        p, r = self.period, self.period.reduced
+        rate = -self.step / self.frequency
+        q, v = motion.states[ends], motion.velocities[ends]
+        before, after = (motion.forces[n] @ p.left @ p.right.T for n in (starts, ends))
+        _, _, _, _, cq, _, _, _, _, cv = self.coefficients
+        # the state follows the equation of motion in the length of each step; contact at the end acts in the
+        # last step alone
+        count = (ends - starts)[:, None]
+        total_q, total_v = count * q - (count - 1) * cq * after, count * v - (count - 1) * cv * after
+        result = np.zeros((len(starts), 2 * p.modes, len(parameters)))
+        where = parameters.index("frequency")
+        result[:, : p.modes, where] = rate * total_v
+        result[:, p.modes :, where] = rate * (
+            0.5 * (before + after) - r.omega**2 * total_q - 2.0 * r.damping * r.omega * total_v
+        )
+        return result
+
+    def _load_rates(self):
+        """Rates of the free gaps and of the linear state with the factor on the oscillating loads."""
+        p, r = self.period, self.period.reduced
+        part = p.excitation.oscillating
+        amplitudes, _ = part.response(r, self.frequency)
+        phases = part.phases(p.steps)
+        gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (
+            phases @ part.amplitudes
+        ).real @ r.gap.loads[: p.pairs].T
+        return gaps, self._state(
+            amplitudes.sum(axis=0).real,
+            (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,
+        )
+
+    def linear_resolvent(self, vectors: np.ndarray) -> np.ndarray:
+        """(Phi - 1)^-1 of the motion without contact, mode by mode, on (2 m,) vectors: the preconditioner of
+        matrix-free shooting.
+        """
+        p, r, m = self.period, self.period.reduced, self.period.modes
+        a, b, _, _, _, c, d, _, _, _ = step_coefficients(r.omega, r.damping, self.duration, "exact")
+        w = p.weights
+        a, b, c, d = a - 1.0, w * b, c / w, d - 1.0
+        determinant = a * d - b * c
+        x, y = vectors[:m], vectors[m:]
+        return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant])

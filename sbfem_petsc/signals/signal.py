@@ -1,0 +1,234 @@
+"""What all signals have in common, constants, functions of a user, and sums."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from numbers import Real
+from typing import Any, ClassVar, cast
+
+import numpy as np
+
+from ..checks import real, shown
+
+# Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
+ROUND_OFF = 1e-9
+
+
+class Signal:
+    """What all signals have in common.
+
+    Attributes
+    ----------
+    highest_frequency : float or None
+        Top of the band that matters, Hz; 0 for steps and constants; None if it is not known.
+    end : float
+        Time after which the signal keeps its value, s; inf if it never does.
+    """
+
+    _units: ClassVar[dict[str, str]] = {}
+    # numpy leaves `number * signal` to the signal.
+    __array_ufunc__ = None
+
+    @property
+    def highest_frequency(self) -> float | None:
+        return 0.0
+
+    @property
+    def end(self) -> float:
+        return math.inf
+
+    def __call__(self, t) -> np.ndarray:
+        """Values at the times `t` (s), of the same shape."""
+        times = np.asarray(t)
+        if times.dtype.kind not in "iuf":
+            raise TypeError(f"{type(self).__name__}: t = {shown(t)} must be times, numbers in s")
+        return self._values(times.astype(float))[()]
+
+    def _values(self, t: np.ndarray) -> np.ndarray:
+        raise NotImplementedError
+
+    def _scaled(self, factor: float) -> Signal:
+        signal: Any = self  # every signal has an amplitude, or scales itself
+        return replace(signal, amplitude=factor * signal.amplitude)
+
+    def __add__(self, other) -> Signal:
+        return _total((self, as_signal(other)))
+
+    def __radd__(self, other) -> Signal:
+        return _total((as_signal(other), self))
+
+    def __sub__(self, other) -> Signal:
+        return self + -1.0 * as_signal(other)
+
+    def __rsub__(self, other) -> Signal:
+        return as_signal(other) + -1.0 * self
+
+    def __neg__(self) -> Signal:
+        return -1.0 * self
+
+    def __mul__(self, factor: float) -> Signal:
+        return self._scaled(real(type(self).__name__, "factor", factor))
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, divisor: float) -> Signal:
+        if real(type(self).__name__, "divisor", divisor) == 0.0:
+            raise ValueError(f"{type(self).__name__}: divisor = {divisor!r} must not be zero")
+        return self._scaled(1.0 / divisor)
+
+    def __repr__(self) -> str:
+        parts, signal = [], cast(Any, self)
+        for field in fields(signal):
+            value, unit = getattr(self, field.name), self._units.get(field.name, "")
+            text = f"{value:.10g}" if isinstance(value, float) else repr(value)
+            parts.append(f"{field.name}={text}{unit and ' ' + unit}")
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+    def _check(self, **checks: Callable) -> None:
+        """Replace the named fields by checked floats."""
+        for name, check in checks.items():
+            object.__setattr__(
+                self, name, check(type(self).__name__, name, getattr(self, name), self._units.get(name, ""))
+            )
+
+
+def not_negative(owner: str, name: str, value: Any, unit: str = "") -> float:
+    return real(owner, name, value, unit, least=0.0)
+
+
+@dataclass(frozen=True, repr=False)
+class Constant(Signal):
+    """`value` at all times."""
+
+    value: float
+
+    end = 0.0
+
+    def __post_init__(self) -> None:
+        self._check(value=real)
+
+    def _values(self, t: np.ndarray) -> np.ndarray:
+        return np.full(t.shape, self.value)
+
+    def _scaled(self, factor: float) -> Constant:
+        return Constant(factor * self.value)
+
+
+@dataclass(frozen=True, repr=False)
+class Custom(Signal):
+    """amplitude * function(t), for a function that takes an (n,) array of times (s) and returns one finite
+    number for each.
+
+    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known. The function is
+    tried at two times here and checked whenever it is called.
+    """
+
+    function: Callable[[np.ndarray], np.ndarray]
+    highest_frequency: float | None = None
+    amplitude: float = 1.0
+
+    _units = {"highest_frequency": "Hz"}
+
+    def __post_init__(self) -> None:
+        if not callable(self.function):
+            raise TypeError(
+                f"Custom: function = {shown(self.function)} cannot be called; a function of an array of "
+                "times is "
+                "expected"
+            )
+        self._check(amplitude=real)
+        if self.highest_frequency is not None:
+            self._check(highest_frequency=not_negative)
+        self._values(np.array([0.0, 1e-6]))
+
+    @property
+    def _name(self) -> str:
+        return getattr(self.function, "__name__", None) or type(self.function).__name__
+
+    def _values(self, t: np.ndarray) -> np.ndarray:
+        times = t.ravel()
+        try:
+            result = np.asarray(self.function(times))
+        except Exception as error:
+            reason = " ".join(f"{type(error).__name__}: {error}".split())
+            raise ValueError(
+                f"Custom: {self._name} failed for an array of {times.size} times ({reason}); it must take an "
+                f"array, as numpy.vectorize({self._name}) does"
+            ) from error
+        if result.dtype.kind not in "iuf":
+            raise TypeError(
+                f"Custom: {self._name} returned values of type {result.dtype}; real numbers are expected"
+            )
+        if result.shape != times.shape:
+            raise ValueError(
+                f"Custom: {self._name} returned the shape {result.shape} for {times.size} times; one number "
+                "for each is expected"
+            )
+        if (bad := np.flatnonzero(~np.isfinite(result))).size:
+            raise ValueError(
+                f"Custom: {self._name} returned {result[bad[0]]} at t = {times[bad[0]]:g} s; finite numbers "
+                "are expected"
+            )
+        return self.amplitude * result.reshape(t.shape)
+
+    def __repr__(self) -> str:
+        band = "unknown" if self.highest_frequency is None else f"{self.highest_frequency:.10g} Hz"
+        return f"Custom({self._name}, highest_frequency={band}, amplitude={self.amplitude:.10g})"
+
+
+@dataclass(frozen=True, repr=False)
+class Sum(Signal):
+    """Several signals acting together; made by adding signals."""
+
+    parts: tuple[Signal, ...]
+
+    def __post_init__(self) -> None:
+        parts = tuple(as_signal(part) for part in self.parts)
+        if not parts:
+            raise ValueError("Sum: no signals were given; at least one is expected")
+        object.__setattr__(self, "parts", parts)
+
+    @property
+    def end(self) -> float:
+        return max(part.end for part in self.parts)
+
+    @property
+    def highest_frequency(self) -> float | None:
+        """The highest one of the parts, Hz; None if one is not known."""
+        bands = [part.highest_frequency for part in self.parts]
+        known = [band for band in bands if band is not None]
+        return max(known) if len(known) == len(bands) else None
+
+    def _values(self, t: np.ndarray) -> np.ndarray:
+        return np.sum([part._values(t) for part in self.parts], axis=0)
+
+    def _scaled(self, factor: float) -> Sum:
+        return Sum(tuple(part._scaled(factor) for part in self.parts))
+
+    def __repr__(self) -> str:
+        return " + ".join(map(repr, self.parts))
+
+
+def _total(signals: tuple[Signal, ...]) -> Signal:
+    """The sum, flat, with at most one constant and none that is zero."""
+    parts = [part for signal in signals for part in (signal.parts if isinstance(signal, Sum) else (signal,))]
+    constant = sum(part.value for part in parts if isinstance(part, Constant))
+    parts = [part for part in parts if not isinstance(part, Constant)]
+    if constant != 0.0 or not parts:
+        parts.insert(0, Constant(constant))
+    return parts[0] if len(parts) == 1 else Sum(tuple(parts))
+
+
+def as_signal(value) -> Signal:
+    """A number as a `Constant`, a function of time as a `Custom` of unknown band, a signal as it is; else a
+    TypeError.
+    """
+    if isinstance(value, Signal):
+        return value
+    if isinstance(value, Real) and not isinstance(value, (bool, np.bool_)):
+        return Constant(float(value))
+    if callable(value) and not isinstance(value, type):
+        return Custom(value)
+    raise TypeError(f"signal {shown(value)} is neither a number nor a signal nor a function of time")
