@@ -8,8 +8,9 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from .branches import plot_branches
+
 from .detection import plot_detection
-from .drawing import save_picture
+from .drawing import save_picture, save_pictures
 from .fields import plot_contact, plot_crack, plot_modes
 from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
 from .loci import plot_loci
@@ -37,4 +38,5 @@ __all__ = [
     "plot_sidebands",
     "plot_spectra",
     "save_picture",
+    "save_pictures",
 ]
