@@ -1,5 +1,6 @@
 """The command: help, exit codes, reports, exports, pictures, PETSc's options, logs."""
 
+import functools
 import html.parser
 import io
 import json
@@ -11,6 +12,7 @@ import h5py
 import numpy as np
 import pytest
 
+from sbfem_petsc import plot
 from sbfem_petsc.study.watch import LogLines
 from tests.parallel import on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
@@ -136,9 +138,12 @@ def test_report(folder, tmp_path, results):
 
 
 @pytest.mark.long
-def test_plot_again(folder, tmp_path):
-    """Pictures drawn from the results are those that the run has drawn."""
-    assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet").code == 0
+def test_plot_again(folder, tmp_path, monkeypatch):
+    """Pictures drawn from the results are those that the run has drawn; motions are animated if asked for."""
+    few = functools.partial(plot.animate_crack, frames=2)
+    monkeypatch.setattr(plot, "animate_crack", few)
+    assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet", "--animation").code == 0
+    assert {path.name for path in tmp_path.glob("*.gif")} == {"steady_crack1.gif", "burst_crack1.gif"}
     first = {path.name for path in (folder / "out" / "pictures").glob("*.png")}
     assert first == {path.name for path in tmp_path.glob("*.png")} and len(first) >= 6
     assert sbfem("plot", folder / "swept", "--quiet").code == 0
