@@ -142,7 +142,7 @@ def _writer(path: Any, rate: float) -> AbstractMovieWriter:
     """Who writes a file of this ending."""
     ending = os.path.splitext(destination(path, "animation"))[1].lower()
     if ending == ".gif":
-        return PillowWriter(fps=rate)
+        return PillowWriter(fps=rate)  # type: ignore[arg-type]
     if ending != ".mp4":
         raise ValueError(f"animation {os.fspath(path)!r} must end in .gif or .mp4")
     if not FFMpegWriter.isAvailable():
@@ -150,7 +150,7 @@ def _writer(path: Any, rate: float) -> AbstractMovieWriter:
             f"animation {os.fspath(path)!r} needs the program ffmpeg, which is not on PATH; install it, or "
             "write a .gif"
         )
-    return FFMpegWriter(fps=rate)
+    return FFMpegWriter(fps=rate)  # type: ignore[arg-type]
 
 
 class _Film:
@@ -205,7 +205,7 @@ class _Film:
                     at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
                     self.axes.set_title(f"{title}\n{at}, {told[instant]}", fontsize=8)
                     if number == 0:  # the layout of the first is that of all
-                        self.colours.bar(painted[0], self.axes)
+                        self.colours.bar(self.drawing, painted[0], self.axes)
                         self.drawing.draw_without_rendering()
                         self.drawing.set_layout_engine("none")
                     writer.grab_frame()

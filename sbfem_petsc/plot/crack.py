@@ -12,7 +12,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from ..parallel import on_root
 from ..system.model import Model
@@ -84,7 +86,7 @@ def _draw_crack(
             factor = magnification or round_down(0.12 * half / window.largest([region]))
             colours = window.colours([region])
             painted = window.paint(axes, region, outline, row, factor=factor, colours=colours)
-            colours.bar(painted[0], axes)
+            colours.bar(drawing, painted[0], axes)
             window.frame(axes)
             axes.set_title(f"{name}, {window.magnified} × {plain(factor)}", fontsize=8)
     return list(grid.flat)
@@ -99,10 +101,10 @@ class Colours:
     label: str
     more: bool
 
-    def bar(self, painted: Any, axes: Axes) -> None:
+    def bar(self, drawing: Figure, painted: Any, axes: Axes) -> None:
         """A colour bar beside the axes."""
         extend = "max" if self.more else "neither"
-        bar = axes.get_figure().colorbar(painted, ax=axes, extend=extend, shrink=0.85, pad=0.02)
+        bar = drawing.colorbar(painted, ax=axes, extend=extend, shrink=0.85, pad=0.02)
         bar.set_label(self.label, size=7)
         bar.ax.tick_params(labelsize=6)
         bar.locator = MaxNLocator(5)
@@ -175,8 +177,7 @@ class Window:
         place = (self.notch.drawn(region.positions, relative, factor) - self.tip) * scale
         painted: list[Any] = [
             axes.tripcolor(
-                *place.T,
-                region.triangles,
+                Triangulation(place[:, 0], place[:, 1], region.triangles),
                 self._values(region) * colours.factor,
                 shading="gouraud",
                 cmap="viridis",

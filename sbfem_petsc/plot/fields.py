@@ -66,7 +66,6 @@ def _draw_modes(
     grid = drawing.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     order = loops(pieces)
     scale_drawn, unit = place_unit(float(size))
-    tone, tone_unit = frequency_unit(float(frequencies[modes].max()))
     for axes, (k, mode) in zip(grid.flat, enumerate(modes)):
         shape = np.concatenate([p.displacements[k] for p in pieces])
         largest = np.abs(shape).max(axis=0)
@@ -101,6 +100,7 @@ def _draw_modes(
             edge=BLUE,
             width=0.6,
         )
+        tone, tone_unit = frequency_unit(float(frequencies[mode]))
         value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")
         axes.set_title(f"mode {mode + 1}:  {value} {tone_unit}", fontsize=8, pad=2)
         axes.set_aspect("equal")
@@ -187,10 +187,13 @@ def _draw_contact(model: Model, cases: Mapping[str, Static], lengths: np.ndarray
     ):
         shown = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
         force = case.contact_force[rows].sum()
+        # of several cracks it is not known apart
+        inside = case.contact_resultant - force if len(model.cracks) == 1 else 0.0
+        beside = f", the tip element's faces {inside:,.0f} N" if inside >= 0.5 else ""
         pressure_axes.plot(
             distance,
             pressures[name] * press,
-            label=f"{name}  (resultant {force:,.0f} N, {case.active[rows].sum()} of {len(rows)} pairs)",
+            label=f"{name}  ({case.active[rows].sum()} of {len(rows)} pairs carry {force:,.0f} N{beside})",
             **shown,
         )
         gap_axes.plot(distance, case.gap[rows] * wide, label=name, **shown)

@@ -123,9 +123,9 @@ def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None
     comm = _communicator(model)
     _save(plot.plot_harmonics({name: result}, point, comm=comm), f"{stem}_harmonics.png", comm)
     if result.reduced is not None:
-        _save(plot.plot_orbit(result, point, comm=comm), f"{stem}_orbit.png", comm)
+        _save(plot.plot_orbit(result, point, title=name, comm=comm), f"{stem}_orbit.png", comm)
     if len(result.multipliers):
-        _save(plot.plot_multipliers(result, comm=comm), f"{stem}_multipliers.png", comm)
+        _save(plot.plot_multipliers(result, title=name, comm=comm), f"{stem}_multipliers.png", comm)
 
 
 def _modulation(case: Case, name: str, result: Any, model: Any, stem: str) -> None:

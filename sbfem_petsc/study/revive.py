@@ -45,6 +45,10 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
         )
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
+    if name.endswith(".toml"):
+        raise ValueError(
+            f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
+        )
     forms = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
     with opened(name, "results file", forms) as file:
         form = str(file.attrs["format"])

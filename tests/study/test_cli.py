@@ -50,6 +50,7 @@ def test_version_and_help():
         (("run",), "CASE"),
         (("run", "nowhere.toml"), "nowhere.toml: cannot be read"),
         (("run", "case.toml", "--outptu", "x"), "--outptu"),
+        (("run", "case.toml", "-log_view"), "PETSc's stand after --"),
         (("check", "nowhere.toml", "--", "-statik_ksp_type", "cg"), "-statik_ksp_type belongs to no solve"),
         (("check", "nowhere.toml", "--", "cg"), "'cg' belongs to no option"),
         (("new", "bean", "x.toml"), "did you mean 'beam'?"),
@@ -135,6 +136,11 @@ def test_report(folder, tmp_path, results):
         summary = json.loads((folder / "out" / "summary.json").read_text())
         for frequency in summary["frequencies"]["frequencies"]:
             assert f"{frequency:.6g}" in page.text
+        pushed = summary["push"]["displacement"]["A"][1]
+        assert 0.5e-6 < pushed < 0.5e-3 and f"{1e6 * pushed:.6g} µm" in page.text
+        for words in ("displacement x, y of A", "stress intensity factors I, II of crack1", "√m"):
+            assert words in page.text
+        assert "10^" not in page.text and "contact_resultant" not in page.text
 
 
 @pytest.mark.long
@@ -166,6 +172,11 @@ def test_export(folder, tmp_path):
     assert sbfem("export", folder / "swept", "--vtu").code == 2
     done = sbfem("export", folder / "swept", "--csv", "--output", tmp_path, "--quiet")
     assert (tmp_path / "sweep.csv").read_text() == (folder / "swept" / "sweep.csv").read_text()
+
+
+def test_a_case_file_is_no_result(folder):
+    done = sbfem("report", folder / "case.toml")
+    assert done.code == 2 and "is a case file; name the results" in done.err
 
 
 def test_broken_results(folder, tmp_path):
