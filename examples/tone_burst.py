@@ -1,18 +1,12 @@
 """Tone bursts on the paper's beam with a breathing crack: Figs. 5 and 6.
 
-Case P (400 x 5 mm aluminium, V-notch of 2.5 mm at 80 mm with a mouth of 2 micrometres, clamped on the left,
-undamped) under bursts of 100 cycles at 3000 Hz and of 1 N and 300 N (eq. 39, which peaks at twice that) at A,
-0-33 ms. At 1 N the crack stays open; at 300 N it breathes. The history on a mesh refined towards the tip, and
-that on the default mesh, are compared with an independent hp finite element computation (error 2e-4),
-pictures and histories are written to an output folder.
+Case P, undamped, under bursts of 100 cycles at 3000 Hz and of 1 N and 300 N (eq. 39, which peaks at twice
+that) at A, 0-33 ms. At 1 N the crack stays open; at 300 N it breathes. Histories on a mesh refined towards
+the tip and on the default mesh are compared with an independent hp finite element computation (error 2e-4).
 
-    python examples/tone_burst.py
-    python examples/tone_burst.py --convergence       also tables over modes, steps and meshes (about a
-    minute) mpiexec -n 2 python examples/tone_burst.py
+    python examples/tone_burst.py --convergence      also tables over modes, steps and meshes (a minute)
 """
 
-import json
-import os
 import pathlib
 import sys
 import time
@@ -21,335 +15,42 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
 from sbfem_petsc.command_line import Parser, begin, run
 
-REFERENCE = pathlib.Path(__file__).parent / "reference"
-DURATION, LATE = 0.033, (0.030, 0.033)
-REFINED = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
-# order, grading and tip_size of the meshes of the convergence table; the last is the one the others are
-# measured against
-MESHES = ((5, 2.5, 5e-5), (6, 2.5, 5e-5), (6, 1.8, 5e-5), (6, 1.8, 1.6e-5), (6, 1.8, 5e-6), (7, 1.6, 1.6e-6))
-
-
-def options():
-    """The example's own options; PETSc is started with the rest of the command line."""
-    parser = Parser(
-        "Tone bursts of 1 N and 300 N on the paper's beam with a breathing crack (Figs. 5 and 6)."
-    )
-    parser.add_argument(
-        "--duration", type=float, default=DURATION, help="s (default 0.033; shorter: compared over that time)"
-    )
-    parser.add_argument("--step", type=float, default=1e-6, help="time step, s (default 1e-6)")
-    parser.add_argument("--modes", type=int, default=80, help="modes kept (default 80)")
-    parser.add_argument(
-        "--order",
-        type=int,
-        default=REFINED["order"],
-        help="polynomial order of the refined mesh's edges (default 6)",
-    )
-    parser.add_argument(
-        "--grading",
-        type=float,
-        default=REFINED["grading"],
-        help="ratio of successive rings around its tip (default 1.8)",
-    )
-    parser.add_argument(
-        "--tip-size",
-        type=float,
-        default=REFINED["tip_size"],
-        help="half-size of its S-element at the tip, m (default 5e-6)",
-    )
-    parser.add_argument(
-        "--convergence",
-        action="store_true",
-        help="tables of errors over modes, steps and meshes, with observed rates",
-    )
-    parser.add_output("tone_burst", "histories and pictures", "write the histories only")
-    return parser.parse()
+parser = Parser("Tone bursts of 1 N and 300 N on the paper's beam with a breathing crack (Figs. 5 and 6).")
+parser.add_numbers(duration=(0.033, "s (default 0.033; shorter: compared over that time)"))
+parser.add_numbers(step=(1e-6, "time step, s"), modes=(80, "modes kept"))
+parser.add_tip_mesh()
+more = "tables of errors over modes, steps and meshes, with observed rates"
+parser.add_argument("--convergence", action="store_true", help=more)
+parser.add_output("tone_burst", "histories and pictures", "write the histories only")
 
 
 def main():
     """Run the example."""
-    own = options()
-    import numpy as np
-
+    own = parser.parse()  # PETSc starts with the rest of the command line
     import sbfem_petsc as sb
+    from examples.tables import tone_burst as tables
 
     comm, out, folder = begin(own.output)
-    reference = dict(np.load(REFERENCE / "transient_paper.npz"))
-    frequencies = np.array(
-        json.loads((REFERENCE / "reference.json").read_text())["modes"]["crack80_nu33"]["frequency_Hz"]
-    )
-
-    meshes = {
-        "refined": {"order": own.order, "grading": own.grading, "tip_size": own.tip_size},
-        "default": {},
-    }
+    reference, frequencies = tables.read_reference()
     rows, histories = [], {}
-    for mesh, choice in meshes.items():
-        model = build(comm, **choice)
+    refined = {"order": own.order, "grading": own.grading, "tip_size": own.tip_size}
+    for mesh, choice in {"refined": refined, "default": {}}.items():
+        model = tables.build(comm, **choice)
         out.print(f"{mesh} mesh: {model}")
-        first = sb.modal(model, own.modes).frequencies[:10]
+        error = abs(sb.modal(model, own.modes).frequencies[:10] / frequencies - 1.0).max()
         for force in (1.0, 300.0):
-            began, prepared = time.perf_counter(), (mesh, 1.0) in histories
-            history = sb.transient(model, burst(force), own.duration, step=own.step, modes=own.modes)
-            seconds = time.perf_counter() - began
+            began = time.perf_counter()
+            history = sb.transient(model, tables.burst(force), own.duration, step=own.step, modes=own.modes)
             histories[mesh, force] = history
-            rows.append(
-                (
-                    mesh,
-                    len(model.pairs),
-                    float(np.abs(first / frequencies[:10] - 1.0).max()),
-                    force,
-                    history,
-                    seconds,
-                    prepared,
-                )
-            )
+            rows.append((mesh, len(model.pairs), error, force, history, time.perf_counter() - began))
         model.destroy()
-    out.print(table(rows, reference))
-    for force in (1.0, 300.0):
-        energy = histories["refined", force].energy
-        out.print(
-            f"{force:g} N: peak external work {np.abs(energy.external).max():.6g} J, kept at the end "
-            f"{energy.total[-1]:.6g} J, "
-            "largest error of the energy balance "
-            f"{np.abs(energy.balance).max() / np.abs(energy.external).max():.1e} of the peak work"
-        )
-    peak, exact = (
-        r[times <= own.duration * (1 + 1e-9)].max()
-        for r, times in (
-            (histories["refined", 300.0].contact_resultant, histories["refined", 300.0].time),
-            (reference["contact_resultant_300N"], reference["t"]),
-        )
-    )
-    out.print(
-        f"300 N: peak contact resultant {peak:.1f} N, reference {exact:.1f} N ({relative(peak, exact)})"
-    )
-
-    if own.convergence:
-        for study in convergence(comm, own.duration, reference):
-            out.print(study)
-    sb.on_root(comm, lambda: write_histories(folder, histories))
+    tables.print_tables(out, rows, histories, reference, own.duration)
+    for table in tables.convergence(comm, own.duration, reference) if own.convergence else ():
+        out.print(table)
+    sb.on_root(comm, lambda: tables.write_histories(folder, histories))
     if not own.no_pictures:
-        pictures(folder, comm, histories, reference, own.duration)
+        tables.pictures(folder, comm, histories, reference, own.duration)
     out.print(f"\nhistories and pictures are in {folder}")
-
-
-def build(comm, **choice):
-    """Case P on a mesh."""
-    import sbfem_petsc as sb
-    from meshing import Beam, VNotch
-
-    beam = Beam(length=0.400, height=0.005, notches=[VNotch(x=0.080, depth=0.0025, opening=0.0458366)])
-    return sb.Model(
-        sb.on_root(comm, lambda: beam.mesh(**choice)),
-        sb.Material(young=70e9, poisson=0.33, density=2700),
-        clamped="left",
-    )
-
-
-def burst(force):
-    """Eq. (39) at A."""
-    import sbfem_petsc as sb
-
-    return sb.PointForce("A", fy=sb.ToneBurst(force, frequency=3000.0, cycles=100))
-
-
-def distance(history, reference, force):
-    """Relative L2 distance of u_y(A) to the reference, over the time both have."""
-    import numpy as np
-
-    times, exact = (
-        (reference["t_linear"], reference["uA_y_1N_linear"])
-        if force == 1.0
-        else (reference["t"], reference["uA_y_300N_contact"])
-    )
-    both = times <= history.time[-1] * (1 + 1e-9)
-    found = np.interp(times[both], history.time, history.displacement("A")[:, 1])
-    return float(np.linalg.norm(found - exact[both]) / np.linalg.norm(exact[both]))
-
-
-def relative(value, exact):
-    """Relative difference as text."""
-    return f"{value / exact - 1.0:+.1e}" if exact else "reference is zero"
-
-
-def table(rows, reference):
-    """Errors of both meshes beside what is asked for."""
-    from rich.table import Table
-
-    result = Table(
-        title="u_y(A) against the reference",
-        caption="frequencies: largest relative error of 1-10; a history's first line includes the reduction "
-        'to modes ("+")',
-    )
-    for name in (
-        "mesh",
-        "pairs",
-        "frequencies",
-        "force",
-        "relative L2",
-        "asked",
-        "peak |u_y(A)|, m",
-        "peak resultant, N",
-        "exchanges",
-        "seconds",
-    ):
-        result.add_column(name, justify="right")
-    for mesh, pairs, error, force, history, seconds, prepared in rows:
-        asked = {1.0: "1e-3", 300.0: "3e-3"}[force] if mesh == "refined" else ""
-        result.add_row(
-            mesh,
-            str(pairs),
-            f"{error:.1e}",
-            f"{force:g} N",
-            f"{distance(history, reference, force):.2e}",
-            asked,
-            f"{abs(history.displacement('A')[:, 1]).max():.5e}",
-            f"{history.contact_resultant.max():.1f}",
-            f"{history.exchanges:,d}",
-            f"{seconds:.2f}{'' if prepared else ' +'}",
-        )
-    return result
-
-
-def convergence(comm, duration, reference):
-    """Tables of errors at 300 N over modes, steps and meshes."""
-    import numpy as np
-    from rich.table import Table
-
-    import sbfem_petsc as sb
-
-    def study(title, parameter, cases, rate_of, note):
-        result = Table(title=title, caption=note)
-        for name in (parameter, "to the reference", "to the finest", "observed rate", "peak resultant, N"):
-            result.add_column(name, justify="right")
-        finest = cases[-1][2].displacement("A")[:, 1]
-        last = None
-        for name, size, history in cases:
-            found = history.displacement("A")[:, 1]
-            stride = (len(finest) - 1) / (len(found) - 1)
-            exact = np.interp(np.arange(len(found)) * stride, np.arange(len(finest)), finest)
-            error = float(np.linalg.norm(found - exact) / np.linalg.norm(exact))
-            rate = (
-                f"{np.log(last[1] / error) / np.log(rate_of(last[0], size)):.2f}"
-                if last and error > 0.0 and rate_of(last[0], size) > 1.0
-                else ""
-            )
-            result.add_row(
-                name,
-                f"{distance(history, reference, 300.0):.2e}",
-                f"{error:.2e}" if error else "",
-                rate,
-                f"{history.contact_resultant.max():.1f}",
-            )
-            last = size, error
-        return result
-
-    model = build(comm, **REFINED)
-    counts = [sb.transient(model, burst(300.0), duration, step=1e-6, modes=m) for m in (40, 80, 150, 250)]
-    yield study(
-        "Modes (refined mesh, step 1 us)",
-        "modes",
-        [(f"{len(h.reduced.omega)}", len(h.reduced.omega), h) for h in counts],
-        lambda a, b: b / a,
-        "rate: power of 1 / modes",
-    )
-    steps = [
-        sb.transient(counts[1].reduced, burst(300.0), duration, step=s)
-        for s in (4e-6, 2e-6, 1e-6, 0.5e-6, 0.25e-6)
-    ]
-    yield study(
-        "Steps (refined mesh, 80 modes)",
-        "step, us",
-        [(f"{h.step * 1e6:.3g}", h.step, h) for h in steps],
-        lambda a, b: a / b,
-        "rate: power of the step; the finest one's own error is not taken off",
-    )
-    model.destroy()
-    meshes = []
-    for order, grading, tip_size in MESHES:
-        model = build(comm, order=order, grading=grading, tip_size=tip_size)
-        history = sb.transient(model, burst(300.0), duration, step=1e-6, modes=80)
-        meshes.append(
-            (
-                f"order {order}, grading {grading:g}, "
-                f"tip {tip_size * 1e6:3g} um, {len(model.pairs):3d} pairs",
-                tip_size,
-                history,
-            )
-        )
-        model.destroy()
-    yield study(
-        "Meshes (80 modes, step 1 us)",
-        "mesh",
-        meshes,
-        lambda a, b: a / b,
-        "rate: power of the tip size, where it changes; the finest one's own error is not taken off",
-    )
-
-
-def write_histories(folder, histories):
-    """One CSV of each force on the refined mesh: time, u_y(A), contact resultant, mouth gap."""
-    import numpy as np
-
-    for (mesh, force), history in histories.items():
-        if mesh == "refined":
-            columns = [
-                history.time,
-                history.displacement("A")[:, 1],
-                history.contact_resultant,
-                history.gap[:, -1],
-            ]
-            np.savetxt(
-                os.path.join(folder, f"history_{force:g}N.csv"),
-                np.stack(columns, axis=1),
-                delimiter=",",
-                fmt="%.9e",
-                comments="",
-                header="time_s,uA_y_m,contact_resultant_N,mouth_gap_m",
-            )
-
-
-def pictures(folder, comm, histories, reference, duration):
-    """Figs. 5 and 6: the whole history and its last 3 ms, beside the reference."""
-    from sbfem_petsc.plot import Panel, plot_histories, save_picture
-
-    late = LATE if duration > LATE[0] else (0.9 * duration, duration)
-    for number, force, scale, unit, times, key in (
-        (5, 1.0, 1e6, "µm", "t_linear", "uA_y_1N_linear"),
-        (6, 300.0, 1e3, "mm", "t", "uA_y_300N_contact"),
-    ):
-        history = histories["refined", force]
-        both = {
-            "reference": (reference[times], reference[key]),
-            "sbfem-petsc": (history.time, history.displacement("A")[:, 1]),
-        }
-        panels = [
-            Panel(
-                f"$u_y$(A) ({unit})",
-                both,
-                scale,
-                (0.0, duration),
-                f"{force:g} N, relative L2 distance {distance(history, reference, force):.1e}",
-            ),
-            Panel(f"$u_y$(A) ({unit})", both, scale, late, "the last milliseconds"),
-        ]
-        if force > 1.0:
-            resultant = {
-                "reference": (reference["t"], reference["contact_resultant_300N"]),
-                "sbfem-petsc": (history.time, history.contact_resultant),
-            }
-            mouth = {
-                "reference": (reference["t"], reference["mouth_gap_300N"]),
-                "sbfem-petsc": (history.time, history.gap[:, -1]),
-            }
-            panels += [
-                Panel("resultant (kN)", resultant, 1e-3, (0.0, duration), "contact resultant"),
-                Panel("resultant (kN)", resultant, 1e-3, late, "contact resultant, the last milliseconds"),
-                Panel("gap (µm)", mouth, 1e6, late, "gap at the mouth, the last milliseconds"),
-            ]
-        drawing = plot_histories(panels, comm=comm)
-        save_picture(drawing, os.path.join(folder, f"figure_{number}_{force:g}N.png"))
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from .petsc_options import PREFIXES, is_option
 
@@ -57,6 +57,34 @@ class Parser(argparse.ArgumentParser):
             "--output", default=f"output/{name}", help=f"folder for {what} (default output/{name})"
         )
         self.add_argument("--no-pictures", action="store_true", help=without)
+
+    def add_numbers(self, **options: tuple[Any, str]) -> None:
+        """Options of one number, or of several: name=(default, text).
+
+        Its type is the default's, a list's that of its members; `int` or `float` in the place of a default
+        where there is none. The text of the help names the default unless it does so itself.
+        """
+        for name, (default, text) in options.items():
+            several = isinstance(default, list)
+            kind = default if isinstance(default, type) else type(default[0] if several else default)
+            if not isinstance(default, type) and "(default" not in text:
+                values = " ".join(f"{value:g}" for value in (default if several else [default]))
+                text += f" (default {values.replace('e-0', 'e-')})"
+            self.add_argument(
+                f"--{name.replace('_', '-')}",
+                type=kind,
+                nargs="+" if several else None,
+                default=None if default is kind else default,
+                help=text.replace("%", "%%"),
+            )
+
+    def add_tip_mesh(self) -> None:
+        """Options --order, --grading and --tip-size of a mesh that is refined towards a crack's tip."""
+        self.add_numbers(
+            order=(6, "polynomial order of the edges"),
+            grading=(1.8, "ratio of successive rings around the tip"),
+            tip_size=(5e-6, "half-size of the S-element at the tip, m"),
+        )
 
     def parse(self, arguments: list[str] | None = None) -> argparse.Namespace:
         """The program's own options; starts PETSc with the rest.

@@ -112,7 +112,7 @@ def plot(options: Options, comm: Any) -> int:
     from ..study.revive import draw_again
 
     with watch_for(comm, options.quiet) as watch:
-        folder = draw_again(options.results, options.output, comm, watch)
+        folder = draw_again(options.results, options.output, comm, watch, animation=options.animation)
     _say(options, comm, f"pictures are in {folder}")
     return 0
 

@@ -27,6 +27,8 @@ class _Parser(argparse.ArgumentParser):
         super().__init__(allow_abbrev=False, **options)
 
     def error(self, message: str) -> NoReturn:
+        if message.startswith("unrecognized arguments"):
+            message += "; --help after a command lists its options, PETSc's stand after --"
         if _first():
             self.print_usage(sys.stderr)
             sys.stderr.write(f"{self.prog}: error: {message}\n")
@@ -111,6 +113,11 @@ def make_parser() -> argparse.ArgumentParser:
     for made in (plot, report, info, export):
         made.add_argument("results", metavar="RESULTS", help="results.h5, sweep.h5 or the folder of a run")
     plot.add_argument("--output", metavar="DIR", help="folder (default: pictures/ beside the results)")
+    plot.add_argument(
+        "--animation",
+        action="store_true",
+        help="also a GIF of the first crack over each history and steady state, which are computed again",
+    )
     report.add_argument("--output", metavar="HTML", help="file (default: report.html beside the results)")
     info.add_argument("--json", action="store_true", help="answer in JSON on standard output")
     info.add_argument("--case", action="store_true", help="print the case that the results were made from")

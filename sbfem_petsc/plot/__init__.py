@@ -7,10 +7,12 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"
     ) from error
 
+from .animation import animate_crack
 from .branches import plot_branches
+from .crack import plot_crack
 from .detection import plot_detection
-from .drawing import save_picture
-from .fields import plot_contact, plot_crack, plot_modes
+from .drawing import save_picture, save_pictures
+from .fields import plot_contact, plot_modes
 from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
 from .loci import plot_loci
 from .meshes import plot_discretisation
@@ -19,6 +21,7 @@ from .tones import plot_backbone, plot_lines, plot_sidebands
 
 __all__ = [
     "Panel",
+    "animate_crack",
     "plot_backbone",
     "plot_branches",
     "plot_contact",
@@ -37,4 +40,5 @@ __all__ = [
     "plot_sidebands",
     "plot_spectra",
     "save_picture",
+    "save_pictures",
 ]

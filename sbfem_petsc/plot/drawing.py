@@ -79,6 +79,24 @@ def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> s
     return os.fspath(path)
 
 
+def save_pictures(folder: str, **drawings: Axes | Figure | Sequence[Axes] | None) -> None:
+    """Write several pictures into a folder, each as a PNG file of its name.
+
+    Parameters
+    ----------
+    folder : str
+    **drawings
+        See `save_picture`.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If one is no drawing, or cannot be written.
+    """
+    for name, drawing in drawings.items():
+        save_picture(drawing, os.path.join(folder, f"{name}.png"))
+
+
 def style(axes) -> None:
     """Small, plain axes."""
     axes.tick_params(labelsize=7, width=0.6, length=2.5)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from .drawing import CYCLE, MARKERS, figure, save_picture, style
+from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(
@@ -17,6 +18,9 @@ _INDICATORS = re.compile(
 )
 # Values of a key up to which it is drawn as a family of curves, not as an axis.
 _CURVES = 8
+# Ratios below this are the rounding of responses without contact.
+ROUND_OFF = 1e-12
+_UNITS = {"m": length_unit, "s": time_unit, "N": force_unit, "Pa": stress_unit, "Hz": frequency_unit}
 
 
 def draw_sweep(sweep: Any, folder: str, quantities: Sequence[str] | None = None) -> list[str]:
@@ -79,9 +83,40 @@ def indicator_figure(sweep: Any, name: str, values: np.ndarray, unit: str) -> An
     axes = _axes(sweep)
     if not axes:
         raise ValueError("no parameter of the sweep has two numeric values to draw over")
-    label = name if unit == "1" else f"{name}, {unit}"
+    scale, unit = _suited(unit, values)
+    values, label = values * scale, _in_words(name) + (f" ({unit})" if unit else "")
+    if not unit:  # smaller ratios are rounding
+        values = np.where(values > 0.0, np.maximum(values, ROUND_OFF), values)
     grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
     return _map(sweep, axes, values, label) if grid else _curves(sweep, axes, values, label)
+
+
+def _suited(unit: str, values: np.ndarray) -> tuple[float, str]:
+    """Factor and name of a unit that suits values; without one, and for one that stays as it is, 1."""
+    finite = np.abs(values[np.isfinite(values)])
+    choose = _UNITS.get(unit)
+    if choose is None or not len(finite) or finite.max() == 0.0:
+        return 1.0, "" if unit == "1" else unit
+    return choose(float(finite.max()))
+
+
+def _in_words(name: str) -> str:
+    """ "steady/A2_A1_noisy/A" as "steady: A2/A1 with noise, A"."""
+    analysis, quantity, *rest = name.split("/")
+    words = re.sub(r"^(A\d)_(A1)", r"\1/\2", quantity).replace("_noisy", " with noise").replace("_", " ")
+    return f"{analysis}: {', '.join([words, *rest])}"
+
+
+def _parameter(sweep: Any, name: str) -> tuple[float, str, str]:
+    """Factor, label and unit of a parameter: "notches[0].depth" in mm."""
+    scale, unit = _suited(sweep.input_units.get(name, ""), sweep.inputs[name])
+    return scale, name.split(".", 1)[-1], unit
+
+
+def _axis(sweep: Any, name: str) -> tuple[np.ndarray, str]:
+    """Values of a numeric parameter, and the axis's label."""
+    scale, text, unit = _parameter(sweep, name)
+    return sweep.inputs[name] * scale, f"{text} ({unit})" if unit else text
 
 
 def _axes(sweep: Any) -> list[str]:
@@ -99,24 +134,37 @@ def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
     families = []
     for key in keys[:_CURVES]:
         rows = np.all([c == v for c, v in zip(columns, key)], axis=0)
-        text = ", ".join(
-            f"{n.rsplit('.', 1)[-1]} = {v:g}" if isinstance(v, (int, float)) else f"{n} = {v}"
-            for n, v in zip(names, key)
-        )
-        families.append((text, rows))
+        families.append((", ".join(_value(sweep, n, v) for n, v in zip(names, key)), rows))
     return families
+
+
+def _tell_left_out(drawing: Any, sweep: Any, names: Sequence[str]) -> None:
+    """Say how many combinations of the other parameters a picture shows, if not all."""
+    count = len(set(zip(*(sweep.inputs[n].tolist() for n in names))))
+    if count > _CURVES:
+        drawing.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters", fontsize=7)
+
+
+def _value(sweep: Any, name: str, value: Any) -> str:
+    """A parameter's value, "drive.fy = 300 N"."""
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return f"{name} = {value}"
+    scale, text, unit = _parameter(sweep, name)
+    return f"{text} = {value * scale:g} {unit}".rstrip()
 
 
 def _curves(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
     over, others = axes[0], [n for n in sweep.inputs if n != axes[0]]
     drawing = figure(3.4, 5.4)
     panel = drawing.add_subplot()
+    places, text_of_axis = _axis(sweep, over)
     for k, (text, rows) in enumerate(_families(sweep, others)):
-        x, y = sweep.inputs[over][rows], values[rows]
+        x, y = places[rows], values[rows]
         order = np.argsort(x)
         colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
         panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
-    _finish(panel, values, over, label)
+    _finish(panel, values, text_of_axis, label)
+    _tell_left_out(drawing, sweep, others)
     if others:
         panel.legend(fontsize=6, frameon=False)
     return drawing
@@ -133,7 +181,9 @@ def _finish(panel: Any, values: np.ndarray, over: str, label: str) -> None:
 
 def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
     across, up = axes[:2]
-    families = _families(sweep, [n for n in sweep.inputs if n not in (across, up)])
+    places, labels = zip(*(_axis(sweep, name) for name in (across, up)))
+    others = [n for n in sweep.inputs if n not in (across, up)]
+    families = _families(sweep, others)
     columns = min(3, len(families))
     lines = -(-len(families) // columns)
     drawing = figure(0.5 + 2.3 * lines, 2.6 * columns + 1.2)
@@ -148,7 +198,7 @@ def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any
     for k, (text, rows) in enumerate(families):
         panel = drawing.add_subplot(lines, columns, k + 1)
         panels.append(panel)
-        x, y, z = sweep.inputs[across][rows], sweep.inputs[up][rows], values[rows]
+        x, y, z = places[0][rows], places[1][rows], values[rows]
         xs, ys = np.unique(x), np.unique(y)
         if len(xs) * len(ys) == len(x):
             table = np.full((len(ys), len(xs)), np.nan)
@@ -156,12 +206,13 @@ def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any
             drawn = panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
         else:
             drawn = panel.scatter(x, y, c=z, norm=norm, cmap="viridis", s=12)
-        panel.set_xlabel(across)
-        panel.set_ylabel(up)
+        panel.set_xlabel(labels[0])
+        panel.set_ylabel(labels[1])
         panel.set_title(text, fontsize=7)
         style(panel)
     if drawn is not None:
         bar = drawing.colorbar(drawn, ax=panels)
         bar.set_label(label, fontsize=7)
         bar.ax.tick_params(labelsize=6)
+    _tell_left_out(drawing, sweep, others)
     return drawing

@@ -285,6 +285,8 @@ def _draw_multipliers(subject: Orbit | Branch, title: str) -> list[Axes]:
             )
     reach = 1.12 * max(1.0, float(np.abs(values).max()))
     plane.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="Re μ", ylabel="Im μ")
+    plane.xaxis.set_major_locator(MaxNLocator(5))
+    plane.yaxis.set_major_locator(MaxNLocator(5))
     growth.axhline(0.0, color=GREY, linewidth=0.8)
     growth.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
     if isinstance(subject, Orbit):

@@ -240,6 +240,11 @@ class Output(Table):
 
     points: list[Name] | None = item(None, text="points whose motion is kept; default: all named points")
     pictures: bool = item(True, text="draw pictures into the folder's pictures/")
+    animation: bool = item(
+        False,
+        text="draw the first crack over each history and steady state of a reduced model, as a GIF in "
+        "pictures/",
+    )
     vtu: bool = item(False, text="write modes and static displacements for ParaView")
     csv: bool = item(False, text="write tables as CSV files")
 

@@ -113,6 +113,19 @@ def parameter_problems(data: dict[str, Any], sweep: SweepTable, tables: Any) -> 
             yield Problem(("sweep", "healthy", name), str(error))
 
 
+def unit_of(tables: Any, name: str) -> str:
+    """Unit of the key at a dotted path of a case, "" if it has none or is not described."""
+    here, unit = tables, ""
+    for part in parsed(name):
+        if isinstance(part, str) and not isinstance(here, dict):
+            described = type(here).model_fields[part].json_schema_extra
+            unit = str(described.get("unit", "")) if isinstance(described, dict) else ""
+            here = getattr(here, part)
+        else:
+            here = here[part]
+    return unit
+
+
 def rows(sweep: SweepTable) -> list[dict[str, Any]]:
     """Values of all parameters, row by row; the last parameter runs fastest in a grid."""
     names = list(sweep.parameters)

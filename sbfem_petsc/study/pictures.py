@@ -13,6 +13,8 @@ from .solve import modulation
 
 # Cracks of a model that are drawn.
 MOST_CRACKS = 4
+# Kinds of analysis whose result is a motion.
+MOVING = ("transient", "periodic", "modulation")
 
 
 def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
@@ -48,8 +50,16 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "backbone": _backbone,
         }
         drawers[table.kind](case, name, result, model, stem)
+    if output.animation and table.kind in MOVING and model is not None:
+        animate(result, stem)
     if output.vtu and model is not None:
         write_fields(table.kind, result, model, stem)
+
+
+def animate(motion: Any, stem: str) -> None:
+    """Draw the first crack over a motion, where there is one that keeps its fields. Collective."""
+    if motion.reduced is not None and motion.reduced.model.cracks:
+        plot.animate_crack(motion, f"{stem}_crack1.gif")
 
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
@@ -113,9 +123,9 @@ def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None
     comm = _communicator(model)
     _save(plot.plot_harmonics({name: result}, point, comm=comm), f"{stem}_harmonics.png", comm)
     if result.reduced is not None:
-        _save(plot.plot_orbit(result, point, comm=comm), f"{stem}_orbit.png", comm)
+        _save(plot.plot_orbit(result, point, title=name, comm=comm), f"{stem}_orbit.png", comm)
     if len(result.multipliers):
-        _save(plot.plot_multipliers(result, comm=comm), f"{stem}_multipliers.png", comm)
+        _save(plot.plot_multipliers(result, title=name, comm=comm), f"{stem}_multipliers.png", comm)
 
 
 def _modulation(case: Case, name: str, result: Any, model: Any, stem: str) -> None:

@@ -14,6 +14,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..plot.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .estimates import duration
 from .revive import read_any
@@ -25,6 +26,31 @@ from .sweep_file import Sweep
 _ROWS = 60
 # Lines of a motion under two tones in its table.
 _LINES = 15
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNITS = {
+    "m": length_unit,
+    "s": time_unit,
+    "N": force_unit,
+    "Pa": stress_unit,
+    "Pa m^(1/2)": lambda top: (1e-6, "MPa m^(1/2)"),
+}
+_WORDS = {
+    "displacement": "displacement x, y of",
+    "stress_intensity": "stress intensity factors I, II of",
+    "stress": "stress xx, yy, xy at",
+    "amplitude": "amplitude of",
+}
+_CAPTIONS = {
+    "modes": "mode shapes",
+    "crack": "deformed region of crack",
+    "contact": "contact pressure and gap along crack",
+    "harmonics": "harmonics",
+    "orbit": "phase plane; gaps and contact resultant over a period",
+    "multipliers": "Floquet multipliers",
+    "history": "history",
+    "curve": "response curve",
+    "lines": "lines of the spectrum",
+}
 _STYLE = """
 :root { color-scheme: light; }
 body { font: 16px/1.5 system-ui, sans-serif; color: #1b2733; max-width: 62rem; margin: 0 auto;
@@ -132,16 +158,29 @@ def _analysis(kind: str, tree: Tree) -> Iterator[str]:
         points = list(tree["harmonics"])
         orders = range(min(11, min(len(tree["harmonics"][p].value) for p in points))) if points else range(0)
         rows = [(str(k), *(number(1e6 * abs(tree["harmonics"][p].value[k])) for p in points)) for k in orders]
-        yield _table(rows, ("harmonic", *(f"|u_y({p})|, um" for p in points)))
+        yield _table(rows, ("harmonic", *(f"|u_y({p})|, µm" for p in points)))
     if kind == "quasi_periodic":
         yield _lines(tree)
-    single = [
-        (key, f"{_shown(entry.value)}{'' if entry.unit == '1' else ' ' + entry.unit}")
-        for key, entry in _small(tree)
-    ]
-    yield _table(single)
+    yield _table([(_label(key), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
     if isinstance(tree.get("bifurcations"), list) and tree["bifurcations"]:
         yield _table([(b["kind"], number(b["value"])) for b in tree["bifurcations"]], ("bifurcation", "at"))
+
+
+def _label(path: str) -> str:
+    """What a quantity is, in words; `path` is "displacement A"."""
+    first, _, rest = path.partition(" ")
+    words = _WORDS.get(first, first.replace("_", " "))
+    return f"{words} {rest}".rstrip()
+
+
+def _with_unit(value: Any, unit: str) -> str:
+    """A value in a unit that suits its magnitude."""
+    if unit in _UNITS and isinstance(value, (float, np.ndarray)):
+        top = float(np.abs(value).max(initial=0.0)) if isinstance(value, np.ndarray) else abs(value)
+        if math.isfinite(top) and top > 0.0:
+            scale, unit = _UNITS[unit](top)
+            value = value * scale
+    return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
 
 
 def _lines(tree: Tree) -> str:
@@ -155,7 +194,7 @@ def _lines(tree: Tree) -> str:
         + tuple(number(1e6 * heights[j][k]) for j in range(len(points)))
         for k in order
     ]
-    return _table(rows, ("line", "frequency, Hz", *(f"|u_y({p})|, um" for p in points)))
+    return _table(rows, ("line", "frequency, Hz", *(f"|u_y({p})|, µm" for p in points)))
 
 
 def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:
@@ -180,15 +219,16 @@ def _shown(value: Any) -> str:
 
 
 def number(value: float) -> str:
-    """A number to six digits, powers of ten in words a person writes; what is round-off beside 1 is kept."""
+    """A number to six digits, powers of ten as a person writes them."""
     if not math.isfinite(value):
         return "-"
     text = f"{value:.6g}"
     if "e" not in text:
-        return text
+        return text.replace("-", "−")
     mantissa, power = text.split("e")
-    raised = str(int(power)).replace("-", "−")
-    return f"{mantissa} × 10^{raised}" if mantissa != "1" else f"10^{raised}"
+    mantissa = mantissa.replace("-", "−")
+    raised = str(int(power)).translate(_RAISED)
+    return f"{mantissa} × 10{raised}" if mantissa != "1" else f"10{raised}"
 
 
 def _sweep(results: Sweep, folder: str) -> Iterator[str]:
@@ -232,14 +272,21 @@ def _pictures(folder: str, start: str) -> Iterator[str]:
     if not os.path.isdir(folder):
         return
     for name in sorted(os.listdir(folder)):
-        if name.startswith(start) and name.endswith(".png"):
+        stem, ending = os.path.splitext(name)
+        if name.startswith(start) and ending in (".png", ".gif"):
             with open(os.path.join(folder, name), "rb") as file:
                 data = base64.b64encode(file.read()).decode()
-            caption = html.escape(name[len(start) : -4].replace("_", " "))
+            caption = html.escape(_caption(stem[len(start) :]))
             yield (
-                f'<figure><img alt="{caption}" src="data:image/png;base64,{data}"><figcaption>{caption}'
-                "</figcaption></figure>"
+                f'<figure><img alt="{caption}" src="data:image/{ending[1:]};base64,{data}">'
+                f"<figcaption>{caption}</figcaption></figure>"
             )
+
+
+def _caption(stem: str) -> str:
+    """What a picture shows: "contact1" is that of the first crack."""
+    kind = stem.rstrip("0123456789")
+    return f"{_CAPTIONS.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
 
 
 def _case(text: str) -> str:

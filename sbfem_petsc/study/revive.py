@@ -45,6 +45,10 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
         )
     if not os.path.isfile(name):
         raise ValueError(f"results {name!r} do not exist; name results.h5, sweep.h5 or the folder of a run")
+    if name.endswith(".toml"):
+        raise ValueError(
+            f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
+        )
     forms = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
     with opened(name, "results file", forms) as file:
         form = str(file.attrs["format"])
@@ -109,11 +113,11 @@ def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
     return case_from_text(results.text, results.case_file, folder)
 
 
-def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
+def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animation: bool = False) -> str:
     """Pictures of a run or sweep. Collective.
 
-    Histories, periodic motions and curves are read; modes and static solutions are computed again from the
-    case.
+    Histories, periodic motions and curves are read; modes and static solutions, and motions that are to be
+    animated, are computed again from the case.
 
     Returns
     -------
@@ -134,11 +138,15 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch) -> str:
         return folder
     with spare_folder() as spare:
         case = case_of(results, source, spare)
+        if animation:
+            case = case.with_values({"output.animation": True})
+        moving = pictures.MOVING if case.tables.output.animation else ()
         structure: Structure | None = None
         try:
             for name in results.analyses:
                 watch.stage(f"{name}: pictures")
-                recorded = _recorded(os.path.join(home, "analyses"), name)
+                fields = results.kinds[name] in moving
+                recorded = None if fields else _recorded(os.path.join(home, "analyses"), name)
                 if recorded is None:
                     structure = structure or Structure(case, comm)
                     recorded = structure.solve(case, name)

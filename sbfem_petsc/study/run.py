@@ -156,7 +156,8 @@ class _Run:
             return
         seconds = time.monotonic() - began
         self._keep(name, kind, result, tree)
-        if case.tables.output.pictures or case.tables.output.vtu:
+        output = case.tables.output
+        if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
         told = repr(result)

@@ -14,7 +14,9 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ..recording.hdf5 import opened
-from .case import Case
+from .case import Case, CaseTables
+from .locations import parse
+from .parameters import unit_of
 from .rows import Row
 from .run import write_case
 from .storage import new_results, replaced
@@ -62,6 +64,12 @@ class Sweep:
     def failed(self) -> int:
         """Number of rows that failed."""
         return sum(map(bool, self.reasons))
+
+    @property
+    def input_units(self) -> dict[str, str]:
+        """Units of the parameters, "" where a key has none."""
+        tables = CaseTables.model_validate(parse(self.text, self.case_file)[0])
+        return {name: unit_of(tables, name) for name in self.inputs}
 
     def facts(self) -> dict[str, Any]:
         """Size, failures, names and ranges, as JSON can hold them."""

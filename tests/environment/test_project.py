@@ -99,3 +99,14 @@ def test_contributing_names_what_exists():
     assert len(names) > 25
     missing = {name for name in names - {"./run"} if not (ROOT / name).exists()}
     assert not missing
+
+
+def test_examples_are_short():
+    """Programs of at most 60 lines, case files that are valid."""
+    from sbfem_petsc.study.case import read_case
+
+    programs = sorted((ROOT / "examples").glob("*.py"))
+    cases = sorted((ROOT / "examples").glob("*.toml"))
+    assert len(programs) >= 10 and len(cases) >= 4
+    assert not [path.name for path in programs if len(path.read_text().splitlines()) > 60]
+    assert all(read_case(path).tables.title for path in cases)

@@ -1,4 +1,6 @@
-"""Fields of motions for ParaView: they are what the history says of points and faces, contact included."""
+"""Fields of motions for ParaView and as animated pictures: they are what the history says of points and
+faces, contact included.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +10,16 @@ import xml.etree.ElementTree as xml
 import meshio
 import numpy as np
 import pytest
+from matplotlib.animation import FFMpegWriter
+from PIL import Image
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.plot import animate_crack
+from sbfem_petsc.plot.animation import _instants
+from sbfem_petsc.plot.crack import Window
+from sbfem_petsc.plot.drawing import figure
+from sbfem_petsc.plot.outlines import gather_outline, gather_region
 from sbfem_petsc.results.animation import write_animation
 from sbfem_petsc.results.vtu import write_vtu
 from tests.parallel import on_ranks
@@ -158,3 +167,79 @@ def test_two_ranks(tmp_path):
     files = [e.get("file") for e in xml.parse(tmp_path / "history.pvd").getroot().iter("DataSet")]
     assert files == [f"history_{k:04d}.pvtu" for k in range(3)]
     assert all((tmp_path / name).exists() for name in files)
+
+
+@pytest.fixture(scope="module")
+def orbit(moved):
+    model = moved[1].reduced.model
+    return sb.periodic(model, sb.PointForce("A", fy=300.0), 1000.0, modes=12, steps=64, stability=False)
+
+
+def test_animated_picture(moved, orbit, tmp_path):
+    """As many frames as asked for, in the time asked for, that repeat without end."""
+    path = tmp_path / "crack.gif"
+    assert animate_crack(orbit, str(path), frames=3, seconds=1.5) == str(path)
+    with Image.open(path) as film:
+        assert film.n_frames == 3 and film.info["loop"] == 0 and film.info["duration"] == 500
+        states = []
+        for frame in range(3):
+            film.seek(frame)
+            states.append(np.asarray(film.convert("L"), dtype=float))
+    apart = [np.abs(a - b).mean() for a, b in zip(states, states[1:])]
+    assert min(apart) > 0.1  # of 255 levels
+    between = (0.0005, 0.0010)
+    assert list(_instants(moved[1], between, 3)) == [500, 750, 1000]
+    assert list(_instants(orbit, None, 4)) == [0, 16, 32, 48]  # the end is the start
+    assert [file.name for file in tmp_path.iterdir()] == ["crack.gif"]
+
+
+def test_lips_are_drawn_as_far_apart_as_the_gap_says(moved, orbit):
+    """Distance of the notch's corners in the picture: the gap times the magnification, at both instants."""
+    mesh, model, factor = moved[0], orbit.reduced.model, 200.0
+    crack = model.cracks[0]
+    corners = [mesh.nodes[mesh.points[name]] for name in "BC"]
+    across = np.array([crack.axis[1], -crack.axis[0]])
+    mouth = int(np.argmax(model.pairs.position))
+    for instant in (0, 32):
+        field = orbit.field(float(orbit.time[instant]))
+        half = 1.1 * crack.length
+        region, outline = (
+            gather_region(model, field, np.array(crack.tip), half),
+            gather_outline(model, [field]),
+        )
+        window = Window(crack, half, "von_mises")
+        axes = figure(3.0).add_subplot()
+        colours = window.colours([region])
+        interior, *lines = window.paint(axes, region, outline, 0, factor=factor, colours=colours)
+        near = [p for p in outline if (np.abs(p.positions - crack.tip) <= 1.5 * half).all(axis=1).any()]
+        assert len(near) == len(lines)
+        lips = []
+        for corner in corners:
+            piece, line = next(
+                (p, line) for p, line in zip(near, lines) if np.abs(p.positions - corner).sum(1).min() < 1e-12
+            )
+            lips.append(line.get_xydata()[np.abs(piece.positions - corner).sum(1).argmin()])
+        drawn = abs((lips[0] - lips[1]) @ across) * 1e-3  # mm
+        assert drawn == pytest.approx(factor * orbit.gap[instant, mouth], rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "options, error, sentence",
+    [
+        ({"path": "a.avi"}, ValueError, "must end in .gif or .mp4"),
+        ({"path": "a.mp4"}, sb.SolveError, "needs the program ffmpeg"),
+        ({"crack": 1}, ValueError, "crack = 1 does not exist; the model has 1"),
+        ({"frames": 1}, ValueError, "frames = 1 must be between 2 and 1000"),
+        ({"between": (1.0, 0.5)}, ValueError, "must be two times from 0 to"),
+        ({"between": 3.0}, ValueError, "must be two times, s"),
+        ({"colour": "red"}, ValueError, 'use "von_mises" or "displacement"'),
+        ({"magnification": 0.0}, ValueError, "magnification = 0.0 must be finite and above 0"),
+        ({"motion": 1}, TypeError, "neither a History nor an Orbit"),
+    ],
+)
+def test_wrong_animations(orbit, tmp_path, monkeypatch, options, error, sentence):
+    monkeypatch.setattr(FFMpegWriter, "isAvailable", lambda: False)
+    given = {"motion": orbit, "path": "a.gif", **options}
+    with pytest.raises(error, match=sentence):
+        animate_crack(given.pop("motion"), str(tmp_path / given.pop("path")), **given)
+    assert not list(tmp_path.iterdir())

@@ -163,3 +163,23 @@ def test_wrong_fields_and_places(solved, tmp_path):
         write_vtu(str(tmp_path / "a"), model, {"u": np.zeros((3, 2))})
     with pytest.raises(ValueError, match="cannot be written"):
         write_vtu(str(tmp_path / "none" / "a"), model, {"u": np.zeros_like(model.part.coordinates)})
+
+
+def test_as_paraviews_own_reader_sees_it(solved, tmp_path):
+    """VTK's reader, by pyvista: grid, area, names with their units, and the displacement of a corner."""
+    pyvista = pytest.importorskip("pyvista", reason="pyvista is not installed")
+    mesh, model, modes, cases = solved
+    grid = pyvista.read(write_vtu(str(tmp_path / "static.vtu"), model, {"closing": cases["closing"]}))
+    assert set(grid.point_data) == {
+        "closing (m)",
+        *(f"closing {name} (Pa)" for name in ("stress_xx", "stress_yy", "stress_xy", "von_mises")),
+    }
+    assert set(grid.cell_data) == {"element", "material", "rank"}
+    assert grid.compute_cell_sizes().cell_data["Area"].sum() == pytest.approx(model.area, rel=1e-9)
+    corner = np.append(mesh.nodes[mesh.points["A"]], 0.0)
+    found = grid.point_data["closing (m)"][grid.find_closest_point(corner)]
+    np.testing.assert_allclose(found[:2], cases["closing"].displacement("A"), rtol=1e-9)
+    shapes = pyvista.read(write_modes(str(tmp_path / "modes.vtu"), modes, range(2)))
+    assert list(shapes.point_data) == [
+        f"mode {k + 1}, {modes.frequencies[k]:.6g} Hz (m/sqrt(kg))" for k in range(2)
+    ]

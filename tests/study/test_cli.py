@@ -1,5 +1,6 @@
 """The command: help, exit codes, reports, exports, pictures, PETSc's options, logs."""
 
+import functools
 import html.parser
 import io
 import json
@@ -14,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 
+from sbfem_petsc import plot
 from sbfem_petsc.study.watch import LogLines
 from tests.parallel import ROOT, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
@@ -51,6 +53,7 @@ def test_version_and_help():
         (("run",), "CASE"),
         (("run", "nowhere.toml"), "nowhere.toml: cannot be read"),
         (("run", "case.toml", "--outptu", "x"), "--outptu"),
+        (("run", "case.toml", "-log_view"), "PETSc's stand after --"),
         (("check", "nowhere.toml", "--", "-statik_ksp_type", "cg"), "-statik_ksp_type belongs to no solve"),
         (("check", "nowhere.toml", "--", "cg"), "'cg' belongs to no option"),
         (("new", "bean", "x.toml"), "did you mean 'beam'?"),
@@ -136,12 +139,20 @@ def test_report(folder, tmp_path, results):
         summary = json.loads((folder / "out" / "summary.json").read_text())
         for frequency in summary["frequencies"]["frequencies"]:
             assert f"{frequency:.6g}" in page.text
+        pushed = summary["push"]["displacement"]["A"][1]
+        assert 0.5e-6 < pushed < 0.5e-3 and f"{1e6 * pushed:.6g} µm" in page.text
+        for words in ("displacement x, y of A", "stress intensity factors I, II of crack1", "√m"):
+            assert words in page.text
+        assert "10^" not in page.text and "contact_resultant" not in page.text
 
 
 @pytest.mark.long
-def test_plot_again(folder, tmp_path):
-    """Pictures drawn from the results are those that the run has drawn."""
-    assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet").code == 0
+def test_plot_again(folder, tmp_path, monkeypatch):
+    """Pictures drawn from the results are those that the run has drawn; motions are animated if asked for."""
+    few = functools.partial(plot.animate_crack, frames=2)
+    monkeypatch.setattr(plot, "animate_crack", few)
+    assert sbfem("plot", folder / "out", "--output", tmp_path, "--quiet", "--animation").code == 0
+    assert {path.name for path in tmp_path.glob("*.gif")} == {"steady_crack1.gif", "burst_crack1.gif"}
     first = {path.name for path in (folder / "out" / "pictures").glob("*.png")}
     assert first == {path.name for path in tmp_path.glob("*.png")} and len(first) >= 6
     assert sbfem("plot", folder / "swept", "--quiet").code == 0
@@ -164,6 +175,11 @@ def test_export(folder, tmp_path):
     assert sbfem("export", folder / "swept", "--vtu").code == 2
     done = sbfem("export", folder / "swept", "--csv", "--output", tmp_path, "--quiet")
     assert (tmp_path / "sweep.csv").read_text() == (folder / "swept" / "sweep.csv").read_text()
+
+
+def test_a_case_file_is_no_result(folder):
+    done = sbfem("report", folder / "case.toml")
+    assert done.code == 2 and "is a case file; name the results" in done.err
 
 
 def test_broken_results(folder, tmp_path):

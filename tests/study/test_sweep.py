@@ -12,6 +12,7 @@ from mpi4py import MPI
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc import indicators
+from sbfem_petsc.plot.maps import indicator_figure
 from sbfem_petsc.study import parameters, rows
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.rows import Row
@@ -177,6 +178,25 @@ def test_csv(found, folder):
     assert [float(line["frequencies/frequencies/1 [Hz]"]) for line in lines] == found.values[
         "frequencies/frequencies"
     ][:, 0].tolist()
+
+
+def test_units_of_the_inputs(found):
+    assert found.input_units == {"geometry.notches[0].depth": "m", "loads.push.fy": "N"}
+
+
+def test_pictures_in_fitting_units(found):
+    """Depths in mm, forces in N, the quantity in words; what is below round-off is drawn at it."""
+    values = np.where(found.values["steady/A2_A1/A"] > 0.0, 1e-17, np.nan)
+    values[-1] = 1e-3
+    drawing = indicator_figure(found, "steady/A2_A1/A", values, "1")
+    axes = drawing.axes[0]
+    over = max(found.inputs, key=lambda name: len(np.unique(found.inputs[name])))
+    assert over == "loads.push.fy" and axes.get_xlabel() == "push.fy (N)"
+    assert axes.get_ylabel() == "steady: A2/A1, A" and axes.get_yscale() == "log"
+    texts = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert texts == ["notches[0].depth = 2 mm", "notches[0].depth = 4 mm"]
+    heights = np.concatenate([line.get_ydata() for line in axes.get_lines()])
+    assert heights.min() == 1e-12 and heights.max() == 1e-3
 
 
 def test_row_files(tmp_path):

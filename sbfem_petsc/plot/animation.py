@@ -1,0 +1,223 @@
+"""A crack that breathes: its deformed region over a motion as an animated picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
+
+from ..checks import integer, real, shown
+from ..dynamics.history import Motion
+from ..dynamics.orbit import Orbit
+from ..errors import SolveError, on_all_ranks
+from ..parallel import collective, on_root
+from ..writing import destination, replaced
+from .crack import Window, plain, round_down
+from .drawing import BLUE, VERMILION, crack_title, figure, style
+from .outlines import Piece, Region, gather_outline, gather_region
+from .units import force_unit, length_unit, time_unit
+
+DOTS = 100  # per inch
+
+
+def animate_crack(
+    motion: Motion,
+    path: str,
+    *,
+    crack: int = 0,
+    between: Sequence[float] | None = None,
+    frames: int = 24,
+    seconds: float = 5.0,
+    magnification: float | None = None,
+    colour: str = "von_mises",
+) -> str | None:
+    """Write the deformed region of a crack over a motion, beside its gap and contact resultant, as a GIF, or
+    as an MP4 where ffmpeg is installed. Collective.
+
+    Displacements are magnified by one factor, which the picture tells, and drawn as in `plot_crack`.
+
+    Parameters
+    ----------
+    motion : Orbit or History
+        Of a reduced model that knows its model; a steady state repeats without a seam.
+    path : str
+        Ends in .gif or .mp4.
+    crack : int
+        Number of the crack, from 0.
+    between : (start, stop), optional
+        s. Default: all instants.
+    frames : int
+        At most; each is an instant of the motion.
+    seconds : float
+        Time that the animation takes, s.
+    magnification : float, optional
+        Default: chosen by the largest displacement.
+    colour : {"von_mises", "displacement"}
+
+    Returns
+    -------
+    str on rank 0, None elsewhere
+
+    Raises
+    ------
+    TypeError, ValueError
+        If an argument makes no sense or the file cannot be written; on all ranks.
+    SolveError
+        If the motion keeps no fields, or, for an MP4, if there is no ffmpeg.
+    """
+    if not isinstance(motion, Motion):
+        raise on_all_ranks(
+            TypeError(f"animate_crack: motion = {shown(motion)} is neither a History nor an Orbit")
+        )
+    model = None if motion.reduced is None else motion.reduced.model
+    if model is None:
+        raise on_all_ranks(
+            SolveError(
+                "animate_crack: the motion keeps no fields, being that of an unreduced model, of "
+                "matrices, or read from a file; give one that transient or periodic has just made of a Model"
+            )
+        )
+    with collective(model.comm):
+        integer("animate_crack", "frames", frames, least=2, most=1000)
+        real("animate_crack", "seconds", seconds, "s", least=0.1, most=600.0)
+        if magnification is not None:
+            real("animate_crack", "magnification", magnification, above=0.0)
+        if not 0 <= integer("animate_crack", "crack", crack, least=0) < len(model.cracks):
+            raise ValueError(
+                f"animate_crack: crack = {crack} does not exist; the model has {len(model.cracks)}"
+            )
+        if colour not in ("von_mises", "displacement"):
+            raise ValueError(
+                f'animate_crack: colour = {shown(colour)} is unknown; use "von_mises" or "displacement"'
+            )
+        instants = _instants(motion, between, frames)
+        writer = _writer(path, len(instants) / seconds)
+    facts = model.cracks[crack]
+    fields = [motion.field(float(motion.time[instant])) for instant in instants]
+    half = 1.1 * facts.length
+    regions = [gather_region(model, field, np.array(facts.tip), half) for field in fields]
+    outline = gather_outline(model, fields, max(2 * model.order, 8))
+    rows = np.flatnonzero(model.pairs.crack == crack)
+    mouth = rows[np.argmax(model.pairs.position[rows])] if len(rows) else None
+    curves = {"gap": motion.gap[:, mouth] if mouth is not None else np.zeros(len(motion.time))}
+    curves["resultant"] = motion.contact_resultant
+    closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
+
+    def write() -> str:
+        window = Window(facts, half, colour)
+        film = _Film(window, regions, outline, motion.time, curves, magnification)
+        pairs = [f"{count} of {len(rows)} pairs closed" for count in closed]
+        film.write(path, writer, instants, crack_title(facts), pairs)
+        return os.fspath(path)
+
+    return on_root(model.comm, write)
+
+
+def _instants(motion: Motion, between: Sequence[float] | None, frames: int) -> np.ndarray:
+    """Indices of the instants to draw, evenly spaced; of a period the end is left out."""
+    time = motion.time
+    start, stop = (float(time[0]), float(time[-1])) if between is None else _pair(between)
+    first, last = (int(np.abs(time - at).argmin()) for at in (start, stop))
+    if not time[0] <= start < stop <= time[-1] * (1.0 + 1e-9) or first >= last:
+        raise ValueError(
+            f"animate_crack: between = ({start:g}, {stop:g}) must be two times from {time[0]:g} to "
+            f"{time[-1]:.6g} s, the later one last"
+        )
+    closed = isinstance(motion, Orbit) and between is None
+    end = len(time) if closed else last
+    return np.unique(np.linspace(first, end, frames, endpoint=not closed).astype(int))
+
+
+def _pair(between: Any) -> tuple[float, float]:
+    if isinstance(between, str) or not isinstance(between, (Sequence, np.ndarray)) or len(between) != 2:
+        raise ValueError(f"animate_crack: between = {shown(between)} must be two times, s")
+    start, stop = (real("animate_crack", "between", value, "s") for value in between)
+    return start, stop
+
+
+def _writer(path: Any, rate: float) -> AbstractMovieWriter:
+    """Who writes a file of this ending."""
+    ending = os.path.splitext(destination(path, "animation"))[1].lower()
+    if ending == ".gif":
+        return PillowWriter(fps=rate)  # type: ignore[arg-type]
+    if ending != ".mp4":
+        raise ValueError(f"animation {os.fspath(path)!r} must end in .gif or .mp4")
+    if not FFMpegWriter.isAvailable():
+        raise SolveError(
+            f"animation {os.fspath(path)!r} needs the program ffmpeg, which is not on PATH; install it, or "
+            "write a .gif"
+        )
+    return FFMpegWriter(fps=rate)  # type: ignore[arg-type]
+
+
+class _Film:
+    """One figure whose states follow one another: the crack on the left, its gap and force on the right."""
+
+    def __init__(
+        self,
+        window: Window,
+        regions: list[Region | None],
+        outline: list[Piece] | None,
+        time: np.ndarray,
+        curves: dict[str, np.ndarray],
+        magnification: float | None,
+    ):
+        states = [region for region in regions if region is not None]
+        assert outline is not None  # on rank 0
+        self.window, self.regions, self.outline, self.time = window, states, outline, time
+        self.factor = magnification or round_down(0.12 * window.half / window.largest(states))
+        self.colours = window.colours(states)
+        self.drawing = figure(3.3)
+        grid = self.drawing.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
+        self.axes = self.drawing.add_subplot(grid[:, 0])
+        self.unit_of_time, name = time_unit(float(time[-1]))
+        self.curves, self.marks = [], []
+        units = {"gap": length_unit, "resultant": force_unit}
+        labels = {"gap": "gap at the mouth", "resultant": "contact resultant"}
+        for row, (key, values) in enumerate(curves.items()):
+            scale, unit = units[key](float(np.abs(values).max()))
+            axes = self.drawing.add_subplot(grid[row, 1])
+            axes.plot(time * self.unit_of_time, values * scale, color=(BLUE, VERMILION)[row], linewidth=1.0)
+            axes.set_ylabel(f"{labels[key]} ({unit})")
+            axes.set_xlim(time[0] * self.unit_of_time, time[-1] * self.unit_of_time)
+            axes.grid(color="#DDDDDD", linewidth=0.4)
+            style(axes)
+            self.curves.append(values * scale)
+            self.marks += axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
+        axes.set_xlabel(f"time ({name})")
+        self.drawing.align_ylabels()
+        window.frame(self.axes)
+        self.unit_name = name
+
+    def write(
+        self, path: str, writer: AbstractMovieWriter, instants: np.ndarray, title: str, told: Sequence[str]
+    ) -> None:
+        """Draw and write the states of some instants; `told` is said of each instant of the motion."""
+        title = f"{title}, {self.window.magnified} × {plain(self.factor)}"
+        ending = os.path.splitext(path)[1]
+        with replaced(path, "animation") as temporary:
+            with writer.saving(self.drawing, f"{temporary}{ending}", DOTS):
+                for number, instant in enumerate(instants):
+                    painted = self._state(number, int(instant))
+                    at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
+                    self.axes.set_title(f"{title}\n{at}, {told[instant]}", fontsize=8)
+                    if number == 0:  # the layout of the first is that of all
+                        self.colours.bar(self.drawing, painted[0], self.axes)
+                        self.drawing.draw_without_rendering()
+                        self.drawing.set_layout_engine("none")
+                    writer.grab_frame()
+                    for artist in painted:
+                        artist.remove()
+            os.replace(f"{temporary}{ending}", temporary)
+
+    def _state(self, number: int, instant: int) -> list[Any]:
+        painted = self.window.paint(
+            self.axes, self.regions[number], self.outline, number, factor=self.factor, colours=self.colours
+        )
+        at = self.time[instant] * self.unit_of_time
+        for mark, values in zip(self.marks, self.curves):
+            mark.set_data([at], [values[instant]])
+        return painted

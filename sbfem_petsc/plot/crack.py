@@ -1,0 +1,267 @@
+"""Pictures of the region around a crack, deformed, with its gap in sight.
+
+Rank 0 draws; the other ranks send what they sampled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
+
+from ..parallel import on_root
+from ..system.model import Model
+from .drawing import BLACK, figure, style
+from .outlines import Piece, Region, gather_outline, gather_region
+from .units import length_unit, place_unit, stress_unit
+
+
+def plot_crack(
+    model: Model,
+    fields: Mapping[str, Any],
+    crack: int = 0,
+    *,
+    colour: str = "von_mises",
+    magnification: float | None = None,
+) -> list[Axes] | None:
+    """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
+
+    The displacement is drawn without the window's rigid-body motion. The opening of a slit too narrow to be
+    seen is magnified like the displacement, as if it had opened from a closed one: where its faces touch,
+    they touch in the picture. The faces of the tip element, dashed, have no contact pairs: where they overlap
+    they are drawn so.
+
+    Parameters
+    ----------
+    model : Model
+    fields : dict of str to Static, Field or (m, 2) array
+        One row of the picture each: ``{"100 N": push}``, ``{"5 ms": history.field(5e-3)}``. An array holds
+        displacements of this rank's nodes alone, m, without what contact and loads on the faces inside tip
+        elements add there.
+    crack : int
+        Number of the crack, from 0.
+    colour : {"von_mises", "displacement"}
+        What the colours show.
+    magnification : float, optional
+        Default: chosen for each panel and written into it.
+
+    Returns
+    -------
+    Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
+    """
+    if not fields:
+        raise ValueError("plot_crack: no displacement field is given")
+    if not 0 <= crack < len(model.cracks):
+        raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
+    if colour not in ("von_mises", "displacement"):
+        raise ValueError(f'plot_crack: colour = {colour!r} is unknown; use "von_mises" or "displacement"')
+    facts = model.cracks[crack]
+    tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
+    regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}
+    outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
+    return on_root(model.comm, lambda: _draw_crack(regions, outline, facts, half, colour, magnification))
+
+
+def _draw_crack(
+    regions: dict[str, list[Region | None]],
+    outline: list[Piece] | None,
+    crack,
+    halves: np.ndarray,
+    colour: str,
+    magnification: float | None,
+) -> list[Axes]:
+    drawing = figure(3.15 * len(regions) + 0.15)
+    grid = drawing.subplots(len(regions), 2, squeeze=False)
+    for row, (name, panels) in enumerate(regions.items()):
+        for axes, region, half in zip(grid[row], panels, halves):
+            assert region is not None and outline is not None  # on rank 0
+            window = Window(crack, half, colour)
+            factor = magnification or round_down(0.12 * half / window.largest([region]))
+            colours = window.colours([region])
+            painted = window.paint(axes, region, outline, row, factor=factor, colours=colours)
+            colours.bar(drawing, painted[0], axes)
+            window.frame(axes)
+            axes.set_title(f"{name}, {window.magnified} × {plain(factor)}", fontsize=8)
+    return list(grid.flat)
+
+
+@dataclass(frozen=True)
+class Colours:
+    """A scale of colours: its range, in units of 1 / factor; its label; whether some values are above it."""
+
+    norm: Normalize
+    factor: float
+    label: str
+    more: bool
+
+    def bar(self, drawing: Figure, painted: Any, axes: Axes) -> None:
+        """A colour bar beside the axes."""
+        extend = "max" if self.more else "neither"
+        bar = drawing.colorbar(painted, ax=axes, extend=extend, shrink=0.85, pad=0.02)
+        bar.set_label(self.label, size=7)
+        bar.ax.tick_params(labelsize=6)
+        bar.locator = MaxNLocator(5)
+        bar.update_ticks()
+
+
+class Window:
+    """A square window around a crack's tip.
+
+    Parameters
+    ----------
+    crack : Crack
+    half : float
+        Half its side, m.
+    colour : {"von_mises", "displacement"}
+    """
+
+    def __init__(self, crack: Any, half: float, colour: str):
+        self.tip, self.half, self.colour = np.array(crack.tip), float(half), colour
+        self.notch = _Notch(crack, self.half)
+
+    @property
+    def magnified(self) -> str:
+        """What the magnification is of."""
+        return self.notch.magnified
+
+    def largest(self, regions: Sequence[Region]) -> float:
+        """Largest displacement in the window without its rigid-body motion, opening included, m."""
+        found = 0.0
+        for region in regions:
+            inside, _, relative = self._relative(region)
+            found = max(found, float(np.abs(relative + self.notch.opening(region.positions))[inside].max()))
+        return found
+
+    def colours(self, regions: Sequence[Region]) -> Colours:
+        """One scale of colours for several states."""
+        inside = self._relative(regions[0])[0]
+        values = [self._values(region) for region in regions]
+        if self.colour == "von_mises":
+            top = max(_area_quantile(region, v, inside, 0.97) for region, v in zip(regions, values))
+            factor, name = stress_unit(top)
+            return Colours(Normalize(0.0, top * factor), factor, f"von Mises stress ({name})", more=True)
+        top = max(_area_quantile(region, v, inside, 1.0) for region, v in zip(regions, values))
+        factor, name = length_unit(max(float(v[inside].max()) for v in values))
+        label = f"displacement without rigid-body motion ({name})"
+        return Colours(Normalize(0.0, top * factor), factor, label, more=False)
+
+    def frame(self, axes: Axes) -> None:
+        """Axes of the window, in lengths from the tip."""
+        scale, unit = place_unit(2.0 * self.half)
+        axes.set_xlim(-self.half * scale, self.half * scale)
+        axes.set_ylim(-self.half * scale, self.half * scale)
+        axes.set_aspect("equal")
+        axes.set_facecolor("white")
+        axes.set_xlabel(f"x from the tip ({unit})")
+        axes.set_ylabel(f"y from the tip ({unit})")
+        style(axes)
+
+    def paint(
+        self, axes: Axes, region: Region, outline: list[Piece], row: int, *, factor: float, colours: Colours
+    ) -> list[Any]:
+        """Draw a state: displacements times `factor`; the outline's are those of its field `row`.
+
+        Returns
+        -------
+        Artists, the coloured interior first
+        """
+        _, motion, relative = self._relative(region)
+        scale, _ = place_unit(2.0 * self.half)
+        place = (self.notch.drawn(region.positions, relative, factor) - self.tip) * scale
+        painted: list[Any] = [
+            axes.tripcolor(
+                Triangulation(place[:, 0], place[:, 1], region.triangles),
+                self._values(region) * colours.factor,
+                shading="gouraud",
+                cmap="viridis",
+                norm=colours.norm,
+                rasterized=True,
+            )
+        ]
+        for piece in outline:
+            if (np.abs(piece.positions - self.tip) <= 1.5 * self.half).all(axis=1).any():
+                own = piece.displacements[row] - motion(piece.positions - self.tip)
+                moved = self.notch.drawn(piece.positions, own, factor)
+                painted += axes.plot(
+                    *((moved - self.tip) * scale).T,
+                    color=BLACK,
+                    linewidth=0.8,
+                    linestyle="-" if piece.key[0] >= 0 else (0, (2, 1)),
+                )
+        return painted
+
+    def _relative(self, region: Region) -> tuple[np.ndarray, Any, np.ndarray]:
+        """Points inside, rigid-body motion as a function of arms, displacements without it."""
+        arms = region.positions - self.tip
+        inside = (np.abs(arms) <= self.half).all(axis=1)
+        motion = _rigid_motion(arms[inside], region.displacements[inside])
+        return inside, motion, region.displacements - motion(arms)
+
+    def _values(self, region: Region) -> np.ndarray:
+        """What the colours show, Pa or m."""
+        if self.colour == "von_mises":
+            return region.stress[:, 3]
+        return np.linalg.norm(self._relative(region)[2], axis=1)
+
+
+class _Notch:
+    """Draws a narrow V-notch as if it had opened from a closed slit, so that one magnification serves gap and
+    displacement.
+    """
+
+    def __init__(self, crack, half: float):
+        self.tip, self.axis, self.half = np.array(crack.tip), np.array(crack.axis), half
+        self.slope = np.tan(0.5 * crack.opening)
+        if self.slope > 0.02:
+            self.slope = 0.0  # wide enough to be seen: left as it is
+        self.magnified = "displacement and opening" if self.slope else "displacement"
+
+    def opening(self, positions: np.ndarray) -> np.ndarray:
+        """(n, 2): displacement from the slit to the notch, fading away from the faces."""
+        across = np.array([self.axis[1], -self.axis[0]])
+        along, side = (positions - self.tip) @ self.axis, (positions - self.tip) @ across
+        amount = self.slope * np.maximum(along, 0.0)
+        fade = np.clip(1.0 - (np.abs(side) - amount) / self.half, 0.0, 1.0)
+        return (np.sign(side) * amount * fade)[:, None] * across
+
+    def drawn(self, positions: np.ndarray, displacements: np.ndarray, factor: float) -> np.ndarray:
+        """Where points are drawn."""
+        return positions + factor * displacements + (factor - 1.0) * self.opening(positions)
+
+
+def _rigid_motion(arms: np.ndarray, displacements: np.ndarray):
+    """Best translation and small rotation of displaced points, as a function of the arms (n, 2)."""
+    mean_arm, mean = arms.mean(axis=0), displacements.mean(axis=0)
+    a, d = arms - mean_arm, displacements - mean
+    turn = float((a[:, 0] * d[:, 1] - a[:, 1] * d[:, 0]).sum() / (a**2).sum())
+    return lambda at: mean + turn * np.stack([-(at - mean_arm)[:, 1], (at - mean_arm)[:, 0]], axis=1)
+
+
+def _area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share: float) -> float:
+    """Value that is not exceeded on a share of the area: the points crowd at the tip, where the stress has no
+    bound.
+    """
+    triangles = region.triangles[inside[region.triangles].all(axis=1)]
+    a, b, c = (region.positions[triangles[:, k]] for k in range(3))
+    area = 0.5 * np.abs((b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0])
+    mean = values[triangles].mean(axis=1)
+    order = np.argsort(mean)
+    share_below = np.cumsum(area[order]) / area.sum()
+    return float(mean[order][min(np.searchsorted(share_below, share), len(order) - 1)])
+
+
+def plain(value: float) -> str:
+    return f"{value:,.0f}" if value >= 1.0 else f"{value:.3g}"
+
+
+def round_down(value: float) -> float:
+    """The next lower of 1, 2, 5, 10, 20, ..."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(m for m in (1.0, 2.0, 5.0) if m * power <= value))
