@@ -7,6 +7,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"
     ) from error
 
+from .basins import plot_basins
 from .branches import plot_branches
 from .detection import plot_detection
 from .drawing import save_picture
@@ -20,6 +21,7 @@ from .tones import plot_backbone, plot_lines, plot_sidebands
 __all__ = [
     "Panel",
     "plot_backbone",
+    "plot_basins",
     "plot_branches",
     "plot_contact",
     "plot_crack",

@@ -91,6 +91,11 @@ def backbone() -> sb.Backbone:
 
 
 @functools.cache
+def basins() -> sb.Basins:
+    return sb.basins(oscillator(), 100.0, 20.0, [sb.StartAxis([0.0, 0.01])], orbits=[orbit()])
+
+
+@functools.cache
 def quasi_periodic() -> sb.QuasiPeriodic:
     load = sb.Harmonic(10.0, 20.0) + sb.Harmonic(10.0, 3.1)
     return sb.quasi_periodic(oscillator(), load, (20.0, 3.1), samples=5, steps=64, stability=False)
@@ -265,6 +270,26 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
     ],
+    "StartAxis": [
+        lambda: {"values": [0.0, 1.0], "kind": "velocity", "mode": 1, "point": "A", "direction": "y"}
+    ],
+    "basins": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "frequency": 20.0,
+            "starts": [sb.StartAxis([0.0, 0.01])],
+            "orbits": (orbit(),),
+            "around": orbit(),
+            "steps": 64,
+            "modes": None,
+            "longest": 2,
+            "tolerance": 1e-5,
+            "limit": 10,
+            "progress": None,
+            "comm": MPI.COMM_SELF,
+        },
+    ],
     "quasi_periodic": [
         lambda: {
             "model": oscillator(),
@@ -377,6 +402,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Branch": branch,
     "Backbone": backbone,
     "Locus": locus,
+    "Basins": basins,
     "QuasiPeriodic": quasi_periodic,
     "ReducedModel": oscillator,
     "Model": model,
