@@ -55,6 +55,8 @@ _HOME = {
     "switch_branch": "analysis.branching",
     "locus": "analysis.locus",
     "Locus": "dynamics.locus",
+    "swept_response": "analysis.swept",
+    "SweptResponse": "dynamics.swept",
     "basins": "analysis.basins",
     "Basins": "dynamics.basins",
     "StartAxis": "dynamics.basins",

@@ -16,6 +16,7 @@ from .histories import Panel, plot_histories, plot_history, plot_load_history, p
 from .loci import plot_loci
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
+from .sweeps import plot_swept
 from .tones import plot_backbone, plot_lines, plot_sidebands
 
 __all__ = [
@@ -38,5 +39,6 @@ __all__ = [
     "plot_orbit",
     "plot_sidebands",
     "plot_spectra",
+    "plot_swept",
     "save_picture",
 ]

@@ -91,6 +91,11 @@ def backbone() -> sb.Backbone:
 
 
 @functools.cache
+def swept_response() -> sb.SweptResponse:
+    return sb.swept_response(oscillator(), 100.0, 20.0, 21.0, duration=2.0, steps=64)
+
+
+@functools.cache
 def basins() -> sb.Basins:
     return sb.basins(oscillator(), 100.0, 20.0, [sb.StartAxis([0.0, 0.01])], orbits=[orbit()])
 
@@ -270,6 +275,19 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
     ],
+    "swept_response": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "start": 20.0,
+            "stop": 21.0,
+            "duration": 0.5,
+            "first": orbit(),
+            "steps": 64,
+            "modes": None,
+            "progress": None,
+        },
+    ],
     "StartAxis": [
         lambda: {"values": [0.0, 1.0], "kind": "velocity", "mode": 1, "point": "A", "direction": "y"}
     ],
@@ -402,6 +420,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Branch": branch,
     "Backbone": backbone,
     "Locus": locus,
+    "SweptResponse": swept_response,
     "Basins": basins,
     "QuasiPeriodic": quasi_periodic,
     "ReducedModel": oscillator,
