@@ -1,13 +1,14 @@
-"""Bifurcations followed in two parameters."""
+"""Bifurcations followed in two parameters, and the grazing points of a branch."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 
-from ..checks import choice, instance, integer, real
+from ..checks import choice, flag, instance, integer, real
 from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
+from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, follow_locus
 from ..parallel import agree, collective
 from ..progress import progress_bar
@@ -29,14 +30,16 @@ def locus(
     """Follow a bifurcation of a branch over the forcing frequency and a second parameter.
 
     The lines of folds bound the frequencies and loads at which there is more than one motion, those of period
-    doublings and Neimark-Sacker points where a motion loses its stability: a map of behaviour.
+    doublings and Neimark-Sacker points where a motion loses its stability: a map of behaviour. A line of
+    grazing points is where a pair that is open begins to touch.
 
     Parameters
     ----------
     branch : Branch
         Of `frequency_response` or `load_response`.
     bifurcation : Bifurcation
-        One of the branch's: a fold, a period doubling or a Neimark-Sacker point.
+        One of the branch's or of `grazing_points`: a fold, a period doubling, a Neimark-Sacker or a grazing
+        point.
     start, stop : float
         Factors on the second parameter between which the locus is followed; the branch's own conditions, the
         factor 1 (of a `load_response`: the bifurcation's), lie between them or at an end.
@@ -54,8 +57,7 @@ def locus(
     Raises
     ------
     TypeError, ValueError
-        For input that makes no sense; for a grazing or a branch point, which are no lines of a multiplier on
-        the unit circle.
+        For input that makes no sense; for a branch point, which is no line in the plane.
     SolveError
         If Newton's method does not find the bifurcation again.
     """
@@ -66,8 +68,8 @@ def locus(
         instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if bifurcation.kind not in KINDS:
             raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling or "
-                "a Neimark-Sacker point"
+                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling, "
+                "a Neimark-Sacker or a grazing point"
             )
         if bifurcation.kind == "fold" and abs(bifurcation.multiplier - 1.0) > SMOOTH:
             raise ValueError(
@@ -93,6 +95,9 @@ def locus(
             )
     agree(comm, what, start=start, stop=stop, parameter=parameter, points=points)
     family = Family(branch.period, parameter, factor)
+    if bifurcation.kind == "grazing":
+        row = grazing_row(branch.period, bifurcation.state, frequency, factor)
+        family = OpenRowFamily(branch.period, row, parameter, factor)
     with progress_bar(comm, "locus", progress) as report:
         return follow_locus(
             family,
@@ -103,3 +108,34 @@ def locus(
             points=points,
             report=report,
         )
+
+
+def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation, ...]:
+    """Find where a motion of a branch begins or ceases to touch: the least gap over the period is zero there.
+
+    They need not change stability; those that do are among `branch.bifurcations` as well, less exactly.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of `frequency_response` or `load_response`.
+    every : bool
+        Of every contact row; default: only the ends of the motions without any contact.
+
+    Returns
+    -------
+    tuple of Bifurcation
+        Of kind "grazing", in order of the branch; their multiplier is nan, the state is that of grazing.
+
+    Raises
+    ------
+    TypeError
+        If `branch` is none.
+    SolveError
+        If one is not found, where the branch turns too sharply between two points.
+    """
+    what = "grazing_points"
+    instance(what, "branch", branch, Branch, "a Branch")
+    with collective(branch.reduced.comm):
+        flag(what, "every", every)
+    return tuple(find_grazing(branch, bool(every)))

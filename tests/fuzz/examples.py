@@ -275,6 +275,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
     ],
+    "grazing_points": [lambda: {"branch": branch(), "every": False}],
     "swept_response": [
         lambda: {
             "model": oscillator(),
