@@ -55,6 +55,7 @@ _HOME = {
     "switch_branch": "analysis.branching",
     "locus": "analysis.locus",
     "Locus": "dynamics.locus",
+    "loci": "analysis.locus",
     "grazing_points": "analysis.locus",
     "swept_response": "analysis.swept",
     "SweptResponse": "dynamics.swept",

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 
-from ..checks import choice, flag, instance, integer, real
+import numpy as np
+
+from ..checks import choice, flag, instance, integer, names_of, real
 from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
+from ..dynamics.branch import Branch, BranchWarning
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, follow_locus
+from ..errors import SolveError
 from ..parallel import agree, collective
 from ..progress import progress_bar
 
 # A multiplier further than this from 1 is that of a corner, not of a smooth fold.
 SMOOTH = 0.1
+# The kinds of which a multiplier is on the unit circle.
+SMOOTH_KINDS = ("fold", "period doubling", "Neimark-Sacker")
+# A bifurcation this near to a line that is known, relative to its state and to the branch's range, is on it.
+ONE = 0.03
 
 
 def locus(
@@ -81,11 +89,7 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
-        choice(what, "parameter", parameter, PARAMETERS)
-        start = real(what, "start", start, least=0.0, most=1e15)
-        stop = real(what, "stop", stop, least=0.0, most=1e15)
-        integer(what, "points", points, least=1)
-        check_progress(what, progress)
+        start, stop = _check(what, start, stop, parameter, points, progress)
         frequency, factor = branch.conditions(bifurcation.value)
         value = factor if parameter == "load" else 1.0
         if start == stop or not min(start, stop) <= value <= max(start, stop):
@@ -108,6 +112,93 @@ def locus(
             points=points,
             report=report,
         )
+
+
+def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, float]:
+    """The range as floats, of checked options."""
+    choice(what, "parameter", parameter, PARAMETERS)
+    integer(what, "points", points, least=1)
+    check_progress(what, progress)
+    bounds = [
+        real(what, name, value, least=0.0, most=1e15) for name, value in (("start", start), ("stop", stop))
+    ]
+    return bounds[0], bounds[1]
+
+
+def loci(
+    branch: Branch,
+    start: float,
+    stop: float,
+    *,
+    parameter: str = "load",
+    kinds: Sequence[str] = SMOOTH_KINDS,
+    points: int = 100,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> tuple[Locus, ...]:
+    """Follow all bifurcations of a branch over the forcing frequency and a second parameter, each line once.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of `frequency_response`.
+    start, stop, parameter, points, progress
+        See `locus`.
+    kinds : sequence of {"fold", "period doubling", "Neimark-Sacker", "grazing"}
+        Which are followed. Folds at corners, which are no lines of a multiplier 1, are left out; "grazing"
+        are the ends of motions without any contact.
+
+    Returns
+    -------
+    tuple of Locus
+
+    Raises
+    ------
+    TypeError, ValueError
+        For input that makes no sense.
+
+    Warns
+    -----
+    BranchWarning
+        Of a bifurcation that could not be followed.
+    """
+    what = "loci"
+    instance(what, "branch", branch, Branch, "a Branch")
+    with collective(branch.reduced.comm):
+        if branch.parameter != "frequency":
+            raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
+        start, stop = _check(what, start, stop, parameter, points, progress)
+        if start == stop or not min(start, stop) <= 1.0 <= max(start, stop):
+            raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")
+        for kind in names_of(what, "kinds", kinds):
+            choice(what, "kinds", kind, KINDS)
+    found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
+    found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
+    found += list(grazing_points(branch)) if "grazing" in kinds else []
+    result: list[Locus] = []
+    for item in found:
+        if any(_passes(line, item, branch) for line in result):
+            continue
+        try:
+            result.append(
+                locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
+            )
+        except SolveError as error:
+            warnings.warn(f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=2)
+    return tuple(result)
+
+
+def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
+    """Whether a line passes the branch's own conditions at a bifurcation, to the distance of its points."""
+    if line.kind != item.kind:
+        return False
+    for k in np.flatnonzero((line.value[:-1] - 1.0) * (line.value[1:] - 1.0) <= 0.0):
+        share = (1.0 - line.value[k]) / ((line.value[k + 1] - line.value[k]) or 1.0)
+        frequency = line.frequency[k] + share * (line.frequency[k + 1] - line.frequency[k])
+        state = line.states[k] + share * (line.states[k + 1] - line.states[k])
+        near = np.linalg.norm(state - item.state) < ONE * np.linalg.norm(item.state)
+        if near and abs(frequency - item.value) < ONE * np.ptp(branch.value):
+            return True
+    return False
 
 
 def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation, ...]:

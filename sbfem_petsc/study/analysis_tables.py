@@ -161,6 +161,31 @@ class LoadResponse(Table):
     stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
+class LocusAnalysis(Table):
+    """Bifurcations of a response curve over the frequency, followed over a second parameter: a map of
+    behaviour."""
+
+    kind: Literal["locus"] = item(text="bifurcations over frequency and a second parameter")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency of the curve", unit="Hz", gt=0)
+    stop: float = item(text="last frequency of the curve", unit="Hz", gt=0)
+    parameter: Literal["load", "damping", "gap"] = item(
+        "load", text="second parameter: a factor on the oscillating loads, all damping ratios or all gaps"
+    )
+    least: float = item(0.5, text="least factor", ge=0, le=1)
+    most: float = item(2.0, text="largest factor", ge=1)
+    bifurcations: list[Literal["fold", "period doubling", "Neimark-Sacker", "grazing"]] = item(
+        ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed"
+    )
+    points: int = item(100, text="points to either side of a bifurcation at most", ge=1)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    largest_step: float | None = item(
+        None, text="largest change of the frequency from a point of the curve to the next", unit="Hz", gt=0
+    )
+
+
 class ModulationAnalysis(Table):
     """Vibro-acoustic modulation: steady state under a strong low tone and a weak high one, with the sidebands
     of the high one. Numbers in the two loads are the tones' amplitudes."""
@@ -226,6 +251,7 @@ ANALYSES = (
     PeriodicAnalysis,
     FrequencyResponse,
     LoadResponse,
+    LocusAnalysis,
     ModulationAnalysis,
     QuasiPeriodicAnalysis,
     Backbone,

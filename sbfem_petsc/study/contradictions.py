@@ -20,6 +20,7 @@ _SIGNALS = {
     "periodic": _PERIODIC,
     "frequency_response": _PERIODIC,
     "load_response": _PERIODIC,
+    "locus": ("constant",),
     "modulation": ("constant",),
     "quasi_periodic": _PERIODIC,
 }
@@ -144,11 +145,13 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 )
             elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
                 yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
-        if analysis.kind in ("frequency_response", "load_response", "backbone"):
+        if analysis.kind in ("frequency_response", "load_response", "backbone", "locus"):
             if analysis.start == analysis.stop:
                 yield Problem(
                     (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"
                 )
+        if analysis.kind == "locus" and analysis.least == analysis.most:
+            yield Problem((*path, "most"), f"= {analysis.most:g} is least itself; give a range of factors")
         if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
             yield Problem(
                 (*path, "pump_frequency"),

@@ -127,6 +127,11 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
             return reduction, 0.0, 1e6
         count = min(table.points, _CURVE_POINTS)
         return reduction + one * count, arrays, 400.0 * count * (modes + points * 60)
+    if kind == "locus":
+        # a curve with its multipliers, and three Newton iterations with four sets of them a point of a line
+        count, lines = _CURVE_POINTS, 4
+        seconds = 2.5 * one * (count + 12 * lines * min(table.points, 40))
+        return reduction + seconds, arrays, 64.0 * lines * table.points
     return reduction + one, arrays, 8.0 * steps * periods * (3 * modes + pairs + 2 * points)
 
 

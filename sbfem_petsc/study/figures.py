@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,6 +63,7 @@ def figures(
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
+        "locus": _locus,
     }
     random = None
     if noise is not None:
@@ -256,6 +258,17 @@ def _backbone(
         "last_frequency": (float(frequency[-1]), "Hz"),
         "last_energy": (float(np.asarray(result.energy)[-1]), "J"),
     }
+
+
+def _locus(case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool) -> Values:
+    values: Values = {}
+    for kind in table.bifurcations:
+        lines = [line for line in result if line.kind == kind]
+        name = kind.replace(" ", "_").replace("-", "_").lower()
+        values[f"{name}_lines"] = (float(len(lines)), "1")
+        least = min((float(line.value.min()) for line in lines), default=math.nan)
+        values[f"{name}_least_factor"] = (least, "1")
+    return values
 
 
 def energy_balance(case: Case, table: Any, result: Any) -> float | None:

@@ -46,6 +46,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "load_response": _branch,
             "quasi_periodic": _lines,
             "backbone": _backbone,
+            "locus": _loci,
         }
         drawers[table.kind](case, name, result, model, stem)
     if output.vtu and model is not None:
@@ -143,6 +144,12 @@ def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 
 def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     _save(plot.plot_backbone({name: result}, comm=model.comm), f"{stem}_backbone.png", model.comm)
+
+
+def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    if result:
+        comm = _communicator(model)
+        _save(on_root(comm, lambda: plot.plot_loci(result, title=name)), f"{stem}_loci.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+import sbfem_petsc as sb
+
 from .. import indicators
 from . import objects
 from .case import Case
@@ -169,6 +171,27 @@ class Structure:
             start=table.start,
             stop=table.stop,
             **_curve_options(table, file, progress),
+        )
+
+    def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        curve = sb.frequency_response(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.start,
+            table.stop,
+            steps=table.steps,
+            modes=table.modes,
+            largest_step=math.inf if table.largest_step is None else table.largest_step,
+            progress=progress,
+        )
+        return function(
+            curve,
+            table.least,
+            table.most,
+            parameter=table.parameter,
+            kinds=tuple(table.bifurcations),
+            points=table.points,
+            progress=progress,
         )
 
     def _quasi_periodic(

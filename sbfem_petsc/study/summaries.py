@@ -66,6 +66,7 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
+        "locus": _locus,
     }
     return makers[kind](result, points, **further)
 
@@ -333,6 +334,21 @@ def _backbone(result: Any, points: Sequence[str]) -> Tree:
         "complete": Quantity(bool(result.complete)),
         "reason": Quantity(result.reason, "1", "why the branch ends"),
     }
+
+
+def _locus(result: Any, points: Sequence[str]) -> Tree:
+    lines = [
+        {
+            "kind": line.kind,
+            "parameter": line.parameter,
+            "frequency": Quantity(line.frequency, "Hz", "forcing frequency"),
+            "value": Quantity(line.value, "1", "factor on the second parameter"),
+            "multiplier": Quantity(line.multiplier, "1", "multiplier on the unit circle, nan for grazing"),
+            "ends": f"{line.reasons[0]}; {line.reasons[1]}",
+        }
+        for line in result
+    ]
+    return {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
 
 
 def plain(tree: Any, where: str = "") -> Any:

@@ -275,6 +275,17 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
     ],
+    "loci": [
+        lambda: {
+            "branch": branch(),
+            "start": 0.5,
+            "stop": 2.0,
+            "parameter": "load",
+            "kinds": ("fold",),
+            "points": 3,
+            "progress": None,
+        },
+    ],
     "grazing_points": [lambda: {"branch": branch(), "every": False}],
     "swept_response": [
         lambda: {
