@@ -161,6 +161,23 @@ class LoadResponse(Table):
     stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
+class SweptAnalysis(Table):
+    """A motion whose forcing frequency runs slowly from a steady state at `start` to `stop`, and back."""
+
+    kind: Literal["swept_response"] = item(text="slowly swept frequency: amplitudes and jumps")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency", unit="Hz", gt=0)
+    stop: float = item(text="last frequency", unit="Hz", gt=0)
+    duration: float = item(text="of the sweep, one way", unit="s", gt=0)
+    back: bool = item(True, text="sweep back from stop to start as well")
+    least: float = item(0.2, text="relative change of the amplitude that is a jump", gt=0)
+    steps: int | None = item(
+        None, text="time steps in a period of the higher frequency; default: 320 or more", ge=48
+    )
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+
+
 class LocusAnalysis(Table):
     """Bifurcations of a response curve over the frequency, followed over a second parameter: a map of
     behaviour."""
@@ -252,6 +269,7 @@ ANALYSES = (
     FrequencyResponse,
     LoadResponse,
     LocusAnalysis,
+    SweptAnalysis,
     ModulationAnalysis,
     QuasiPeriodicAnalysis,
     Backbone,

@@ -21,6 +21,7 @@ _SIGNALS = {
     "frequency_response": _PERIODIC,
     "load_response": _PERIODIC,
     "locus": ("constant",),
+    "swept_response": ("constant",),
     "modulation": ("constant",),
     "quasi_periodic": _PERIODIC,
 }
@@ -145,7 +146,7 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 )
             elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
                 yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
-        if analysis.kind in ("frequency_response", "load_response", "backbone", "locus"):
+        if analysis.kind in ("frequency_response", "load_response", "backbone", "locus", "swept_response"):
             if analysis.start == analysis.stop:
                 yield Problem(
                     (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"

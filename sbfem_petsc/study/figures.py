@@ -64,6 +64,7 @@ def figures(
         "load_response": _curve,
         "backbone": _backbone,
         "locus": _locus,
+        "swept_response": _swept,
     }
     random = None
     if noise is not None:
@@ -268,6 +269,18 @@ def _locus(case: Case, table: Any, result: Any, points: Sequence[str], noisy: An
         values[f"{name}_lines"] = (float(len(lines)), "1")
         least = min((float(line.value.min()) for line in lines), default=math.nan)
         values[f"{name}_least_factor"] = (least, "1")
+    return values
+
+
+def _swept(case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool) -> Values:
+    values: Values = {}
+    for swept in result:
+        way = "up" if swept.upwards else "down"
+        for point in points:
+            jumps = swept.jumps(point, table.least)
+            values[f"{way}_amplitude/{point}"] = (float(swept.amplitude(point).max()), "m")
+            values[f"{way}_jumps/{point}"] = (float(len(jumps)), "1")
+            values[f"{way}_first_jump/{point}"] = (jumps[0].frequency if jumps else math.nan, "Hz")
     return values
 
 

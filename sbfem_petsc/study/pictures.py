@@ -47,6 +47,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "quasi_periodic": _lines,
             "backbone": _backbone,
             "locus": _loci,
+            "swept_response": _swept,
         }
         drawers[table.kind](case, name, result, model, stem)
     if output.vtu and model is not None:
@@ -150,6 +151,14 @@ def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if result:
         comm = _communicator(model)
         _save(on_root(comm, lambda: plot.plot_loci(result, title=name)), f"{stem}_loci.png", comm)
+
+
+def _swept(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    point = _point(case, result[0].points)
+    if point is not None:
+        comm, least = _communicator(model), case.tables.analyses[name].least
+        axes = on_root(comm, lambda: plot.plot_swept(None, result, point, least=least, title=name))
+        _save(axes, f"{stem}_swept.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

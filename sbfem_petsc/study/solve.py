@@ -70,6 +70,8 @@ class Structure:
             further["estimate"] = result.estimate
         if table.kind == "modulation":
             further = modulation(table, result)
+        if table.kind == "swept_response":
+            further["least"] = table.least
         if table.kind == "quasi_periodic":
             further["order"] = table.order
         return tree_of(table.kind, result, self.points(case), **further)
@@ -172,6 +174,14 @@ class Structure:
             stop=table.stop,
             **_curve_options(table, file, progress),
         )
+
+    def _swept_response(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        load = objects.load(case, table.load, table.factor)
+        ways = [(table.start, table.stop), (table.stop, table.start)][: 1 + table.back]
+        options = {"duration": table.duration, "steps": table.steps, "modes": table.modes}
+        return tuple(function(self.model, load, *way, **options, progress=progress) for way in ways)
 
     def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         curve = sb.frequency_response(

@@ -67,6 +67,7 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         "load_response": _curve,
         "backbone": _backbone,
         "locus": _locus,
+        "swept_response": _swept,
     }
     return makers[kind](result, points, **further)
 
@@ -349,6 +350,25 @@ def _locus(result: Any, points: Sequence[str]) -> Tree:
         for line in result
     ]
     return {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
+
+
+def _swept(result: Any, points: Sequence[str], least: float) -> Tree:
+    return {
+        "up" if swept.upwards else "down": {
+            "frequency": Quantity(swept.frequency, "Hz", "mean forcing frequency of each cycle"),
+            "amplitude": _of_points(points, swept.amplitude, "m", "half the peak-to-peak of u_y in a cycle"),
+            "contact_peak": Quantity(swept.contact_peak, "N", "largest contact resultant in a cycle"),
+            "jump": {
+                point: Quantity(
+                    np.array([jump.frequency for jump in swept.jumps(point, least)]),
+                    "Hz",
+                    "frequencies at which the amplitude jumps",
+                )
+                for point in points
+            },
+        }
+        for swept in result
+    }
 
 
 def plain(tree: Any, where: str = "") -> Any:

@@ -397,6 +397,15 @@ most = 1.1
 points = 1
 steps = 128
 modes = 8
+
+[analyses.slow]
+kind = "swept_response"
+load = "push"
+start = 740.0
+stop = 800.0
+duration = 0.2
+steps = 128
+modes = 8
 """
 
 
@@ -430,9 +439,15 @@ def test_branches(tmp_path):
     load = sb.PointForce("A", fy=1000.0 * line["value"][0])
     orbit = sb.periodic(model, load, line["frequency"][0], modes=8, steps=128)
     assert abs(orbit.multipliers[0]) == pytest.approx(1.0, abs=1e-5)
+    down = sb.swept_response(model, FORCE, 800.0, 740.0, duration=0.2, steps=128, modes=8)
+    np.testing.assert_allclose(found["slow"]["down"]["frequency"], down.frequency, rtol=1e-12)
+    np.testing.assert_allclose(found["slow"]["down"]["amplitude"]["A"], down.amplitude("A"), rtol=1e-6)
+    assert len(found["slow"]["up"]["frequency"]) == 154
+    assert found["slow"]["down"]["jump"]["A"] == [jump.frequency for jump in down.jumps("A")]
     names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
     assert {
         "map_loci.png",
+        "slow_swept.png",
         "over_frequency_curve.png",
         "over_load_curve.png",
         "linear_curve.png",
