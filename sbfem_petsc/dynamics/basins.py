@@ -131,7 +131,8 @@ class Basins:
         lost = int((self.reached < 0).sum())
         return (
             f"Basins({self.reached.size} initial states at {self.frequency:.6g} Hz, {len(self.orbits)} "
-            f"orbits reached by {shares or 'none'}" + (f", {lost} not settled)" if lost else ")")
+            f"orbit{'s' * (len(self.orbits) != 1)} reached by {shares or 'none'}"
+            + (f", {lost} not settled)" if lost else ")")
         )
 
 

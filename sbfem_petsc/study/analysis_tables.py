@@ -161,6 +161,37 @@ class LoadResponse(Table):
     stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
+class StartAxisTable(Table):
+    """An axis of a grid of initial states."""
+
+    values: Times = item(text="rising values: a list or { start, stop, count }")
+    kind: Literal["displacement", "velocity", "impulse"] = item(
+        "displacement", text="of a mode; impulse: of a unit load, N s"
+    )
+    mode: int = item(1, text="number of the mode, of an impulse that of the unit load, from 1", ge=1)
+    point: Name | None = item(
+        None, text="point whose motion the values are (m, m/s); default: modal coordinates"
+    )
+    direction: Literal["x", "y"] = item("y", text="direction of the point's motion")
+
+
+class BasinsAnalysis(Table):
+    """Which steady state the histories from a grid of initial states settle on."""
+
+    kind: Literal["basins"] = item(text="basins of attraction")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
+    starts: list[StartAxisTable] = item(text="axes of the grid", min_length=1, max_length=3)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    longest: int = item(8, text="most periods after which a motion may repeat itself", ge=1, le=1000)
+    tolerance: float = item(
+        1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2
+    )
+    limit: int = item(2000, text="periods that a history is followed at most", ge=1)
+
+
 class SweptAnalysis(Table):
     """A motion whose forcing frequency runs slowly from a steady state at `start` to `stop`, and back."""
 
@@ -270,6 +301,7 @@ ANALYSES = (
     LoadResponse,
     LocusAnalysis,
     SweptAnalysis,
+    BasinsAnalysis,
     ModulationAnalysis,
     QuasiPeriodicAnalysis,
     Backbone,

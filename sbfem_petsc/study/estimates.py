@@ -106,6 +106,11 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
         if not table.reduced:
             seconds = count * 2.4e-7 * unknowns
         return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
+    if kind == "basins":
+        starts = math.prod(len(parameters.grid(axis.values)) for axis in table.starts)
+        # about a hundred periods a history
+        seconds = 100 * starts * (table.steps or _STEPS) * 6e-8 * modes * (1.0 + pairs / 26)
+        return reduction + seconds, 16.0 * starts * modes, 32.0 * starts
     if kind == "swept_response":
         cycles = 0.5 * (table.start + table.stop) * table.duration * (1 + table.back)
         count = cycles * (table.steps or 320) * max(table.start, table.stop) / min(table.start, table.stop)

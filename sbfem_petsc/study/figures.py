@@ -64,6 +64,7 @@ def figures(
         "load_response": _curve,
         "backbone": _backbone,
         "locus": _locus,
+        "basins": _basins,
         "swept_response": _swept,
     }
     random = None
@@ -282,6 +283,16 @@ def _swept(case: Case, table: Any, result: Any, points: Sequence[str], noisy: An
             values[f"{way}_jumps/{point}"] = (float(len(jumps)), "1")
             values[f"{way}_first_jump/{point}"] = (jumps[0].frequency if jumps else math.nan, "Hz")
     return values
+
+
+def _basins(
+    case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool
+) -> Values:
+    return {
+        "orbits": (float(len(result.orbits)), "1"),
+        "largest_share": (float(result.share.max(initial=0.0)), "1"),
+        "not_settled": (float(np.mean(result.reached < 0)), "1"),
+    }
 
 
 def energy_balance(case: Case, table: Any, result: Any) -> float | None:

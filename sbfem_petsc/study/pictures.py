@@ -47,6 +47,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "quasi_periodic": _lines,
             "backbone": _backbone,
             "locus": _loci,
+            "basins": _basins,
             "swept_response": _swept,
         }
         drawers[table.kind](case, name, result, model, stem)
@@ -159,6 +160,12 @@ def _swept(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
         comm, least = _communicator(model), case.tables.analyses[name].least
         axes = on_root(comm, lambda: plot.plot_swept(None, result, point, least=least, title=name))
         _save(axes, f"{stem}_swept.png", comm)
+
+
+def _basins(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    if len(result.axes) == 2 and min(result.reached.shape) > 1:
+        comm = _communicator(model)
+        _save(on_root(comm, lambda: plot.plot_basins(result, title=name)), f"{stem}_basins.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

@@ -183,6 +183,17 @@ class Structure:
         options = {"duration": table.duration, "steps": table.steps, "modes": table.modes}
         return tuple(function(self.model, load, *way, **options, progress=progress) for way in ways)
 
+    def _basins(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        starts = [
+            sb.StartAxis(
+                tuple(map(float, grid(axis.values))), axis.kind, axis.mode, axis.point, axis.direction
+            )
+            for axis in table.starts
+        ]
+        options = table.model_dump(include={"steps", "modes", "longest", "tolerance", "limit"})
+        load = objects.load(case, table.load, table.factor)
+        return function(self.model, load, table.frequency, starts, **options, progress=progress)
+
     def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         curve = sb.frequency_response(
             self.model,

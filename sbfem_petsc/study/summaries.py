@@ -67,6 +67,7 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         "load_response": _curve,
         "backbone": _backbone,
         "locus": _locus,
+        "basins": _basins,
         "swept_response": _swept,
     }
     return makers[kind](result, points, **further)
@@ -369,6 +370,31 @@ def _swept(result: Any, points: Sequence[str], least: float) -> Tree:
         }
         for swept in result
     }
+
+
+def _basins(result: Any, points: Sequence[str]) -> Tree:
+    tree: Tree = {
+        "reached": Quantity(result.reached, "1", "number of the orbit that is reached, -1 for none"),
+        "periods": Quantity(result.periods, "1", "forcing periods until that was known"),
+        "share": Quantity(result.share, "1", "share of the initial states that reach each orbit"),
+    }
+    for number, axis in enumerate(result.axes, 1):
+        tree[f"axis{number}"] = Quantity(np.array(axis.values), "1", axis.label)
+    tree["orbits"] = [
+        {
+            "periods": Quantity(int(orbit.periods), "1", "forcing periods in its period"),
+            "largest_multiplier": Quantity(complex(orbit.multipliers[0]), "1", "of largest modulus"),
+            "contact_peak": Quantity(
+                float(orbit.contact_resultant.max(initial=0.0)), "N", "largest resultant"
+            ),
+            "amplitude": _of_points(points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
+            "integrity": Quantity(
+                result.integrity(k), "J", "energy of the least disturbance that leads away"
+            ),
+        }
+        for k, orbit in enumerate(result.orbits)
+    ]
+    return tree
 
 
 def plain(tree: Any, where: str = "") -> Any:

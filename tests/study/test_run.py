@@ -398,6 +398,17 @@ points = 1
 steps = 128
 modes = 8
 
+[analyses.attraction]
+kind = "basins"
+load = "push"
+frequency = 700.0
+starts = [
+    { values = { start = -1e-6, stop = 1e-6, count = 2 }, point = "A" },
+    { values = [0.0, 1e-3], kind = "impulse" },
+]
+steps = 128
+modes = 2
+
 [analyses.slow]
 kind = "swept_response"
 load = "push"
@@ -444,8 +455,13 @@ def test_branches(tmp_path):
     np.testing.assert_allclose(found["slow"]["down"]["amplitude"]["A"], down.amplitude("A"), rtol=1e-6)
     assert len(found["slow"]["up"]["frequency"]) == 154
     assert found["slow"]["down"]["jump"]["A"] == [jump.frequency for jump in down.jumps("A")]
+    basins = found["attraction"]
+    steady = sb.periodic(model, FORCE, 700.0, steps=128, modes=2)
+    assert basins["reached"] == [[0, 0], [0, 0]] and basins["share"] == [1.0]
+    assert basins["orbits"][0]["amplitude"]["A"] == pytest.approx(steady.amplitude("A"), rel=1e-6)
     names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
     assert {
+        "attraction_basins.png",
         "map_loci.png",
         "slow_swept.png",
         "over_frequency_curve.png",
