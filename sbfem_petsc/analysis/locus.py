@@ -1,19 +1,28 @@
-"""Bifurcations followed in two parameters."""
+"""Bifurcations followed in two parameters, and the grazing points of a branch."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Sequence
 
-from ..checks import choice, instance, integer, real
+import numpy as np
+
+from ..checks import choice, flag, instance, integer, names_of, real
 from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
+from ..dynamics.branch import Branch, BranchWarning
+from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, follow_locus
+from ..errors import SolveError
 from ..parallel import agree, collective
 from ..progress import progress_bar
 
 # A multiplier further than this from 1 is that of a corner, not of a smooth fold.
 SMOOTH = 0.1
+# The kinds of which a multiplier is on the unit circle.
+SMOOTH_KINDS = ("fold", "period doubling", "Neimark-Sacker")
+# A bifurcation this near to a line that is known, relative to its state and to the branch's range, is on it.
+ONE = 0.03
 
 
 def locus(
@@ -29,14 +38,16 @@ def locus(
     """Follow a bifurcation of a branch over the forcing frequency and a second parameter.
 
     The lines of folds bound the frequencies and loads at which there is more than one motion, those of period
-    doublings and Neimark-Sacker points where a motion loses its stability: a map of behaviour.
+    doublings and Neimark-Sacker points where a motion loses its stability: a map of behaviour. A line of
+    grazing points is where a pair that is open begins to touch.
 
     Parameters
     ----------
     branch : Branch
         Of `frequency_response` or `load_response`.
     bifurcation : Bifurcation
-        One of the branch's: a fold, a period doubling or a Neimark-Sacker point.
+        One of the branch's or of `grazing_points`: a fold, a period doubling, a Neimark-Sacker or a grazing
+        point.
     start, stop : float
         Factors on the second parameter between which the locus is followed; the branch's own conditions, the
         factor 1 (of a `load_response`: the bifurcation's), lie between them or at an end.
@@ -54,8 +65,7 @@ def locus(
     Raises
     ------
     TypeError, ValueError
-        For input that makes no sense; for a grazing or a branch point, which are no lines of a multiplier on
-        the unit circle.
+        For input that makes no sense; for a branch point, which is no line in the plane.
     SolveError
         If Newton's method does not find the bifurcation again.
     """
@@ -66,8 +76,8 @@ def locus(
         instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if bifurcation.kind not in KINDS:
             raise ValueError(
-                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling or "
-                "a Neimark-Sacker point"
+                f"locus: bifurcation = {bifurcation!r} cannot be followed; give a fold, a period doubling, "
+                "a Neimark-Sacker or a grazing point"
             )
         if bifurcation.kind == "fold" and abs(bifurcation.multiplier - 1.0) > SMOOTH:
             raise ValueError(
@@ -79,11 +89,7 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
-        choice(what, "parameter", parameter, PARAMETERS)
-        start = real(what, "start", start, least=0.0, most=1e15)
-        stop = real(what, "stop", stop, least=0.0, most=1e15)
-        integer(what, "points", points, least=1)
-        check_progress(what, progress)
+        start, stop = _check(what, start, stop, parameter, points, progress)
         frequency, factor = branch.conditions(bifurcation.value)
         value = factor if parameter == "load" else 1.0
         if start == stop or not min(start, stop) <= value <= max(start, stop):
@@ -93,6 +99,9 @@ def locus(
             )
     agree(comm, what, start=start, stop=stop, parameter=parameter, points=points)
     family = Family(branch.period, parameter, factor)
+    if bifurcation.kind == "grazing":
+        row = grazing_row(branch.period, bifurcation.state, frequency, factor)
+        family = OpenRowFamily(branch.period, row, parameter, factor)
     with progress_bar(comm, "locus", progress) as report:
         return follow_locus(
             family,
@@ -103,3 +112,121 @@ def locus(
             points=points,
             report=report,
         )
+
+
+def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, float]:
+    """The range as floats, of checked options."""
+    choice(what, "parameter", parameter, PARAMETERS)
+    integer(what, "points", points, least=1)
+    check_progress(what, progress)
+    bounds = [
+        real(what, name, value, least=0.0, most=1e15) for name, value in (("start", start), ("stop", stop))
+    ]
+    return bounds[0], bounds[1]
+
+
+def loci(
+    branch: Branch,
+    start: float,
+    stop: float,
+    *,
+    parameter: str = "load",
+    kinds: Sequence[str] = SMOOTH_KINDS,
+    points: int = 100,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> tuple[Locus, ...]:
+    """Follow all bifurcations of a branch over the forcing frequency and a second parameter, each line once.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of `frequency_response`.
+    start, stop, parameter, points, progress
+        See `locus`.
+    kinds : sequence of {"fold", "period doubling", "Neimark-Sacker", "grazing"}
+        Which are followed. Folds at corners, which are no lines of a multiplier 1, are left out; "grazing"
+        are the ends of motions without any contact.
+
+    Returns
+    -------
+    tuple of Locus
+
+    Raises
+    ------
+    TypeError, ValueError
+        For input that makes no sense.
+
+    Warns
+    -----
+    BranchWarning
+        Of a bifurcation that could not be followed.
+    """
+    what = "loci"
+    instance(what, "branch", branch, Branch, "a Branch")
+    with collective(branch.reduced.comm):
+        if branch.parameter != "frequency":
+            raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
+        start, stop = _check(what, start, stop, parameter, points, progress)
+        if start == stop or not min(start, stop) <= 1.0 <= max(start, stop):
+            raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")
+        for kind in names_of(what, "kinds", kinds):
+            choice(what, "kinds", kind, KINDS)
+    found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
+    found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
+    found += list(grazing_points(branch)) if "grazing" in kinds else []
+    result: list[Locus] = []
+    for item in found:
+        if any(_passes(line, item, branch) for line in result):
+            continue
+        try:
+            result.append(
+                locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
+            )
+        except SolveError as error:
+            warnings.warn(f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=2)
+    return tuple(result)
+
+
+def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
+    """Whether a line passes the branch's own conditions at a bifurcation, to the distance of its points."""
+    if line.kind != item.kind:
+        return False
+    for k in np.flatnonzero((line.value[:-1] - 1.0) * (line.value[1:] - 1.0) <= 0.0):
+        share = (1.0 - line.value[k]) / ((line.value[k + 1] - line.value[k]) or 1.0)
+        frequency = line.frequency[k] + share * (line.frequency[k + 1] - line.frequency[k])
+        state = line.states[k] + share * (line.states[k + 1] - line.states[k])
+        near = np.linalg.norm(state - item.state) < ONE * np.linalg.norm(item.state)
+        if near and abs(frequency - item.value) < ONE * np.ptp(branch.value):
+            return True
+    return False
+
+
+def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation, ...]:
+    """Find where a motion of a branch begins or ceases to touch: the least gap over the period is zero there.
+
+    They need not change stability; those that do are among `branch.bifurcations` as well, less exactly.
+
+    Parameters
+    ----------
+    branch : Branch
+        Of `frequency_response` or `load_response`.
+    every : bool
+        Of every contact row; default: only the ends of the motions without any contact.
+
+    Returns
+    -------
+    tuple of Bifurcation
+        Of kind "grazing", in order of the branch; their multiplier is nan, the state is that of grazing.
+
+    Raises
+    ------
+    TypeError
+        If `branch` is none.
+    SolveError
+        If one is not found, where the branch turns too sharply between two points.
+    """
+    what = "grazing_points"
+    instance(what, "branch", branch, Branch, "a Branch")
+    with collective(branch.reduced.comm):
+        flag(what, "every", every)
+    return tuple(find_grazing(branch, bool(every)))

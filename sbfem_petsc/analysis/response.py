@@ -106,7 +106,7 @@ def frequency_response(
             raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor first")
         settings = _checked(what, points, largest_step, stability, contact, first, start, file, resume)
         check_progress(what, progress)
-        _amplitudes_only(what, load)
+        amplitudes_only(what, load)
         if first is not None and periods not in (None, first.periods):
             raise ValueError(f"{what}: first takes {first.periods} forcing periods, not periods = {periods}")
     agree(comm, what, start=start, stop=stop, contact=contact, settings=settings, file=file, resume=resume)
@@ -242,7 +242,7 @@ def _checked(
     return ContinuationSettings(points, float(largest_step), stability, leave)
 
 
-def _amplitudes_only(what: str, load) -> None:
+def amplitudes_only(what: str, load) -> None:
     """Refuse signals other than constants where the frequency is swept."""
     values = load if isinstance(load, (list, tuple)) else (load,)
     named = [("load", value) for value in values if isinstance(value, Signal)]

@@ -20,7 +20,7 @@ from ..writing import write_table
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .stability import multipliers
 
-KINDS = ("fold", "period doubling", "Neimark-Sacker")
+KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 PARAMETERS = ("load", "damping", "gap")
 # Arc length of a step: the state's relative change, the frequency's relative change times this, and the share
 # of the second parameter's range, summed as squares.
@@ -41,7 +41,7 @@ class Locus:
 
     Attributes
     ----------
-    kind : {"fold", "period doubling", "Neimark-Sacker"}
+    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
     parameter : {"load", "damping", "gap"}
         The second parameter: a factor on the oscillating loads, all damping ratios, or all initial gaps.
     frequency : (n,) array
@@ -51,7 +51,7 @@ class Locus:
     states : (n, 2 m) array
         (Omega q, q') at t = 0.
     multiplier : (n,) complex array
-        The one on the unit circle.
+        The one on the unit circle; nan for grazing.
     reasons : (str, str)
         Why either end is one.
     periods : int
@@ -131,6 +131,21 @@ class Family:
         rate = (ahead.residual - behind.residual) / (2.0 * step)
         return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
 
+    def excess(
+        self, kind: str, driven: DrivenPeriod, motion: PeriodMotion, value: float, near: complex
+    ) -> tuple[float, complex]:
+        """How far the multiplier of a kind is from its place, and the multiplier."""
+        values = multipliers(driven, motion).values
+        if kind == "Neimark-Sacker":
+            found = values[values.imag > 1e-9]
+            if not found.size:
+                raise _Failure("the complex pair has become real")
+            nearest = complex(found[np.argmin(np.abs(found - near))])
+            return abs(nearest) - 1.0, nearest
+        target = 1.0 if kind == "fold" else -1.0
+        nearest = complex(values[np.argmin(np.abs(values - target))])
+        return nearest.real - target, nearest
+
 
 @dataclass(frozen=True, eq=False)
 class _Point:
@@ -156,20 +171,11 @@ class _Follower:
         )
 
     def excess(self, scaled: np.ndarray, near: complex) -> tuple[float, complex]:
-        """How far the multiplier of this kind is from its place, and the multiplier."""
+        """How far the locus' function is from zero, and the multiplier."""
         # at an end of the range the differences beside it lie outside
         y = self._in_range(scaled, 2.0 * APART)
         driven = self.family.at(*y[-2:])
-        values = multipliers(driven, driven.run(y[:-2])).values
-        if self.kind == "Neimark-Sacker":
-            found = values[values.imag > 1e-9]
-            if not found.size:
-                raise _Failure("the complex pair has become real")
-            value = complex(found[np.argmin(np.abs(found - near))])
-            return abs(value) - 1.0, value
-        target = 1.0 if self.kind == "fold" else -1.0
-        value = complex(values[np.argmin(np.abs(values - target))])
-        return (value.real - target), value
+        return self.family.excess(self.kind, driven, driven.run(y[:-2]), float(y[-1]), near)
 
     def _in_range(self, scaled: np.ndarray, slack: float = 0.0) -> np.ndarray:
         """State and parameters; negative damping would let motions grow without bounds."""
@@ -231,11 +237,11 @@ def follow_locus(
     Parameters
     ----------
     family : Family
-    kind : {"fold", "period doubling", "Neimark-Sacker"}
+    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
     first : (state, frequency, value)
         Close to the locus.
     multiplier : complex
-        The one on the unit circle there.
+        The one on the unit circle there; nan for grazing.
     limits : (float, float)
         Of the second parameter, between which the locus is followed.
     points : int

@@ -8,6 +8,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from .animation import animate_crack
+from .basins import plot_basins
 from .branches import plot_branches
 from .crack import plot_crack
 from .detection import plot_detection
@@ -17,12 +18,14 @@ from .histories import Panel, plot_histories, plot_history, plot_load_history, p
 from .loci import plot_loci
 from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
+from .sweeps import plot_swept
 from .tones import plot_backbone, plot_lines, plot_sidebands
 
 __all__ = [
     "Panel",
     "animate_crack",
     "plot_backbone",
+    "plot_basins",
     "plot_branches",
     "plot_contact",
     "plot_crack",
@@ -39,6 +42,7 @@ __all__ = [
     "plot_orbit",
     "plot_sidebands",
     "plot_spectra",
+    "plot_swept",
     "save_picture",
     "save_pictures",
 ]

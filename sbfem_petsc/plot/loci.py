@@ -8,9 +8,14 @@ from matplotlib.axes import Axes
 
 from ..checks import instance, positive
 from ..dynamics.locus import KINDS, Locus
-from .drawing import BLUE, GREEN, VERMILION, figure, style
+from .drawing import BLUE, GREEN, PURPLE, VERMILION, figure, style
 
-STYLES = {"fold": (BLUE, "-"), "period doubling": (VERMILION, "--"), "Neimark-Sacker": (GREEN, "-.")}
+STYLES = {
+    "fold": (BLUE, "-"),
+    "period doubling": (VERMILION, "--"),
+    "Neimark-Sacker": (GREEN, "-."),
+    "grazing": (PURPLE, ":"),
+}
 
 
 def plot_loci(

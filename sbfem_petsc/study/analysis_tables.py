@@ -163,6 +163,79 @@ class LoadResponse(Table):
     stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
+class StartAxisTable(Table):
+    """An axis of a grid of initial states."""
+
+    values: Times = item(text="rising values: a list or { start, stop, count }")
+    kind: Literal["displacement", "velocity", "impulse"] = item(
+        "displacement", text="of a mode; impulse: of a unit load, N s"
+    )
+    mode: int = item(1, text="number of the mode, of an impulse that of the unit load, from 1", ge=1)
+    point: Name | None = item(
+        None, text="point whose motion the values are (m, m/s); default: modal coordinates"
+    )
+    direction: Literal["x", "y"] = item("y", text="direction of the point's motion")
+
+
+class BasinsAnalysis(Table):
+    """Which steady state the histories from a grid of initial states settle on."""
+
+    kind: Literal["basins"] = item(text="basins of attraction")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
+    starts: list[StartAxisTable] = item(text="axes of the grid", min_length=1, max_length=3)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    longest: int = item(8, text="most periods after which a motion may repeat itself", ge=1, le=1000)
+    tolerance: float = item(
+        1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2
+    )
+    limit: int = item(2000, text="periods that a history is followed at most", ge=1)
+
+
+class SweptAnalysis(Table):
+    """A motion whose forcing frequency runs slowly from a steady state at `start` to `stop`, and back."""
+
+    kind: Literal["swept_response"] = item(text="slowly swept frequency: amplitudes and jumps")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency", unit="Hz", gt=0)
+    stop: float = item(text="last frequency", unit="Hz", gt=0)
+    duration: float = item(text="of the sweep, one way", unit="s", gt=0)
+    back: bool = item(True, text="sweep back from stop to start as well")
+    least: float = item(0.2, text="relative change of the amplitude that is a jump", gt=0)
+    steps: int | None = item(
+        None, text="time steps in a period of the higher frequency; default: 320 or more", ge=48
+    )
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+
+
+class LocusAnalysis(Table):
+    """Bifurcations of a response curve over the frequency, followed over a second parameter: a map of
+    behaviour."""
+
+    kind: Literal["locus"] = item(text="bifurcations over frequency and a second parameter")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency of the curve", unit="Hz", gt=0)
+    stop: float = item(text="last frequency of the curve", unit="Hz", gt=0)
+    parameter: Literal["load", "damping", "gap"] = item(
+        "load", text="second parameter: a factor on the oscillating loads, all damping ratios or all gaps"
+    )
+    least: float = item(0.5, text="least factor", ge=0, le=1)
+    most: float = item(2.0, text="largest factor", ge=1)
+    bifurcations: list[Literal["fold", "period doubling", "Neimark-Sacker", "grazing"]] = item(
+        ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed"
+    )
+    points: int = item(100, text="points to either side of a bifurcation at most", ge=1)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    largest_step: float | None = item(
+        None, text="largest change of the frequency from a point of the curve to the next", unit="Hz", gt=0
+    )
+
+
 class ModulationAnalysis(Table):
     """Vibro-acoustic modulation: steady state under a strong low tone and a weak high one, with the sidebands
     of the high one. Numbers in the two loads are the tones' amplitudes."""
@@ -228,6 +301,9 @@ ANALYSES = (
     PeriodicAnalysis,
     FrequencyResponse,
     LoadResponse,
+    LocusAnalysis,
+    SweptAnalysis,
+    BasinsAnalysis,
     ModulationAnalysis,
     QuasiPeriodicAnalysis,
     Backbone,

@@ -24,6 +24,9 @@ _SIGNALS = {
     "periodic": _PERIODIC,
     "frequency_response": _PERIODIC,
     "load_response": _PERIODIC,
+    "locus": ("constant",),
+    "basins": _PERIODIC,
+    "swept_response": ("constant",),
     "modulation": ("constant",),
     "quasi_periodic": _PERIODIC,
 }
@@ -154,11 +157,13 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 )
             elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
                 yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
-        if analysis.kind in ("frequency_response", "load_response", "backbone"):
+        if analysis.kind in ("frequency_response", "load_response", "backbone", "locus", "swept_response"):
             if analysis.start == analysis.stop:
                 yield Problem(
                     (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"
                 )
+        if analysis.kind == "locus" and analysis.least == analysis.most:
+            yield Problem((*path, "most"), f"= {analysis.most:g} is least itself; give a range of factors")
         if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
             yield Problem(
                 (*path, "pump_frequency"),
@@ -168,16 +173,11 @@ def _analyses(case: Any) -> Iterator[Problem]:
             )
         if analysis.kind == "quasi_periodic":
             yield from _two_tones(path, analysis)
-        if analysis.kind == "load_history" and not isinstance(analysis.times, list):
-            if analysis.times.count is None:
-                yield Problem((*path, "times", "count"), "is missing (number of values); add it")
-            if (
-                analysis.times.scale == "logarithmic"
-                and not min(analysis.times.start, analysis.times.stop) > 0.0
-            ):
-                yield Problem(
-                    (*path, "times", "scale"), '= "logarithmic" needs start and stop greater than 0'
-                )
+        if analysis.kind == "load_history":
+            yield from _range((*path, "times"), analysis.times)
+        if analysis.kind == "basins":
+            for k, axis in enumerate(analysis.starts):
+                yield from _axis((*path, "starts", k), axis)
         if analysis.kind == "transient":
             if analysis.step is not None and analysis.step > analysis.duration:
                 yield Problem(
@@ -192,6 +192,27 @@ def _analyses(case: Any) -> Iterator[Problem]:
             yield Problem(
                 (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"
             )
+
+
+def _range(path: Path, values: Any) -> Iterator[Problem]:
+    """A range without a number of values, or one that has no logarithm."""
+    if isinstance(values, list):
+        return
+    if values.count is None:
+        yield Problem((*path, "count"), "is missing (number of values); add it")
+    if values.scale == "logarithmic" and not min(values.start, values.stop) > 0.0:
+        yield Problem((*path, "scale"), '= "logarithmic" needs start and stop greater than 0')
+
+
+def _axis(path: Path, axis: Any) -> Iterator[Problem]:
+    """Values of an axis of initial states that do not rise, and a point that an impulse has not."""
+    values = axis.values
+    yield from _range((*path, "values"), values)
+    listed = values if isinstance(values, list) else [values.start, values.stop][: values.count]
+    if any(after <= before for before, after in zip(listed, listed[1:])):
+        yield Problem((*path, "values"), f"= {listed} must rise")
+    if axis.kind == "impulse" and axis.point is not None:
+        yield Problem((*path, "point"), f"= {axis.point!r} has no meaning for an impulse; leave it out")
 
 
 def _two_tones(path: Path, analysis: Any) -> Iterator[Problem]:

@@ -106,6 +106,16 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
         if not table.reduced:
             seconds = count * 2.4e-7 * unknowns
         return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
+    if kind == "basins":
+        starts = math.prod(len(parameters.grid(axis.values)) for axis in table.starts)
+        # about a hundred periods a history
+        seconds = 100 * starts * (table.steps or _STEPS) * 6e-8 * modes * (1.0 + pairs / 26)
+        return reduction + seconds, 16.0 * starts * modes, 32.0 * starts
+    if kind == "swept_response":
+        cycles = 0.5 * (table.start + table.stop) * table.duration * (1 + table.back)
+        count = cycles * (table.steps or 320) * max(table.start, table.stop) / min(table.start, table.stop)
+        seconds = 6e-8 * count * modes * (1.0 + pairs / 26)
+        return reduction + seconds, 8.0 * count * points, 16.0 * cycles * (points + 2)
     steps = getattr(table, "steps", None) or _STEPS
     periods = getattr(table, "periods", None) or 1
     if kind == "quasi_periodic":
@@ -127,6 +137,11 @@ def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) ->
             return reduction, 0.0, 1e6
         count = min(table.points, _CURVE_POINTS)
         return reduction + one * count, arrays, 400.0 * count * (modes + points * 60)
+    if kind == "locus":
+        # a curve with its multipliers, and three Newton iterations with four sets of them a point of a line
+        count, lines = _CURVE_POINTS, 4
+        seconds = 2.5 * one * (count + 12 * lines * min(table.points, 40))
+        return reduction + seconds, arrays, 64.0 * lines * table.points
     return reduction + one, arrays, 8.0 * steps * periods * (3 * modes + pairs + 2 * points)
 
 

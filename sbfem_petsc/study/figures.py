@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -62,6 +63,9 @@ def figures(
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
+        "locus": _locus,
+        "basins": _basins,
+        "swept_response": _swept,
     }
     random = None
     if noise is not None:
@@ -255,6 +259,39 @@ def _backbone(
         "first_frequency": (float(frequency[0]), "Hz"),
         "last_frequency": (float(frequency[-1]), "Hz"),
         "last_energy": (float(np.asarray(result.energy)[-1]), "J"),
+    }
+
+
+def _locus(case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool) -> Values:
+    values: Values = {}
+    for kind in table.bifurcations:
+        lines = [line for line in result if line.kind == kind]
+        name = kind.replace(" ", "_").replace("-", "_").lower()
+        values[f"{name}_lines"] = (float(len(lines)), "1")
+        least = min((float(line.value.min()) for line in lines), default=math.nan)
+        values[f"{name}_least_factor"] = (least, "1")
+    return values
+
+
+def _swept(case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool) -> Values:
+    values: Values = {}
+    for swept in result:
+        way = "up" if swept.upwards else "down"
+        for point in points:
+            jumps = swept.jumps(point, table.least)
+            values[f"{way}_amplitude/{point}"] = (float(swept.amplitude(point).max()), "m")
+            values[f"{way}_jumps/{point}"] = (float(len(jumps)), "1")
+            values[f"{way}_first_jump/{point}"] = (jumps[0].frequency if jumps else math.nan, "Hz")
+    return values
+
+
+def _basins(
+    case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool
+) -> Values:
+    return {
+        "orbits": (float(len(result.orbits)), "1"),
+        "largest_share": (float(result.share.max(initial=0.0)), "1"),
+        "not_settled": (float(np.mean(result.reached < 0)), "1"),
     }
 
 

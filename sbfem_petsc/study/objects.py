@@ -262,7 +262,7 @@ def analysis_function(case: Case, name: str) -> Any:
         If the installed package lacks it.
     """
     kind = case.tables.analyses[name].kind
-    function = {"modulation": "periodic"}.get(kind, kind)
+    function = {"modulation": "periodic", "locus": "loci"}.get(kind, kind)
     return installed(case, ("analyses", name, "kind"), sb, function)
 
 

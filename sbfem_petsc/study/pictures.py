@@ -48,6 +48,9 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "load_response": _branch,
             "quasi_periodic": _lines,
             "backbone": _backbone,
+            "locus": _loci,
+            "basins": _basins,
+            "swept_response": _swept,
         }
         drawers[table.kind](case, name, result, model, stem)
     if output.animation and table.kind in MOVING and model is not None:
@@ -153,6 +156,26 @@ def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
 
 def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     _save(plot.plot_backbone({name: result}, comm=model.comm), f"{stem}_backbone.png", model.comm)
+
+
+def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    if result:
+        comm = _communicator(model)
+        _save(on_root(comm, lambda: plot.plot_loci(result, title=name)), f"{stem}_loci.png", comm)
+
+
+def _swept(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    point = _point(case, result[0].points)
+    if point is not None:
+        comm, least = _communicator(model), case.tables.analyses[name].least
+        axes = on_root(comm, lambda: plot.plot_swept(None, result, point, least=least, title=name))
+        _save(axes, f"{stem}_swept.png", comm)
+
+
+def _basins(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    if len(result.axes) == 2 and min(result.reached.shape) > 1:
+        comm = _communicator(model)
+        _save(on_root(comm, lambda: plot.plot_basins(result, title=name)), f"{stem}_basins.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

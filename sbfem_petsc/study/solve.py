@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+import sbfem_petsc as sb
+
 from .. import indicators
 from . import objects
 from .case import Case
@@ -68,6 +70,8 @@ class Structure:
             further["estimate"] = result.estimate
         if table.kind == "modulation":
             further = modulation(table, result)
+        if table.kind == "swept_response":
+            further["least"] = table.least
         if table.kind == "quasi_periodic":
             further["order"] = table.order
         return tree_of(table.kind, result, self.points(case), **further)
@@ -169,6 +173,46 @@ class Structure:
             start=table.start,
             stop=table.stop,
             **_curve_options(table, file, progress),
+        )
+
+    def _swept_response(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        load = objects.load(case, table.load, table.factor)
+        ways = [(table.start, table.stop), (table.stop, table.start)][: 1 + table.back]
+        options = {"duration": table.duration, "steps": table.steps, "modes": table.modes}
+        return tuple(function(self.model, load, *way, **options, progress=progress) for way in ways)
+
+    def _basins(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        starts = [
+            sb.StartAxis(
+                tuple(map(float, grid(axis.values))), axis.kind, axis.mode, axis.point, axis.direction
+            )
+            for axis in table.starts
+        ]
+        options = table.model_dump(include={"steps", "modes", "longest", "tolerance", "limit"})
+        load = objects.load(case, table.load, table.factor)
+        return function(self.model, load, table.frequency, starts, **options, progress=progress)
+
+    def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
+        curve = sb.frequency_response(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.start,
+            table.stop,
+            steps=table.steps,
+            modes=table.modes,
+            largest_step=math.inf if table.largest_step is None else table.largest_step,
+            progress=progress,
+        )
+        return function(
+            curve,
+            table.least,
+            table.most,
+            parameter=table.parameter,
+            kinds=tuple(table.bifurcations),
+            points=table.points,
+            progress=progress,
         )
 
     def _quasi_periodic(

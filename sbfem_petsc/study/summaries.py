@@ -66,6 +66,9 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
+        "locus": _locus,
+        "basins": _basins,
+        "swept_response": _swept,
     }
     return makers[kind](result, points, **further)
 
@@ -333,6 +336,65 @@ def _backbone(result: Any, points: Sequence[str]) -> Tree:
         "complete": Quantity(bool(result.complete)),
         "reason": Quantity(result.reason, "1", "why the branch ends"),
     }
+
+
+def _locus(result: Any, points: Sequence[str]) -> Tree:
+    lines = [
+        {
+            "kind": line.kind,
+            "parameter": line.parameter,
+            "frequency": Quantity(line.frequency, "Hz", "forcing frequency"),
+            "value": Quantity(line.value, "1", "factor on the second parameter"),
+            "multiplier": Quantity(line.multiplier, "1", "multiplier on the unit circle, nan for grazing"),
+            "ends": f"{line.reasons[0]}; {line.reasons[1]}",
+        }
+        for line in result
+    ]
+    return {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
+
+
+def _swept(result: Any, points: Sequence[str], least: float) -> Tree:
+    return {
+        "up" if swept.upwards else "down": {
+            "frequency": Quantity(swept.frequency, "Hz", "mean forcing frequency of each cycle"),
+            "amplitude": _of_points(points, swept.amplitude, "m", "half the peak-to-peak of u_y in a cycle"),
+            "contact_peak": Quantity(swept.contact_peak, "N", "largest contact resultant in a cycle"),
+            "jump": {
+                point: Quantity(
+                    np.array([jump.frequency for jump in swept.jumps(point, least)]),
+                    "Hz",
+                    "frequencies at which the amplitude jumps",
+                )
+                for point in points
+            },
+        }
+        for swept in result
+    }
+
+
+def _basins(result: Any, points: Sequence[str]) -> Tree:
+    tree: Tree = {
+        "reached": Quantity(result.reached, "1", "number of the orbit that is reached, -1 for none"),
+        "periods": Quantity(result.periods, "1", "forcing periods until that was known"),
+        "share": Quantity(result.share, "1", "share of the initial states that reach each orbit"),
+    }
+    for number, axis in enumerate(result.axes, 1):
+        tree[f"axis{number}"] = Quantity(np.array(axis.values), "1", axis.label)
+    tree["orbits"] = [
+        {
+            "periods": Quantity(int(orbit.periods), "1", "forcing periods in its period"),
+            "largest_multiplier": Quantity(complex(orbit.multipliers[0]), "1", "of largest modulus"),
+            "contact_peak": Quantity(
+                float(orbit.contact_resultant.max(initial=0.0)), "N", "largest resultant"
+            ),
+            "amplitude": _of_points(points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
+            "integrity": Quantity(
+                result.integrity(k), "J", "energy of the least disturbance that leads away"
+            ),
+        }
+        for k, orbit in enumerate(result.orbits)
+    ]
+    return tree
 
 
 def plain(tree: Any, where: str = "") -> Any:

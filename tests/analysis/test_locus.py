@@ -95,7 +95,11 @@ def test_a_line_that_turns_back_and_one_that_is_closed(curve, tmp_path):
     """The doublings on both sides of an island are one line, with a least load; both Neimark-Sacker points of
     the curve lie on one ring.
     """
-    line = sb.locus(curve, of_kind(curve, "period doubling")[0], 0.5, 1.1)
+    doublings = [b.value for b in of_kind(curve, "period doubling")]
+    (line,) = sb.loci(curve, 0.5, 1.1, kinds=("period doubling",))
+    passed = [k for k in np.flatnonzero(np.diff(np.sign(line.value - 1.0)))]
+    crossings = [np.interp(1.0, np.sort(line.value[k : k + 2]), line.frequency[k : k + 2]) for k in passed]
+    assert len(doublings) == 2 and np.sort(crossings) == pytest.approx(np.sort(doublings), rel=1e-3)
     assert line.value.min() == pytest.approx(0.894, abs=1e-3)
     assert line.frequency[0] != pytest.approx(line.frequency[-1], rel=1e-3)
     assert all(reason.startswith("end of the range at 1.1") for reason in line.reasons)
@@ -109,11 +113,65 @@ def test_a_line_that_turns_back_and_one_that_is_closed(curve, tmp_path):
     assert ring.frequency[place] == pytest.approx(other.value, rel=2e-3)
 
 
+@pytest.fixture(scope="module")
+def with_stops():
+    """One mass between a stop at 1 and one at -1.5, where the second is met with the first in contact."""
+    system = sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[-1.0], [1.0]]),
+        np.array([1.0, 1.5]),
+        loads=np.ones((1, 1)),
+        sensors={"A": 0},
+        damping=0.1,
+        compliance=np.ones(2),
+    )
+    return sb.frequency_response(system, 0.35, 0.8 / TURN, 1.5 / TURN, steps=512)
+
+
+def test_grazing_of_an_open_stop_in_closed_form(with_stops):
+    """Where the linear motion's amplitude is the gap: force |H| = gap, over load, gap and damping."""
+
+    def closed(frequency, damping=0.1):
+        w = TURN * frequency
+        return 0.35 / np.abs(1.0 - w**2 + 2j * damping * w)
+
+    points = sb.grazing_points(with_stops)
+    assert [point.kind for point in points] == ["grazing", "grazing"]
+    assert [closed(point.value) for point in points] == pytest.approx([1.0, 1.0], rel=1e-9)
+    for parameter, amplitude in (
+        ("load", lambda line: line.value * closed(line.frequency)),
+        ("gap", lambda line: closed(line.frequency) / line.value),
+        ("damping", lambda line: closed(line.frequency, 0.1 * line.value)),
+    ):
+        line = sb.locus(with_stops, points[0], 0.9, 1.1, parameter=parameter)
+        assert line.kind == "grazing" and np.isnan(line.multiplier).all()
+        assert sorted(line.value[[0, -1]]) == pytest.approx([0.9, 1.1], rel=1e-9) and len(line) >= 4
+        assert amplitude(line) == pytest.approx(np.ones(len(line)), rel=1e-7)
+
+
+def test_grazing_of_a_stop_while_another_is_in_contact(with_stops):
+    """Steady states with a little less and a little more load than the line's are without and with a force at
+    the second stop: by 1e-6, and by 5e-5, for contact is at the steps' ends, (pi / 512)^2 / 2 = 2e-5.
+    """
+    points = sb.grazing_points(with_stops, every=True)
+    assert len(points) == 4
+    line = sb.locus(with_stops, points[1], 0.9, 1.2, points=3)
+    assert len(line) >= 5
+    for frequency, factor in zip(line.frequency, line.value):
+        below, above = (
+            sb.periodic(with_stops.reduced, 0.35 * factor * share, frequency, steps=512, stability=False)
+            for share in (1.0 - 1e-6, 1.0 + 5e-5)
+        )
+        assert below.contact_force[:, 1].max() == 0.0 < above.contact_force[:, 1].max()
+        assert below.contact_force[:, 0].max() > 0.0
+
+
 def test_bad_input(curve):
     fold = of_kind(curve, "fold")[0]
-    corner, grazing = replace(fold, multiplier=0.6), replace(fold, kind="grazing")
+    corner, crossing = replace(fold, multiplier=0.6), replace(fold, kind="branch point")
     for arguments, sentence in (
-        ((grazing, 0.5, 2.0), "cannot be followed"),
+        ((crossing, 0.5, 2.0), "cannot be followed"),
         ((corner, 0.5, 2.0), "corner of the branch"),
         ((fold, 1.5, 2.0), "must lie between start = 1.5 and stop = 2"),
         ((fold, -1.0, 2.0), "start"),

@@ -99,6 +99,16 @@ def backbone() -> sb.Backbone:
 
 
 @functools.cache
+def swept_response() -> sb.SweptResponse:
+    return sb.swept_response(oscillator(), 100.0, 20.0, 21.0, duration=2.0, steps=64)
+
+
+@functools.cache
+def basins() -> sb.Basins:
+    return sb.basins(oscillator(), 100.0, 20.0, [sb.StartAxis([0.0, 0.01])], orbits=[orbit()])
+
+
+@functools.cache
 def quasi_periodic() -> sb.QuasiPeriodic:
     load = sb.Harmonic(10.0, 20.0) + sb.Harmonic(10.0, 3.1)
     return sb.quasi_periodic(oscillator(), load, (20.0, 3.1), samples=5, steps=64, stability=False)
@@ -273,6 +283,51 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "progress": None,
         },
     ],
+    "loci": [
+        lambda: {
+            "branch": branch(),
+            "start": 0.5,
+            "stop": 2.0,
+            "parameter": "load",
+            "kinds": ("fold",),
+            "points": 3,
+            "progress": None,
+        },
+    ],
+    "grazing_points": [lambda: {"branch": branch(), "every": False}],
+    "swept_response": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "start": 20.0,
+            "stop": 21.0,
+            "duration": 0.5,
+            "first": orbit(),
+            "steps": 64,
+            "modes": None,
+            "progress": None,
+        },
+    ],
+    "StartAxis": [
+        lambda: {"values": [0.0, 1.0], "kind": "velocity", "mode": 1, "point": "A", "direction": "y"}
+    ],
+    "basins": [
+        lambda: {
+            "model": oscillator(),
+            "load": 100.0,
+            "frequency": 20.0,
+            "starts": [sb.StartAxis([0.0, 0.01])],
+            "orbits": (orbit(),),
+            "around": orbit(),
+            "steps": 64,
+            "modes": None,
+            "longest": 2,
+            "tolerance": 1e-5,
+            "limit": 10,
+            "progress": None,
+            "comm": MPI.COMM_SELF,
+        },
+    ],
     "quasi_periodic": [
         lambda: {
             "model": oscillator(),
@@ -385,6 +440,8 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "Branch": branch,
     "Backbone": backbone,
     "Locus": locus,
+    "SweptResponse": swept_response,
+    "Basins": basins,
     "QuasiPeriodic": quasi_periodic,
     "ReducedModel": oscillator,
     "Model": model,

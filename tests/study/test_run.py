@@ -385,11 +385,45 @@ start = 1e-4
 stop = 3e-4
 points = 20
 refine = false
+
+[analyses.map]
+kind = "locus"
+load = "push"
+factor = 5.0
+start = 5150.0
+stop = 5165.0
+least = 0.9
+most = 1.1
+points = 1
+steps = 128
+modes = 8
+
+[analyses.attraction]
+kind = "basins"
+load = "push"
+frequency = 700.0
+starts = [
+    { values = { start = -1e-6, stop = 1e-6, count = 2 }, point = "A" },
+    { values = [0.0, 1e-3], kind = "impulse" },
+]
+steps = 128
+modes = 2
+
+[analyses.slow]
+kind = "swept_response"
+load = "push"
+start = 740.0
+stop = 800.0
+duration = 0.2
+steps = 128
+modes = 8
 """
 
 
 def test_branches(tmp_path):
-    """Curves over frequency and load, the linear response and a backbone, against the Python interface."""
+    """Curves over frequency and load, the linear response, a backbone and a line of Neimark-Sacker points,
+    against the Python interface.
+    """
     text = CASE[: CASE.index("[analyses.frequencies]")] + BRANCHES + '[output]\npoints = ["A"]\n'
     done = sbfem("run", written(tmp_path, text), "--output", tmp_path / "out", "--quiet", "--json")
     assert done.code == 0, done.err
@@ -410,8 +444,26 @@ def test_branches(tmp_path):
     assert found["over_frequency"]["complete"] and found["free"]["complete"]
     energies = np.array(found["free"]["energy"])
     assert energies[0] == pytest.approx(1e-4, rel=1e-6) and energies[-1] == pytest.approx(3e-4, rel=1e-6)
+    (line,) = found["map"]["loci"]
+    assert line["kind"] == "Neimark-Sacker" and len(line["frequency"]) == 3
+    np.testing.assert_allclose(line["multiplier"]["magnitude"], 1.0, atol=1e-5)
+    load = sb.PointForce("A", fy=1000.0 * line["value"][0])
+    orbit = sb.periodic(model, load, line["frequency"][0], modes=8, steps=128)
+    assert abs(orbit.multipliers[0]) == pytest.approx(1.0, abs=1e-5)
+    down = sb.swept_response(model, FORCE, 800.0, 740.0, duration=0.2, steps=128, modes=8)
+    np.testing.assert_allclose(found["slow"]["down"]["frequency"], down.frequency, rtol=1e-12)
+    np.testing.assert_allclose(found["slow"]["down"]["amplitude"]["A"], down.amplitude("A"), rtol=1e-6)
+    assert len(found["slow"]["up"]["frequency"]) == 154
+    assert found["slow"]["down"]["jump"]["A"] == [jump.frequency for jump in down.jumps("A")]
+    basins = found["attraction"]
+    steady = sb.periodic(model, FORCE, 700.0, steps=128, modes=2)
+    assert basins["reached"] == [[0, 0], [0, 0]] and basins["share"] == [1.0]
+    assert basins["orbits"][0]["amplitude"]["A"] == pytest.approx(steady.amplitude("A"), rel=1e-6)
     names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
     assert {
+        "attraction_basins.png",
+        "map_loci.png",
+        "slow_swept.png",
         "over_frequency_curve.png",
         "over_load_curve.png",
         "linear_curve.png",

@@ -1,0 +1,173 @@
+"""Which steady state the histories from many initial states settle on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ..checks import frequency as check_frequency
+from ..checks import instance, integer, real, real_array, shown
+from ..checks import progress as check_progress
+from ..dynamics.attraction import Attraction, Patience
+from ..dynamics.basins import Basins, StartAxis, grid_of, start_direction
+from ..dynamics.loading import communicator
+from ..dynamics.orbit import Orbit
+from ..dynamics.preparation import PeriodSettings, prepare
+from ..errors import SolveError, on_all_ranks
+from ..parallel import agree, checked_communicator, collective
+from ..petsc import MPI
+from ..progress import progress_bar
+from ..reduction.reduced_model import ReducedModel
+from ..system.model import Model
+
+
+def basins(
+    model: Model | ReducedModel,
+    load,
+    frequency: float,
+    starts: Sequence[StartAxis] | tuple[np.ndarray, np.ndarray],
+    *,
+    orbits: Sequence[Orbit] = (),
+    around: Orbit | None = None,
+    steps: int | None = None,
+    modes: int | None = None,
+    longest: int = 8,
+    tolerance: float = 1e-7,
+    limit: int = 2000,
+    progress: Callable[[float], None] | str | None = "auto",
+    comm: MPI.Comm | None = None,
+) -> Basins:
+    """Find which steady state histories from a grid or a sample of initial states settle on.
+
+    Histories are shared by the ranks of `comm`.
+
+    Parameters
+    ----------
+    model : Model or ReducedModel
+    load : PointForce, EdgeLoad, a sum or a sequence of them; for a system of matrices a value for each of its
+    unit loads
+        As for `periodic`.
+    frequency : float
+        Hz.
+    starts : sequence of StartAxis, or (q, v)
+        Axes of a grid of states at t = 0, or arrays (..., m) of modal coordinates and their rates.
+    orbits : sequence of Orbit
+        Steady states that are known, stable or not, of the same model, load, frequency and steps: with them
+        histories end sooner, and unstable ones stand in the picture. Others are found.
+    around : Orbit, optional
+        The motion to whose state at t = 0 the axes' values are added: an impulse upon a steady state.
+        Default: rest.
+    steps, modes : int, optional
+        See `periodic`; steps by default those of the first of `orbits`.
+    longest : int
+        Most periods of the loads after which a steady state may repeat itself.
+    tolerance : float
+        Relative change of the state over its period below which a history has settled.
+    limit : int
+        Periods of the loads that a history is followed at most.
+    progress : callable, "auto" or None
+        As for `transient`.
+    comm : mpi4py communicator, optional
+        Default: the model's; of a system of matrices each rank's own.
+
+    Returns
+    -------
+    Basins
+
+    Raises
+    ------
+    TypeError, ValueError, KeyError
+        For input that makes no sense, and for an orbit that is no motion of this model under this load.
+    SolveError
+        If a contact problem is not solved.
+    """
+    what = "basins"
+    own = communicator(model)
+    with collective(own):
+        frequency = check_frequency(what, "frequency", frequency)
+        orbits = _checked_orbits(orbits, around, frequency)
+        integer(what, "longest", longest, least=1, most=1000)
+        real(what, "tolerance", tolerance, least=1e-13, most=1e-2)
+        integer(what, "limit", limit, least=1, most=10**7)
+        check_progress(what, progress)
+        ranks = own if comm is None else checked_communicator(what, comm)
+    given = [*orbits, *([] if around is None else [around])]
+    if given and steps is None:
+        steps = len(given[0].time) // given[0].periods
+    settings = PeriodSettings(None, steps, modes)
+    first = given[0] if given else None
+    period = prepare(what, model, load, frequency, settings=settings, first=first)
+    with collective(own):
+        origin = np.zeros(2 * period.modes) if around is None else _state(around, period.modes)
+        axes, states = _states(starts, period.reduced, period.weights, origin)
+        if not period.excitation.oscillating.amplitudes.any():
+            raise ValueError(f"basins: no load oscillates at {frequency:g} Hz; give one that is not zero")
+        attraction = Attraction(period, frequency, Patience(longest, tolerance, limit), ranks)
+        for orbit in orbits:
+            _state(orbit, period.modes)
+            attraction.add(orbit)
+    agree(ranks, what, states=states, longest=longest, tolerance=tolerance, limit=limit)
+    flat = states.reshape(-1, states.shape[-1])
+    with progress_bar(ranks, "basins", progress) as report:
+        try:
+            reached, periods = attraction.follow(flat, report)
+        except SolveError as error:
+            raise on_all_ranks(error) from None
+    shape = states.shape[:-1]
+    return Basins(
+        frequency, tuple(attraction.orbits), reached.reshape(shape), periods.reshape(shape), states, axes
+    )
+
+
+def _checked_orbits(orbits, around, frequency: float) -> tuple[Orbit, ...]:
+    if not isinstance(orbits, (list, tuple)):
+        raise TypeError(f"basins: orbits = {shown(orbits)} must be a sequence of Orbit")
+    named = [(f"orbits[{k}]", orbit) for k, orbit in enumerate(orbits)]
+    for name, orbit in named + ([] if around is None else [("around", around)]):
+        instance("basins", name, orbit, Orbit, "an Orbit")
+        if abs(orbit.frequency - frequency) > 1e-9 * frequency:
+            raise ValueError(f"basins: {name} is at {orbit.frequency:.9g} Hz, not at {frequency:.9g} Hz")
+    return tuple(orbits)
+
+
+def _state(orbit: Orbit, modes: int) -> np.ndarray:
+    if orbit.state.shape != (2 * modes,):
+        raise ValueError(
+            f"basins: {orbit!r} has a state of {orbit.state.size} values, the reduced model one of "
+            f"{2 * modes}; give orbits of the same reduced model"
+        )
+    return orbit.state
+
+
+def _states(
+    starts, reduced: ReducedModel, weights: np.ndarray, origin: np.ndarray
+) -> tuple[tuple[StartAxis, ...], np.ndarray]:
+    """Axes of the grid, if any, and the states (..., 2 m)."""
+    if isinstance(starts, (list, tuple)) and starts and all(isinstance(s, StartAxis) for s in starts):
+        axes = tuple(starts)
+        for axis in axes:
+            _check_axis(axis, reduced)
+        return axes, grid_of(axes, origin, [start_direction(axis, reduced, weights) for axis in axes])
+    if not isinstance(starts, tuple) or len(starts) != 2:
+        raise TypeError(
+            f"basins: starts = {shown(starts)} must be a sequence of StartAxis, or two arrays (..., m), "
+            "modal coordinates and their rates"
+        )
+    q, v = (
+        real_array("basins", f"starts[{k}]", part, max(1, np.ndim(part))) for k, part in enumerate(starts)
+    )
+    if q.shape != v.shape or q.shape[-1] != len(weights) or not q.size:
+        raise ValueError(
+            f"basins: starts has the shapes {q.shape} and {v.shape}; two arrays (..., {len(weights)}) are "
+            "expected"
+        )
+    return (), origin + np.concatenate([weights * q, v], axis=-1)
+
+
+def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:
+    """Raise where an axis asks for what the model has not."""
+    most = reduced.load_modes.shape[1] if axis.kind == "impulse" else len(reduced.omega)
+    integer("basins", "mode of starts", axis.mode, least=1, most=most)
+    if axis.point is not None:
+        reduced.points.of(axis.point, "point")

@@ -1,0 +1,171 @@
+"""Basins of attraction: initial states, and the steady states that histories from them settle on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..checks import choice, index_of, integer, real_array, shown, text
+from ..reduction.reduced_model import ReducedModel
+from ..writing import write_table
+from .orbit import Orbit
+
+KINDS = ("displacement", "velocity", "impulse")
+
+
+@dataclass(frozen=True)
+class StartAxis:
+    """An axis of a grid of initial states.
+
+    Attributes
+    ----------
+    values : tuple of float
+        For a displacement or velocity: modal coordinate, m sqrt(kg), or its rate, m sqrt(kg)/s; with a point
+        what the mode makes of that point's displacement or velocity, m or m/s. For an impulse: N s for each
+        newton of the unit load.
+    kind : {"displacement", "velocity", "impulse"}
+    mode : int
+        Number of the mode, from 1; of an impulse: number of the unit load, from 1.
+    point : str or None
+        Named point in whose displacement the values are.
+    direction : {"x", "y"}
+    """
+
+    values: tuple[float, ...]
+    kind: str = "displacement"
+    mode: int = 1
+    point: str | None = None
+    direction: str = "y"
+
+    def __post_init__(self) -> None:
+        owner = "StartAxis"
+        values = real_array(owner, "values", self.values, 1)
+        if not values.size or (np.diff(values) <= 0.0).any():
+            raise ValueError(f"{owner}: values = {shown(self.values)} must be rising numbers, at least one")
+        object.__setattr__(self, "values", tuple(values.tolist()))
+        choice(owner, "kind", self.kind, KINDS)
+        integer(owner, "mode", self.mode, least=1)
+        choice(owner, "direction", self.direction, ("x", "y"))
+        if self.point is None:
+            return
+        text(owner, "point", self.point)
+        if self.kind == "impulse":
+            raise ValueError(f"{owner}: point = {self.point!r} has no meaning for an impulse; leave it out")
+
+    @property
+    def label(self) -> str:
+        """What the values are, with their unit."""
+        if self.kind == "impulse":
+            return f"impulse of load {self.mode}, N s"
+        rate = "/s" if self.kind == "velocity" else ""
+        if self.point is not None:
+            return f"initial {self.kind} of {self.point} in mode {self.mode}, m{rate}"
+        return f"initial modal {self.kind} of mode {self.mode}, m kg$^{{1/2}}${rate}"
+
+
+@dataclass(frozen=True, eq=False)
+class Basins:
+    """Where histories from many initial states settle.
+
+    Attributes
+    ----------
+    frequency : float
+        Forcing frequency, Hz.
+    orbits : tuple of Orbit
+        The steady states: those that were given, then those that were found.
+    reached : (...) int array
+        Number of the orbit that each initial state leads to, from 0; -1: none within the periods allowed.
+    periods : (...) int array
+        Forcing periods until that was known.
+    states : (..., 2 m) array
+        Initial states (Omega q, q').
+    axes : tuple of StartAxis
+        Of the grid; empty where the initial states were given one by one.
+    """
+
+    frequency: float
+    orbits: tuple[Orbit, ...]
+    reached: np.ndarray
+    periods: np.ndarray
+    states: np.ndarray = field(repr=False)
+    axes: tuple[StartAxis, ...] = ()
+
+    @property
+    def share(self) -> np.ndarray:
+        """(k,): share of the initial states that leads to each orbit. Of states drawn at random it is an
+        estimate of the probability p, with the standard error sqrt(p (1 - p) / n).
+        """
+        return np.array([np.mean(self.reached == k) for k in range(len(self.orbits))])
+
+    def integrity(self, k: int) -> float:
+        """Energy of the least disturbance of the k-th orbit at t = 0 that leads elsewhere, J: half the square
+        of the distance, in (Omega q, q'), to the nearest of these initial states that does; inf if none does.
+        """
+        k = index_of("integrity", "k", k, len(self.orbits))
+        elsewhere = self.states[self.reached != k]
+        if not len(elsewhere):
+            return math.inf
+        return 0.5 * float(((elsewhere - self.orbits[k].state) ** 2).sum(axis=-1).min())
+
+    def to_csv(self, path: str) -> None:
+        """Write the number of the orbit and the periods of each initial state as comma-separated values, with
+        the values of the axes before them.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        columns = {}
+        grid = np.meshgrid(*(axis.values for axis in self.axes), indexing="ij") if self.axes else []
+        for number, (axis, values) in enumerate(zip(self.axes, grid), 1):
+            columns[f"axis{number}_{axis.kind}"] = values.ravel()
+        columns |= {"orbit": self.reached.ravel(), "periods": self.periods.ravel()}
+        write_table(path, columns)
+
+    def __repr__(self) -> str:
+        shares = ", ".join(f"{100.0 * share:.3g} %" for share in self.share)
+        lost = int((self.reached < 0).sum())
+        return (
+            f"Basins({self.reached.size} initial states at {self.frequency:.6g} Hz, {len(self.orbits)} "
+            f"orbit{'s' * (len(self.orbits) != 1)} reached by {shares or 'none'}"
+            + (f", {lost} not settled)" if lost else ")")
+        )
+
+
+def start_direction(axis: StartAxis, reduced: ReducedModel, weights: np.ndarray) -> np.ndarray:
+    """(2 m,): change of the state (Omega q, q') for a value 1 on an axis.
+
+    Raises
+    ------
+    ValueError
+        If the mode does not move the point.
+    """
+    modes = len(weights)
+    if axis.kind == "impulse":
+        return np.concatenate([np.zeros(modes), reduced.load_modes[:, axis.mode - 1]])
+    k, unit = axis.mode - 1, 1.0
+    if axis.point is not None:
+        shapes = reduced.points.of(axis.point, "point").modes["xy".index(axis.direction)]
+        if not abs(shapes[k]) > 1e-9 * np.abs(shapes).max():
+            raise ValueError(
+                f"basins: mode {axis.mode} does not move point {axis.point!r} along {axis.direction}; give "
+                "another point or mode, or modal coordinates (point=None)"
+            )
+        unit = 1.0 / float(shapes[k])
+    result = np.zeros(2 * modes)
+    result[k if axis.kind == "displacement" else modes + k] = unit * (
+        weights[k] if axis.kind == "displacement" else 1.0
+    )
+    return result
+
+
+def grid_of(axes: Sequence[StartAxis], origin: np.ndarray, directions: Sequence[np.ndarray]) -> np.ndarray:
+    """(n1, n2, ..., 2 m): the states of a grid."""
+    result = origin
+    for axis, direction in zip(axes, directions):
+        result = result[..., None, :] + np.multiply.outer(np.asarray(axis.values), direction)
+    return result

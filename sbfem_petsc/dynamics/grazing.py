@@ -1,0 +1,185 @@
+"""Grazing: orbits whose least gap at a contact row that is open all the time is zero.
+
+Where a row begins to touch, the orbit of the model is also one of the model without that row, on which the
+row's least gap over the period passes through zero smoothly: that is what is solved for, from either side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.optimize import root_scalar
+
+from ..contact.law import RowLaws
+from ..errors import SolveError
+from ..reduction.outputs import LinearOutput
+from ..reduction.reduced_model import ReducedModel
+from .bifurcations import Bifurcation
+from .branch import Branch
+from .locus import Family
+from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot
+
+# Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
+# to another part of it.
+NEAR = 3.0
+
+
+class OpenRowFamily(Family):
+    """The periods of a reduced model without one of its contact rows, whose gap is watched.
+
+    Parameters
+    ----------
+    period : Period
+        Of the whole model.
+    row : int
+    parameter, factor
+        See `Family`.
+    """
+
+    def __init__(self, period: Period, row: int, parameter: str, factor: float = 1.0):
+        reduced = without_row(period.reduced, row)
+        super().__init__(Period(reduced, period.excitation, period.steps), parameter, factor)
+        self.whole, self.row = period, row
+        gap = period.reduced.gap
+        self._modes, self._loads = gap.modes[row], gap.loads[row]
+        self._contact = np.delete(gap.contact[row], row)
+        self._unit = 0.0
+
+    def gap(self, driven: DrivenPeriod, motion: PeriodMotion, value: float) -> np.ndarray:
+        """(n + 1,): gap of the row over the period, m."""
+        p, factor = driven.period, value if self.parameter == "gap" else 1.0
+        linear = p.over_time(driven.amplitudes @ self._modes) + driven.loads @ self._loads
+        shut = motion.states @ self._modes + motion.forces @ self._contact
+        return linear + shut + factor * float(self.whole.reduced.initial_gap[self.row])
+
+    def excess(
+        self, kind: str, driven: DrivenPeriod, motion: PeriodMotion, value: float, near: complex
+    ) -> tuple[float, complex]:
+        """Least gap over what the first one asked for varies by, and no multiplier."""
+        gap = self.gap(driven, motion, value)
+        if self._unit == 0.0:
+            self._unit = max(float(np.ptp(gap)), 1e-300)
+        return least(gap[:-1]) / self._unit, complex(np.nan)
+
+
+def least(values: np.ndarray) -> float:
+    """Minimum of equal samples of a period, between them by the parabola through the lowest three."""
+    k = int(np.argmin(values))
+    before, middle, after = values[k - 1], values[k], values[(k + 1) % len(values)]
+    bend = before - 2.0 * middle + after
+    return float(middle - 0.125 * (after - before) ** 2 / bend) if bend > 0.0 else float(middle)
+
+
+def without_row(reduced: ReducedModel, row: int) -> ReducedModel:
+    """The reduced model as if one of its contact rows could overlap freely."""
+    gap, laws = reduced.gap, reduced.contact_laws
+
+    def columns(output: LinearOutput) -> LinearOutput:
+        return replace(output, contact=np.delete(output.contact, row, axis=-1))
+
+    kept = LinearOutput(
+        gap.names,
+        np.delete(gap.modes, row, axis=0),
+        np.delete(gap.loads, row, axis=0),
+        np.delete(np.delete(gap.contact, row, axis=0), row, axis=1),
+    )
+    return replace(
+        reduced,
+        gap=kept,
+        initial_gap=np.delete(reduced.initial_gap, row),
+        pairs=reduced.pairs - (row < reduced.pairs),
+        points=columns(reduced.points),
+        tips=columns(reduced.tips),
+        contact_laws=RowLaws(np.delete(laws.tied, row), np.delete(laws.compliance, row), laws.dissipative),
+    )
+
+
+def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+    """(rows,): least gap over the period of rows that never touch, of the others minus the overlap, m, that
+    their largest force stands for; tied rows -inf.
+    """
+    p = driven.period
+    gaps = driven.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+    force = motion.forces.max(axis=0)
+    overlap = -force * np.diag(driven.flexibility + p.residual_flexibility)
+    result = np.where(force > 0.0, overlap, [least(gap) for gap in gaps[:-1].T])
+    return np.where(p.laws.tied, -np.inf, result)
+
+
+def grazing_row(period: Period, state: np.ndarray, frequency: float, factor: float) -> int:
+    """The row that is nearest to begin or cease touching on an orbit."""
+    driven = period.at(frequency, factor)
+    return int(np.argmin(np.abs(least_gaps(driven, driven.run(state)))))
+
+
+def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
+    """Grazing points between the points of a branch.
+
+    Parameters
+    ----------
+    branch : Branch
+    every : bool
+        Of every row; False: only where the motion without any contact begins or ends.
+
+    Raises
+    ------
+    SolveError
+        If one is not found.
+    """
+    period, result = branch.period, []
+    touching = np.zeros((len(branch.value), period.pairs), dtype=bool)
+    for k, (value, state) in enumerate(zip(branch.value, branch.states)):
+        driven = period.at(*branch.conditions(float(value)))
+        gaps = least_gaps(driven, driven.run(state))
+        touching[k] = (gaps < 0.0) & ~period.laws.tied
+    for k in range(1, len(branch.value)):
+        changed = touching[k] != touching[k - 1]
+        if not every and touching[k].any() == touching[k - 1].any():
+            continue
+        found = [_grazing(branch, k, int(row), bool(touching[k, row])) for row in np.flatnonzero(changed)]
+        if not every:  # of several rows the first that touches
+            opened = not touching[k].any()
+            open_end = float(branch.value[k if opened else k - 1])
+            found = [min(found, key=lambda item: abs(item.value - open_end))]
+        result += found
+    return result
+
+
+def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
+    """Where a row begins (or ceases) to touch between the points k - 1 and k."""
+    inside, outside = (k - 1, k) if closes else (k, k - 1)
+    begin, end = float(branch.value[inside]), float(branch.value[outside])
+    family = OpenRowFamily(branch.period, row, "load")
+    found: dict[float, FixedPoint] = {}
+
+    def gap(value: float) -> float:
+        guess = branch.states[inside]
+        if found:  # the nearest one that is known, moved as the linear motion does
+            near = min(found, key=lambda other: abs(other - value))
+            moved = family.at(*branch.conditions(value)).linear_state
+            guess = found[near].state + moved - found[near].driven.linear_state
+        found[value] = shoot(family.period, guess, *branch.conditions(value))
+        fixed = found[value]
+        return least(family.gap(fixed.driven, fixed.motion, 1.0)[:-1])
+
+    reach = NEAR * max(abs(end - begin), 1e-9 * abs(begin))
+    try:
+        first, last = gap(begin), gap(end)
+        if first * last <= 0.0:
+            root = root_scalar(gap, bracket=(begin, end), xtol=1e-13 * abs(begin), rtol=1e-13).root
+        else:  # the branch turns at the corner that grazing makes
+            ahead = begin + 0.05 * (end - begin)
+            root = root_scalar(gap, x0=begin, x1=ahead, xtol=1e-13 * abs(begin), rtol=1e-13).root
+        gap(float(root))
+        missed = abs(root - begin) > reach
+    except SolveError:
+        root, missed = begin, True
+    if missed:
+        raise SolveError(
+            f"grazing_points: where contact row {row} begins to touch between the points {k - 1} and {k} of "
+            f"the branch, at {begin:.8g} and {end:.8g}, was not found; give a branch with a smaller "
+            "largest_step"
+        )
+    state = found[float(root)].state
+    return Bifurcation("grazing", float(root), complex(np.nan), state, np.zeros(len(state), complex), k)

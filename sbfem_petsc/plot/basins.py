@@ -1,0 +1,98 @@
+"""Basins of attraction over the plane of two initial values."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap, to_rgb
+
+from ..checks import instance
+from ..dynamics.basins import Basins
+from .drawing import BLACK, CYCLE, figure, style
+
+GREY = "#BBBBBB"
+# Share of white in the colour of a basin, in which the orbits' marks are to be seen.
+LIGHT = 0.55
+
+
+def plot_basins(basins: Basins, *, title: str = "") -> Axes:
+    """Draw which orbit each initial state of a grid of two axes leads to.
+
+    The orbits' own states at t = 0 are marked where they fall in the plane, unstable ones by a cross; of a
+    model with several modes they are its two coordinates alone. What has not settled is grey.
+
+    Parameters
+    ----------
+    basins : Basins
+        Of two axes with at least two values each.
+    title : str
+
+    Returns
+    -------
+    Axes
+
+    Raises
+    ------
+    TypeError, ValueError
+        For something else than basins over two axes.
+    """
+    owner = "plot_basins"
+    instance(owner, "basins", basins, Basins, "Basins")
+    if len(basins.axes) != 2 or min(basins.reached.shape) < 2:
+        raise ValueError(
+            f"{owner}: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a grid of "
+            "two axes with at least two values each is expected"
+        )
+    first, second = (np.array(axis.values) for axis in basins.axes)
+    count = len(basins.orbits)
+    colours = [CYCLE[k % len(CYCLE)] for k in range(count)]
+    pale = [(1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT for colour in colours]
+    drawing = figure(3.6, 5.2)
+    axes = drawing.add_subplot()
+    axes.pcolormesh(
+        first,
+        second,
+        basins.reached.T,
+        cmap=ListedColormap([to_rgb(GREY), *map(tuple, pale)]),
+        vmin=-1.5,
+        vmax=count - 0.5,
+        shading="nearest",
+        rasterized=True,
+    )
+    share = basins.share
+    for k, orbit in enumerate(basins.orbits):
+        x, y = _place(basins, orbit.state)
+        times = f"{orbit.periods} periods" if orbit.periods > 1 else "1 period"
+        reached = f"{100.0 * share[k]:.3g} %" if orbit.stable is not False else "unstable"
+        axes.plot(
+            [x],
+            [y],
+            linestyle="none",
+            marker="X" if orbit.stable is False else "o",
+            markersize=6,
+            markerfacecolor=colours[k],
+            markeredgecolor=BLACK,
+            markeredgewidth=0.8,
+            label=f"orbit {k}, {times}: {reached}",
+        )
+    if (basins.reached < 0).any():
+        axes.plot([], [], linestyle="none", marker="s", color=GREY, label="not settled")
+    axes.set(
+        xlabel=basins.axes[0].label,
+        ylabel=basins.axes[1].label,
+        xlim=(first[0], first[-1]),
+        ylim=(second[0], second[-1]),
+    )
+    axes.set_title(title, fontsize=9)
+    axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+    style(axes)
+    return axes
+
+
+def _place(basins: Basins, state: np.ndarray) -> tuple[float, float]:
+    """Values on both axes of a state's projection."""
+    corner, result = basins.states[0, 0], []
+    for axis, other in zip(basins.axes, (basins.states[1, 0], basins.states[0, 1])):
+        direction = (other - corner) / (axis.values[1] - axis.values[0])
+        result.append(axis.values[0] + float((state - corner) @ direction / (direction @ direction)))
+    return result[0], result[1]

@@ -1,0 +1,168 @@
+"""Basins of attraction of one mass with a stop: against SciPy's integration, the unstable orbit on their
+boundary, motions of two periods, ranks.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import sbfem_petsc as sb
+from sbfem_petsc.plot import plot_basins, save_picture
+from tests.parallel import answer, on_ranks
+
+TURN = 2.0 * np.pi
+FORCE, OMEGA, RATIO = 0.15, 1.08, 0.03
+STEPS = 256
+
+
+def mass(stiffness=1.0, gap=1.0, damping=RATIO):
+    """Mass 1 on a spring 1, an elastic stop at a distance `gap`."""
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[-1.0]]),
+        np.array([gap]),
+        loads=np.ones((1, 1)),
+        sensors={"A": 0},
+        damping=damping,
+        compliance=np.array([1.0 / stiffness]),
+    )
+
+
+@pytest.fixture(scope="module")
+def orbits():
+    """The linear, the unstable and the large motion between the folds at 1.0648 and 1.0939 rad/s."""
+    branch = sb.frequency_response(mass(), FORCE, 0.9 / TURN, 1.3 / TURN, steps=STEPS, stability=False)
+    crossings = np.flatnonzero(np.diff(np.sign(branch.value - OMEGA / TURN)))
+    found = [
+        sb.periodic(branch.reduced, FORCE, OMEGA / TURN, steps=STEPS, start=branch.orbit(int(k)))
+        for k in crossings
+    ]
+    return sorted(found, key=lambda orbit: orbit.amplitude("A"))
+
+
+@pytest.fixture(scope="module")
+def grid():
+    axes = [sb.StartAxis(np.linspace(-4.0, 4.0, 17)), sb.StartAxis(np.linspace(-4.0, 4.0, 17), "velocity")]
+    return sb.basins(mass(), FORCE, OMEGA / TURN, axes, steps=STEPS)
+
+
+def touches(q, v, periods=50):
+    """Whether the mass still meets its stop in the last period, by SciPy on
+    x'' + 2 z x' + x + max(x - 1, 0) = F sin(w t).
+    """
+    n = len(q)
+
+    def rates(t, y):
+        x, v = y[:n], y[n:]
+        return np.concatenate([v, FORCE * np.sin(OMEGA * t) - 2.0 * RATIO * v - x - np.maximum(x - 1.0, 0.0)])
+
+    period = TURN / OMEGA
+    times = period * (periods - 1 + np.linspace(0.0, 1.0, 65))
+    found = solve_ivp(
+        rates, (0.0, periods * period), np.concatenate([q, v]), "RK45", times, rtol=1e-6, atol=1e-6
+    )
+    return found.y[:n].max(axis=1) > 1.0
+
+
+def test_verdicts_of_an_independent_integration(grid):
+    """20 of the states, every fourteenth."""
+    chosen = np.arange(20) * 14 + 3
+    states, reached = grid.states.reshape(-1, 2)[chosen], grid.reached.ravel()[chosen]
+    large = np.array([orbit.contact_resultant.max() > 0.0 for orbit in grid.orbits])
+    assert len(grid.orbits) == 2 and set(reached) == {0, 1}
+    assert (large[reached] == touches(states[:, 0], states[:, 1])).all()
+    assert grid.share.sum() == 1.0
+
+
+def test_the_unstable_orbit_is_on_the_boundary(orbits, grid):
+    """A ten thousandth to either side of it histories part; from itself they stay; the orbits that the grid
+    has found are those of the branch.
+    """
+    low, unstable, high = orbits
+    assert (low.stable, unstable.stable, high.stable) == (True, False, True)
+    for orbit in (low, high):
+        assert min(np.linalg.norm(found.state - orbit.state) for found in grid.orbits) < 1e-7
+    states = unstable.state + 1e-4 * np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]])
+    found = sb.basins(low.reduced, FORCE, OMEGA / TURN, (states[:, :1], states[:, 1:]), orbits=orbits)
+    assert set(found.reached[[0, 2]]) == {0, 2} and found.reached[1] == 1
+    assert found.orbits == tuple(orbits)
+    # the nearest of these that leaves an orbit is what its integrity says
+    distance = np.linalg.norm(states[found.reached != 0] - low.state, axis=1).min()
+    assert found.integrity(0) == pytest.approx(0.5 * distance**2, rel=1e-12)
+
+
+def test_an_impulse_upon_a_steady_state(orbits):
+    """Impulses of the load change the velocity by impulse / mass: enough of it leads over."""
+    low = orbits[0]
+    axis = sb.StartAxis([-3.0, 0.0, 0.05, 3.0], "impulse")
+    found = sb.basins(low.reduced, FORCE, OMEGA / TURN, [axis], orbits=orbits, around=low)
+    np.testing.assert_allclose(found.states - low.state, np.outer(axis.values, [0.0, 1.0]), atol=1e-15)
+    ends = touches(found.states[:, 0], found.states[:, 1])
+    assert (ends == (found.reached == 2)).all() and found.reached[1] == 0 and found.periods[1] == 0
+
+
+def test_motions_of_two_periods_and_what_never_settles():
+    """A stop at rest driven near twice its bilinear frequency: two motions of two periods, a forcing period
+    apart in time, which are one orbit; without damping nothing settles.
+    """
+    system = mass(stiffness=8.0, gap=0.0, damping=0.02)
+    omega = 2.0 * 2.0 * 3.0 / (1.0 + 3.0)
+    axes = [sb.StartAxis([-1.0, 0.3, 1.0], point="A"), sb.StartAxis([-1.0, 0.0], "velocity")]
+    found = sb.basins(system, 1.0, omega / TURN, axes, steps=STEPS)
+    assert [orbit.periods for orbit in found.orbits] == [2] and found.orbits[0].stable
+    assert (found.reached == 0).all() and found.states[0, 0] == pytest.approx([-1.0, -1.0])
+    free = sb.basins(mass(damping=0.0), 0.5, 1.7 / TURN, axes[:1], steps=64, limit=200)
+    assert (free.reached == -1).all() and (free.periods == 200).all() and not free.orbits
+
+
+@pytest.mark.long
+def test_ranks_share_the_histories(grid):
+    program = """
+import json, numpy as np, sbfem_petsc as sb
+from mpi4py import MPI
+from tests.analysis.test_basins import FORCE, OMEGA, STEPS, TURN, mass
+axes = [sb.StartAxis(np.linspace(-4.0, 4.0, 17)[::4]), sb.StartAxis(np.linspace(-4.0, 4.0, 17), "velocity")]
+found = sb.basins(mass(), FORCE, OMEGA / TURN, axes, steps=STEPS, comm=MPI.COMM_WORLD)
+print(json.dumps({"contact": [float(o.contact_resultant.max()) for o in found.orbits],
+                  "reached": found.reached.tolist()})) if MPI.COMM_WORLD.rank == 0 else None
+"""
+    other = answer(on_ranks(2, program))
+    peaks = np.array([orbit.contact_resultant.max() for orbit in grid.orbits])
+    assert peaks[grid.reached[::4]] == pytest.approx(np.array(other["contact"])[np.array(other["reached"])])
+
+
+def test_picture(grid, orbits, tmp_path):
+    """Colours of the basins in the places of the grid, marks of the orbits at their states."""
+    axes = plot_basins(grid, title="one mass with a stop")
+    np.testing.assert_array_equal(axes.collections[0].get_array().reshape(17, 17), grid.reached.T)
+    marks = np.array([line.get_xydata()[0] for line in axes.lines])
+    np.testing.assert_allclose(marks, [orbit.state for orbit in grid.orbits], atol=1e-12)
+    save_picture(axes, str(tmp_path / "basins.png"))
+    grid.to_csv(str(tmp_path / "basins.csv"))
+    table = np.loadtxt(tmp_path / "basins.csv", delimiter=",", skiprows=1)
+    assert table.shape == (17 * 17, 4) and (table[:, 2] == grid.reached.ravel()).all()
+    with pytest.raises(ValueError, match="two axes"):
+        plot_basins(sb.Basins(1.0, (), grid.reached, grid.periods, grid.states))
+
+
+def test_bad_input(orbits):
+    low, system = orbits[0], orbits[0].reduced
+    axis = sb.StartAxis([0.0, 1.0])
+    for keywords, error, sentence in (
+        ({"starts": [sb.StartAxis([0.0], mode=2)]}, ValueError, "mode of starts = 2"),
+        ({"starts": [sb.StartAxis([0.0], point="B")]}, KeyError, "point 'B' does not exist"),
+        ({"starts": [sb.StartAxis([0.0], point="A", direction="x")]}, ValueError, "does not move point"),
+        ({"starts": (np.zeros((3, 2)), np.zeros((3, 2)))}, ValueError, "starts has the shapes"),
+        ({"starts": 3}, TypeError, "starts = 3"),
+        ({"orbits": [orbits[2]], "steps": 100}, ValueError, "is no motion of this model"),
+        ({"orbits": [low], "frequency": 0.2}, ValueError, "not at 0.2 Hz"),
+        ({"load": 0.0}, ValueError, "no load oscillates"),
+        ({"limit": 0}, ValueError, "limit"),
+    ):
+        given = {"load": FORCE, "frequency": OMEGA / TURN, "starts": [axis], **keywords}
+        with pytest.raises(error, match=sentence):
+            sb.basins(system, given.pop("load"), given.pop("frequency"), given.pop("starts"), **given)
+    for arguments in (([1.0, 0.0],), ([],), ([0.0], "impulse", 1, "A"), ([0.0], "momentum")):
+        with pytest.raises(ValueError, match="StartAxis"):
+            sb.StartAxis(*arguments)
