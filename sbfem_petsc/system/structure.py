@@ -219,7 +219,8 @@ class Structure:
             raise on_all_ranks(
                 ValueError(
                     f"{analysis} needs a structure held against every rigid-body motion, but the supports "
-                    f"({held}) leave one free; clamp an edge set or add supports"
+                    f"({held}) leave one free; clamp an edge set or add supports, such as the weak springs "
+                    "of a structure that hangs freely, Support(edge set, x=..., y=...) in N/m^3"
                 )
             )
 
