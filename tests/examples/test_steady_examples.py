@@ -154,7 +154,18 @@ def test_hole(tmp_path):
 def test_loci(tmp_path):
     """A line of Neimark-Sacker points around 700 N, its ends on curves at their own force to 1e-6."""
     _, text = example(
-        "loci", tmp_path, "--modes", "40", "--start", "14138", "--stop", "14150", "--points", "1"
+        "loci",
+        tmp_path,
+        "--forces",
+        "700",
+        "--modes",
+        "40",
+        "--start",
+        "14138",
+        "--stop",
+        "14150",
+        "--points",
+        "1",
     )
     apart = [float(value) for value in re.findall(r"on a curve (\S+) of it off", text)]
     assert len(apart) == 2 and max(apart) < 1e-6
