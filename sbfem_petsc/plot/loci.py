@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from ..checks import instance, positive
 from ..dynamics.locus import KINDS, Locus
+from .branches import smooth
 from .drawing import BLUE, GREEN, PURPLE, VERMILION, figure, style
 
 STYLES = {
@@ -21,7 +22,7 @@ STYLES = {
 def plot_loci(
     loci: Locus | Sequence[Locus], *, unit: float | None = None, label: str | None = None, title: str = ""
 ) -> Axes:
-    """Draw loci of one second parameter over the forcing frequency.
+    """Draw loci of one second parameter over the forcing frequency; monotone cubics between their points.
 
     Parameters
     ----------
@@ -57,9 +58,10 @@ def plot_loci(
     for kind in KINDS:
         colour, dashes = STYLES[kind]
         for number, line in enumerate(item for item in lines if item.kind == kind):
+            _, frequency, value = smooth([(True, line.frequency, factor * line.value)])[0]
             axes.plot(
-                line.frequency,
-                factor * line.value,
+                frequency,
+                value,
                 color=colour,
                 linestyle=dashes,
                 linewidth=1.2,

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.plot import plot_loci
 from tests.systems import two_masses
 
 TURN = 2.0 * np.pi
@@ -165,6 +166,26 @@ def test_grazing_of_a_stop_while_another_is_in_contact(with_stops):
         )
         assert below.contact_force[:, 1].max() == 0.0 < above.contact_force[:, 1].max()
         assert below.contact_force[:, 0].max() > 0.0
+
+
+def test_picture():
+    """Each kind in its colour and once in the legend, through all points, in the unit that is asked for."""
+    lines = []
+    for kind, shift in (("fold", 0.0), ("fold", 5.0), ("grazing", 2.0)):
+        value, states = np.array([0.5, 1.0, 0.7]), np.zeros((3, 2))
+        frequency = shift + np.array([10.0, 11.0, 12.0])
+        lines.append(sb.Locus(kind, "load", frequency, value, states, np.ones(3, complex), ("", "")))
+    axes = plot_loci(lines, unit=300.0, label="force, N")
+    assert axes.get_ylabel() == "force, N"
+    labels = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert labels == ["fold", "grazing"]
+    for drawn, line in zip(axes.lines, lines):
+        points = drawn.get_xydata()
+        for point in np.column_stack([line.frequency, 300.0 * line.value]):
+            assert np.abs(points - point).sum(axis=1).min() < 1e-9
+    other = sb.Locus("fold", "gap", frequency, value, states, np.ones(3, complex), ("", ""))
+    with pytest.raises(ValueError, match="loci over gap, load"):
+        plot_loci([lines[0], other])
 
 
 def test_bad_input(curve):

@@ -151,6 +151,29 @@ def test_hole(tmp_path):
 
 
 @pytest.mark.long
+def test_loci(tmp_path):
+    """A line of Neimark-Sacker points around 700 N, its ends on curves at their own force to 1e-6."""
+    _, text = example(
+        "loci",
+        tmp_path,
+        "--forces",
+        "700",
+        "--modes",
+        "40",
+        "--start",
+        "14138",
+        "--stop",
+        "14150",
+        "--points",
+        "1",
+    )
+    apart = [float(value) for value in re.findall(r"on a curve (\S+) of it off", text)]
+    assert len(apart) == 2 and max(apart) < 1e-6
+    assert len(column(tmp_path / "line_0_Neimark-Sacker.csv", "frequency_Hz")) == 3
+    assert (tmp_path / "loci.png").stat().st_size > 20000
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name, options, sentence",
     [
