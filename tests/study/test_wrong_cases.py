@@ -219,6 +219,7 @@ WRONG = [
         "{ start = 0.002, stop = 0.004, count = 1000000 }",
         "sweep.parameters",
         "make 3,000,000 rows, more than 1,000,000",
+        "[sweep.parameters]",
     ),
     (
         ", count = 3 }",
