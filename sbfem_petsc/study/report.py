@@ -231,7 +231,11 @@ def _sweep(results: Sweep, folder: str) -> Iterator[str]:
     yield _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
     yield _table(
         [
-            (name, str(len(np.unique(column))), f"{column.min():g} to {column.max():g}")
+            (
+                name,
+                str(len(np.unique(column))),
+                f"{column.min():g} to {column.max():g} {results.input_units[name]}".rstrip(),
+            )
             if column.dtype.kind in "fi"
             else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
             for name, column in results.inputs.items()
