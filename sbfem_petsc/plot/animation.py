@@ -207,7 +207,7 @@ class _Film:
                     if number == 0:  # the layout of the first is that of all
                         self.colours.bar(self.drawing, painted[0], self.axes)
                         self.drawing.draw_without_rendering()
-                        self.drawing.set_layout_engine("none")
+                        self.drawing.set_layout_engine(None)  # which would draw every state twice
                     writer.grab_frame()
                     for artist in painted:
                         artist.remove()

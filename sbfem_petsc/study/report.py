@@ -144,7 +144,9 @@ def _run(results: RunResults, folder: str) -> Iterator[str]:
         took = f", {duration(seconds)}" if seconds else ""
         yield f"<h2>{html.escape(name)} <small>({results.kinds[name].replace('_', ' ')}{took})</small></h2>"
         yield from _analysis(results.kinds[name], tree)
-        yield from _pictures(folder, f"{name}_")
+        # "push_2" has pictures of its own, which are not those of "push"
+        longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
+        yield from _pictures(folder, f"{name}_", longer)
     yield _case(results.text)
 
 
@@ -239,7 +241,11 @@ def _sweep(results: Sweep, folder: str) -> Iterator[str]:
     yield _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
     yield _table(
         [
-            (name, str(len(np.unique(column))), f"{column.min():g} to {column.max():g}")
+            (
+                name,
+                str(len(np.unique(column))),
+                f"{column.min():g} to {column.max():g} {results.input_units[name]}".rstrip(),
+            )
             if column.dtype.kind in "fi"
             else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
             for name, column in results.inputs.items()
@@ -268,12 +274,13 @@ def _table(rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> st
     return f'<div class="wide"><table>{f"<tr>{head}</tr>" if heading else ""}{body}</table></div>'
 
 
-def _pictures(folder: str, start: str) -> Iterator[str]:
+def _pictures(folder: str, start: str, others: tuple[str, ...] = ()) -> Iterator[str]:
+    """Pictures whose names begin so, without those that begin as others do."""
     if not os.path.isdir(folder):
         return
     for name in sorted(os.listdir(folder)):
         stem, ending = os.path.splitext(name)
-        if name.startswith(start) and ending in (".png", ".gif"):
+        if name.startswith(start) and not name.startswith(others) and ending in (".png", ".gif"):
             with open(os.path.join(folder, name), "rb") as file:
                 data = base64.b64encode(file.read()).decode()
             caption = html.escape(_caption(stem[len(start) :]))

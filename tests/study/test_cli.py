@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc import plot
+from sbfem_petsc.study import report
 from sbfem_petsc.study.watch import LogLines
 from tests.parallel import ROOT, on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
@@ -266,3 +267,17 @@ def test_log_lines():
     assert lines[0] == "long work" and lines[-1] == "done"
     assert 2 <= sum(line.startswith("long work: 25 %,") for line in lines) <= 5
     assert "\x1b" not in stream.getvalue()
+
+
+def test_pictures_of_analyses_with_like_names(tmp_path):
+    """Those of "push_2" do not stand under "push" too."""
+    for name in ("push_crack1.png", "push_2_crack1.png", "push_2_contact2.png", "push.vtu"):
+        (tmp_path / name).write_bytes(b"")
+    captions = [
+        [re.search('alt="(.*?)"', figure)[1] for figure in report._pictures(str(tmp_path), *names)]
+        for names in (("push_", ("push_2_",)), ("push_2_",))
+    ]
+    assert captions == [
+        ["deformed region of crack 1"],
+        ["contact pressure and gap along crack 2", "deformed region of crack 1"],
+    ]

@@ -322,7 +322,7 @@ def test_further_analyses(tmp_path, model):
     assert {"tones_lines.png", "slow_history.png"} <= names
     assert sbfem("report", tmp_path / "out").code == 0
     page = (tmp_path / "out" / "report.html").read_text()
-    assert "1 probe -1 pump" in page and 'alt="lines"' in page
+    assert "1 probe -1 pump" in page and 'alt="lines of the spectrum"' in page
 
 
 def test_accuracy(model):
