@@ -15,7 +15,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
-from .analysis_tables import ANALYSES, Noise, Output, Range, SweepTable
+from .analysis_tables import ANALYSES, Noise, Output, Range, StartAxisTable, SweepTable
 from .case import CaseTables
 from .geometry_tables import (
     MESH_KEYS,
@@ -67,7 +67,11 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "`quasi_periodic`.",
         (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
     ),
-    ("[analyses.NAME]", "The names are yours; analyses run in the order of the file.", ANALYSES),
+    (
+        "[analyses.NAME]",
+        "The names are yours; analyses run in the order of the file.",
+        (*ANALYSES, StartAxisTable),
+    ),
     ("[output]", "", (Output,)),
     (
         "[sweep]",
@@ -107,7 +111,7 @@ def schema() -> str:
 
 def _title(table: type[BaseModel]) -> str:
     field = table.model_fields.get("kind")
-    if field is not None:
+    if field is not None and table is not StartAxisTable:
         return f'`kind = "{typing.get_args(field.annotation)[0]}"`'
     return {
         "Notch": "`[[geometry.notches]]`",
@@ -119,6 +123,7 @@ def _title(table: type[BaseModel]) -> str:
         "Noise": "`noise = { ... }`",
         "ModelTable": "`[model]`",
         "SweepTable": "`[sweep]`",
+        "StartAxisTable": "`starts = [{ ... }, ...]` of basins",
     }[table.__name__]
 
 
