@@ -163,7 +163,7 @@ class Model(Structure):
         """
         integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
-            self._modes = lowest_modes(self, count)
+            self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
         return self._modes.selected(np.arange(count))
 
     def keep(self, key: Hashable, make) -> Any:

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics import shooting
+from sbfem_petsc.dynamics import period_map
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
@@ -505,7 +505,7 @@ def test_no_convergence():
 def test_contact_problem_that_is_not_solved(case_p, monkeypatch):
     """An error inside SNES' callback comes out as itself."""
     model, orbit = case_p
-    monkeypatch.setattr(shooting, "march", lambda *arguments, **named: (7, 0))
+    monkeypatch.setattr(period_map, "march", lambda *arguments, **named: (7, 0))
     with pytest.raises(sb.SolveError, match="contact problem of step .* at 3000 Hz was not solved"):
         sb.periodic(orbit.reduced, FORCE, 3000.0)
 
