@@ -18,7 +18,8 @@ from ..contact.repeating import REPEATS, UNSOLVED, settle
 from ..errors import SolveError
 from ..petsc import MPI
 from .orbit import Orbit, make_orbit, orbit_stability
-from .shooting import Period, shoot
+from .period_map import Period
+from .shooting import shoot
 
 # Of an orbit's size, and of the distance to the nearest other known orbit: the distance at which a stable
 # orbit counts as reached.

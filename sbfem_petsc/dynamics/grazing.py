@@ -18,7 +18,8 @@ from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .branch import Branch
 from .locus import Family
-from .shooting import DrivenPeriod, FixedPoint, Period, PeriodMotion, shoot
+from .period_map import DrivenPeriod, Period, PeriodMotion
+from .shooting import FixedPoint, shoot
 
 # Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
 # to another part of it.
