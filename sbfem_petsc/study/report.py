@@ -17,9 +17,9 @@ import sbfem_petsc as sb
 from ..plot.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .estimates import duration
+from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import RunResults
-from .summaries import Quantity, Tree
 from .sweep_file import Sweep
 
 # Rows of an array that a table shows.

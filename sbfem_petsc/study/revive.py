@@ -18,10 +18,10 @@ from ..writing import spare_folder
 from . import pictures, run, sweep_file
 from .case import Case, case_from_text
 from .estimates import duration
+from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
 from .solve import Structure
 from .storage import write_json
-from .summaries import Quantity, Tree, plain
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
 from .watch import Watch
 

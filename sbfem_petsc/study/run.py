@@ -21,9 +21,9 @@ from .case import Case, read_case
 from .folder import Folder
 from .objects import located
 from .problems import CaseError
+from .quantities import Quantity, Tree, plain
 from .solve import Structure
 from .storage import new_results, read_tree, write_json, write_tree
-from .summaries import Quantity, Tree, plain
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2

@@ -15,7 +15,8 @@ from .. import indicators
 from . import objects
 from .case import Case
 from .parameters import grid
-from .summaries import Tree, tree_of
+from .quantities import Tree
+from .summaries import tree_of
 
 Progress = Callable[[float], None] | None
 # Share of a period that counts as none when whole periods are counted.

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..recording.hdf5 import new_hdf5
 from ..writing import reason
-from .summaries import Quantity, Tree
+from .quantities import Quantity, Tree
 
 
 @contextlib.contextmanager

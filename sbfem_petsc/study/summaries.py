@@ -2,43 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
-import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .. import indicators
+from .quantities import Quantity, Tree
 
 # Harmonics of a periodic motion that are kept beside its whole waveform.
 HARMONICS = 41
-# Instants up to which a history stands in the summary itself; beyond, the summary says where it is.
-LONGEST_IN_SUMMARY = 100_000
-
-
-@dataclass(frozen=True, eq=False)
-class Quantity:
-    """A value with its unit and description.
-
-    Attributes
-    ----------
-    value : float, int, bool, str, None or array
-    unit : str
-        "1" without dimension.
-    text : str
-    detail : bool
-        Whether it is left out of the summary in JSON.
-    """
-
-    value: Any
-    unit: str = "1"
-    text: str = ""
-    detail: bool = False
-
-
-Tree = dict[str, Any]
 
 
 def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tree:
@@ -395,39 +368,3 @@ def _basins(result: Any, points: Sequence[str]) -> Tree:
         for k, orbit in enumerate(result.orbits)
     ]
     return tree
-
-
-def plain(tree: Any, where: str = "") -> Any:
-    """A tree as JSON can hold it: complex numbers as magnitude and phase, nan as null.
-
-    Parameters
-    ----------
-    tree : Tree, Quantity or value
-    where : str
-        Path of the tree in the results file, for histories too long to stand in the summary.
-    """
-    if isinstance(tree, dict):
-        return {
-            key: plain(value, f"{where}/{key}")
-            for key, value in tree.items()
-            if not (isinstance(value, Quantity) and value.detail)
-            and not (
-                isinstance(value, dict)
-                and value
-                and all(isinstance(v, Quantity) and v.detail for v in value.values())
-            )
-        }
-    if isinstance(tree, list):
-        return [plain(value, where) for value in tree]
-    value = tree.value if isinstance(tree, Quantity) else tree
-    if isinstance(value, np.ndarray) and value.ndim and len(value) > LONGEST_IN_SUMMARY:
-        return {"dataset": where, "shape": list(value.shape)}
-    if isinstance(value, complex) or (isinstance(value, np.ndarray) and np.iscomplexobj(value)):
-        return {"magnitude": plain(np.abs(value)), "phase": plain(np.angle(value))}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if dataclasses.is_dataclass(value):
-        raise TypeError(f"{value!r} is no quantity")
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
