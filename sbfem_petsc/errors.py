@@ -20,6 +20,10 @@ class SolveError(RuntimeError):
     """
 
 
+class OutOfMemory(SolveError):
+    """There is not enough memory; other ranks may know nothing of it."""
+
+
 class LoadWarning(UserWarning):
     """A load acts on nothing, because a support holds the direction of it."""
 

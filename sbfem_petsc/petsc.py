@@ -25,7 +25,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from . import abort
-from .errors import SolveError, on_all_ranks
+from .errors import OutOfMemory, SolveError, on_all_ranks
 from .parallel import alone
 
 # Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
@@ -130,16 +130,14 @@ def solving(what: str) -> Iterator[None]:
         yield
     except (PETSc.Error, MemoryError) as error:
         if isinstance(error, MemoryError) or error.ierr == OUT_OF_MEMORY:
-            said = (
-                "there is not enough memory for it; use more ranks on more machines, a coarser mesh, or for "
-                "statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
-            )
-        else:
-            said = (
-                f"PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model of "
-                "usual size?"
-            )
-        raise SolveError(f"{what}: {said}") from error
+            raise OutOfMemory(
+                f"{what}: there is not enough memory for it; use more ranks on more machines, a coarser mesh, "
+                "or for statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+            ) from error
+        raise SolveError(
+            f"{what}: PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model "
+            "of usual size?"
+        ) from error
 
 
 def _said(error: PETSc.Error) -> str:

@@ -13,7 +13,7 @@ from ..dynamics.attraction import Attraction, Patience
 from ..dynamics.basins import Basins, StartAxis, grid_of, start_direction
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import PeriodSettings, prepare
+from ..dynamics.preparation import PeriodSettings, check_first, prepare
 from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, checked_communicator, collective
 from ..petsc import MPI
@@ -85,20 +85,23 @@ def basins(
     what = "basins"
     own = communicator(model)
     with collective(own):
+        ranks = own if comm is None else checked_communicator(what, comm)
+    with collective(ranks):
         frequency = check_frequency(what, "frequency", frequency)
         orbits = _checked_orbits(orbits, around, frequency)
         integer(what, "longest", longest, least=1, most=1000)
         real(what, "tolerance", tolerance, least=1e-13, most=1e-2)
         integer(what, "limit", limit, least=1, most=10**7)
         check_progress(what, progress)
-        ranks = own if comm is None else checked_communicator(what, comm)
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
         steps = len(given[0].time) // given[0].periods
     settings = PeriodSettings(None, steps, modes)
     first = given[0] if given else None
     period = prepare(what, model, load, frequency, settings=settings, first=first)
-    with collective(own):
+    with collective(ranks):
+        for orbit in given:
+            check_first(what, orbit, period.reduced)
         origin = np.zeros(2 * period.modes) if around is None else _state(around, period.modes)
         axes, states = _states(starts, period.reduced, period.weights, origin)
         if not period.excitation.oscillating.amplitudes.any():
@@ -107,7 +110,18 @@ def basins(
         for orbit in orbits:
             _state(orbit, period.modes)
             attraction.add(orbit)
-    agree(ranks, what, states=states, longest=longest, tolerance=tolerance, limit=limit)
+    agree(
+        ranks,
+        what,
+        load=load,
+        frequency=frequency,
+        steps=period.steps,
+        orbits=[orbit.state for orbit in attraction.orbits],
+        states=states,
+        longest=longest,
+        tolerance=tolerance,
+        limit=limit,
+    )
     flat = states.reshape(-1, states.shape[-1])
     with progress_bar(ranks, "basins", progress) as report:
         try:

@@ -7,13 +7,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..capacity import require_memory
 from ..checks import frequency as check_frequency
 from ..checks import instance, integer, positive
 from ..checks import progress as check_progress
 from ..dynamics.integration import Steps
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import CONTACT_STEP
+from ..dynamics.preparation import CONTACT_STEP, check_first
 from ..dynamics.reduced_history import ReducedIntegrator
 from ..dynamics.states import ModalStates
 from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles
@@ -28,6 +29,8 @@ from .response import amplitudes_only
 
 # Steps a period of the highest frequency: the load is linear over a step, an error of 3e-5.
 STEPS = 320
+# Relative distance of a steady state that is given from the one that is found from it.
+SAME = 1e-6
 # More steps than this are refused: hours.
 MOST = 10**9
 
@@ -114,13 +117,19 @@ def swept_response(
         raise on_all_ranks(
             ValueError(f"{what}: duration = {duration:g} s takes {count:.3g} steps; shorten it")
         )
-    if first is None:
-        first = periodic(reduced, load, start, stability=False)
+    points = len(reduced.points.names)
+    require_memory(
+        what,
+        comm,
+        8.0 * (count + 1) * (points + 1),
+        f"{count:,d} steps at {points} points",
+        lambda share: f"sweep in {duration * share:.3g} s, or in parts",
+    )
+    first = (
+        periodic(reduced, load, start, stability=False) if first is None else _checked(first, reduced, load)
+    )
     state = first.states
-    if not isinstance(state, ModalStates) or state.q.shape[1] != len(reduced.omega):
-        raise on_all_ranks(
-            ValueError(f"{what}: first = {first!r} is no motion of {len(reduced.omega)} modes of this model")
-        )
+    assert isinstance(state, ModalStates)
     plan = Steps(count, duration / count, True, "exact", 1)
     integrator = ReducedIntegrator(reduced, loads.signals, plan, (state.q[0], state.v[0]))
     displacements = np.empty((count + 1, len(reduced.points.names)))
@@ -150,3 +159,20 @@ def swept_response(
         settling_cycles(reduced, (start, stop)),
         reduced,
     )
+
+
+def _checked(first: Orbit, reduced: ReducedModel, load) -> Orbit:
+    """The motion to begin from, if it is one under this load."""
+    what, steps = "swept_response", len(first.time) // first.periods
+    with collective(communicator(reduced)):
+        check_first(what, first, reduced)
+    found = periodic(
+        reduced, load, first.frequency, periods=first.periods, steps=steps, start=first, stability=False
+    )
+    if np.linalg.norm(found.state - first.state) > SAME * np.linalg.norm(found.state):
+        raise on_all_ranks(
+            ValueError(
+                f"{what}: first = {first!r} is no steady state under this load; leave it out, or give one"
+            )
+        )
+    return first

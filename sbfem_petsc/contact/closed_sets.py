@@ -8,8 +8,6 @@ every set that has occurred, and M = V^T diag(cq) V, K = (K_R^-1 + M)^-1.
 
 The modal forces of contact are then -B B^T dq. The columns of B are few: what moves the state by less than
 rounding is left out, and of some twenty rows in contact about six directions remain.
-
-Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
 """
 
 from __future__ import annotations

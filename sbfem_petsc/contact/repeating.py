@@ -96,6 +96,7 @@ def _settle(
     states, velocities, forces = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs))
     gap, force, active = np.empty(pairs), np.zeros(pairs), np.zeros(pairs, dtype=np.bool_)
     factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
+    loaded = unloaded[0, 0] != 0.0  # no literal, for which the steps would be compiled once more
     for done in range(limit + 1):
         place = done % kept
         for j in range(m):
@@ -137,7 +138,7 @@ def _settle(
             tied,
             unloaded,
             free_gap,
-            False,
+            loaded,
             q,
             v,
             force,

@@ -1,5 +1,7 @@
 """Exact derivative of the time steps (`marching.march`) with the contact sets of a history (`closed_sets`).
 
+Contact at consecutive instants is condensed into blocks: the B^T dq of a block's instants are rows of the
+state at its beginning, coupled by a small triangular matrix, so that many columns are carried through a block
 by a few products of large matrices. The free motion of the modes between is not computed at all: the state is
 kept as what it was at an earlier instant but for contact (a frame), and the rows take the free motion up to
 their own instants.

@@ -81,7 +81,8 @@ class Attraction:
         for _ in range(count):
             cycle.append(state)
             state = state + self.driven.run(state).residual
-        if np.linalg.norm(state - orbit.state) > SAME * self._size(orbit.state):
+        whole = orbit.periods % self.period.excitation.periods == 0
+        if not whole or np.linalg.norm(state - orbit.state) > SAME * self._size(orbit.state):
             raise ValueError(
                 f"basins: {orbit!r} is no motion of this model under this load at these steps; give orbits "
                 "of the same model, load, frequency and steps"

@@ -24,6 +24,8 @@ from .shooting import FixedPoint, shoot
 # Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
 # to another part of it.
 NEAR = 3.0
+# Gap of a root, beside the gaps at the points that it was sought between.
+ZERO = 1e-6
 
 
 class OpenRowFamily(Family):
@@ -168,12 +170,17 @@ def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
     try:
         first, last = gap(begin), gap(end)
         if first * last <= 0.0:
-            root = root_scalar(gap, bracket=(begin, end), xtol=1e-13 * abs(begin), rtol=1e-13).root
+            solved = root_scalar(gap, bracket=(begin, end), xtol=1e-13 * abs(begin), rtol=1e-13)
         else:  # the branch turns at the corner that grazing makes
             ahead = begin + 0.05 * (end - begin)
-            root = root_scalar(gap, x0=begin, x1=ahead, xtol=1e-13 * abs(begin), rtol=1e-13).root
-        gap(float(root))
-        missed = abs(root - begin) > reach
+            solved = root_scalar(gap, x0=begin, x1=ahead, xtol=1e-13 * abs(begin), rtol=1e-13)
+        root = solved.root
+        # a change of sign is no zero where the orbit jumps to another motion
+        missed = (
+            not solved.converged
+            or abs(root - begin) > reach
+            or not (abs(gap(float(root))) <= ZERO * max(abs(first), abs(last), abs(first - last)))
+        )
     except SolveError:
         root, missed = begin, True
     if missed:

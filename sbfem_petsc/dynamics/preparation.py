@@ -106,7 +106,7 @@ def prepare(
     reduced = serving(owner, system, loads, modes, highest)
     with collective(communicator(system)):
         if first is not None:
-            _check_first(owner, first, reduced)
+            check_first(owner, first, reduced)
     steps = settings.steps
     if steps is None:
         steps = STEPS
@@ -133,7 +133,7 @@ def check_reduction(owner: str, reduction: object) -> None:
         )
 
 
-def _check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
+def check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
     """A motion's state has a meaning in the modes of its own model alone."""
     if first.reduced is None:
         raise ValueError(f"{owner}: the motion to start from is that of an unreduced model")

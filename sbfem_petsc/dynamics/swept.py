@@ -67,6 +67,11 @@ class SweptResponse:
         """Whether the frequency rises."""
         return bool(self.frequency[-1] > self.frequency[0])
 
+    @property
+    def tells_jumps(self) -> bool:
+        """Whether there is damping, and the sweep longer than four settling times, so that jumps are told."""
+        return 0 < 4 * self.settling < len(self.frequency)
+
     def amplitude(self, point: str) -> np.ndarray:
         """(n,): half the peak-to-peak of the y displacement of a point in each cycle, m."""
         return self.point_amplitudes[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
@@ -86,14 +91,17 @@ class SweptResponse:
         Raises
         ------
         ValueError
-            Without damping.
+            Without damping, and for a sweep shorter than four settling times, see `tells_jumps`.
         """
         amplitude, w = self.amplitude(point), self.settling
         least = positive("jumps", "least", least)
         if w == 0:
             raise ValueError("jumps: without damping no motion settles and nothing tells a jump from a beat")
-        if len(amplitude) < 4 * w + 1:
-            return ()
+        if not self.tells_jumps:
+            raise ValueError(
+                f"jumps: {len(amplitude)} cycles are no longer than four settling times of {w} cycles, where "
+                "nothing tells a jump from a beat; sweep more slowly"
+            )
         sums = np.concatenate([[0.0], np.cumsum(amplitude)])
         means = np.maximum((sums[w:] - sums[:-w]) / w, 1e-300)
         change = np.log(means[3 * w :] / means[: -3 * w])

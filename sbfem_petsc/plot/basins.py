@@ -90,9 +90,11 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
 
 
 def _place(basins: Basins, state: np.ndarray) -> tuple[float, float]:
-    """Values on both axes of a state's projection."""
-    corner, result = basins.states[0, 0], []
-    for axis, other in zip(basins.axes, (basins.states[1, 0], basins.states[0, 1])):
-        direction = (other - corner) / (axis.values[1] - axis.values[0])
-        result.append(axis.values[0] + float((state - corner) @ direction / (direction @ direction)))
-    return result[0], result[1]
+    """Values on both axes of a state's projection on the plane of the axes, which may be oblique."""
+    corner = basins.states[0, 0]
+    directions = [
+        (other - corner) / (axis.values[1] - axis.values[0])
+        for axis, other in zip(basins.axes, (basins.states[1, 0], basins.states[0, 1]))
+    ]
+    found = np.linalg.lstsq(np.array(directions).T, state - corner, rcond=None)[0]
+    return basins.axes[0].values[0] + float(found[0]), basins.axes[1].values[0] + float(found[1])

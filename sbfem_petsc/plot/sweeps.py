@@ -71,7 +71,7 @@ def plot_swept(
                 linewidth=0.8,
                 label=label if number == 0 else None,
             )
-            for jump in item.jumps(point, least):
+            for jump in item.jumps(point, least) if item.tells_jumps else ():
                 axes.annotate(
                     "",
                     (jump.frequency * along, jump.after * factor),

@@ -77,6 +77,10 @@ def write_harmonics(orbits: Mapping[str, Orbit], path: str, point: Point, *, cou
     columns: dict[str, np.ndarray] = {"harmonic": np.arange(count + 1)}
     for name, c in _harmonics("write_harmonics", orbits, point, count).items():
         plain = name.replace(", ", "_").replace(" ", "_")
+        if f"re_{plain}_m" in columns:
+            raise ValueError(
+                f"write_harmonics: two of orbits have the columns {plain!r}; give them other names"
+            )
         columns |= {f"re_{plain}_m": c.real, f"im_{plain}_m": c.imag}
     write_table(path, columns)
 

@@ -278,9 +278,9 @@ def _swept(case: Case, table: Any, result: Any, points: Sequence[str], noisy: An
     for swept in result:
         way = "up" if swept.upwards else "down"
         for point in points:
-            jumps = swept.jumps(point, table.least)
+            jumps = swept.jumps(point, table.least) if swept.tells_jumps else ()
             values[f"{way}_amplitude/{point}"] = (float(swept.amplitude(point).max()), "m")
-            values[f"{way}_jumps/{point}"] = (float(len(jumps)), "1")
+            values[f"{way}_jumps/{point}"] = (float(len(jumps)) if swept.tells_jumps else math.nan, "1")
             values[f"{way}_first_jump/{point}"] = (jumps[0].frequency if jumps else math.nan, "Hz")
     return values
 

@@ -13,7 +13,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from ..errors import SolveError
+from ..errors import OutOfMemory, SolveError
 from ..parallel import collective
 from ..recording.hdf5 import opened
 from . import pictures
@@ -148,6 +148,8 @@ class _Run:
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 tree = self.structure.tree(case, name, result)
         except (CaseError, SolveError) as error:
+            if isinstance(error, OutOfMemory) and self.comm.size > 1:
+                raise  # other ranks, which may wait for this one, must end too
             self.failed[name] = str(error)
             self.wrong_input |= isinstance(error, CaseError)
             self.watch.say(f"{name} failed: {error}")

@@ -334,9 +334,11 @@ def _swept(result: Any, points: Sequence[str], least: float) -> Tree:
             "contact_peak": Quantity(swept.contact_peak, "N", "largest contact resultant in a cycle"),
             "jump": {
                 point: Quantity(
-                    np.array([jump.frequency for jump in swept.jumps(point, least)]),
+                    np.array([jump.frequency for jump in swept.jumps(point, least)])
+                    if swept.tells_jumps
+                    else np.array([np.nan]),
                     "Hz",
-                    "frequencies at which the amplitude jumps",
+                    "frequencies at which the amplitude jumps; nan where the sweep is too short to tell",
                 )
                 for point in points
             },

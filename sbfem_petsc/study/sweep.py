@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import indicators
-from ..errors import SolveError
+from ..errors import OutOfMemory, SolveError
 from ..parallel import alone, collective
 from ..writing import spare_folder
 from . import parameters as paths
@@ -203,6 +203,8 @@ class _Sweeping:
                             structure = Structure(case, self.group)
                         values, reason = self._row(case, number, structure, modal), ""
                     except Exception as error:  # a row that fails must not end the others
+                        if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
+                            raise  # but ranks that may wait for this one
                         reason = _reason(error)
                 seconds = time.monotonic() - began
                 self.costs.add(seconds, first)

@@ -2,6 +2,8 @@
 boundary, motions of two periods, ranks.
 """
 
+import dataclasses
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -146,9 +148,21 @@ def test_picture(grid, orbits, tmp_path):
         plot_basins(sb.Basins(1.0, (), grid.reached, grid.periods, grid.states))
 
 
+def test_oblique_axes_of_a_picture(orbits):
+    """Two impulses whose velocities are not at right angles: a state is where both values say."""
+    axes = (sb.StartAxis([0.0, 1.0], "impulse"), sb.StartAxis([0.0, 2.0], "impulse", 2))
+    first, second, corner = np.array([0.0, 1.0]), np.array([1.0, 1.0]), np.array([0.3, 0.1])
+    states = corner + np.array([[0.0 * first, 2.0 * second], [first, first + 2.0 * second]])
+    one = dataclasses.replace(orbits[0], state=corner + 0.25 * first + 0.5 * second)
+    whole = np.zeros((2, 2), dtype=int)
+    drawn = plot_basins(sb.Basins(1.0, (one,), whole, whole, states, axes))
+    np.testing.assert_allclose(drawn.lines[0].get_xydata()[0], [0.25, 0.5], atol=1e-12)
+
+
 def test_bad_input(orbits):
     low, system = orbits[0], orbits[0].reduced
     axis = sb.StartAxis([0.0, 1.0])
+    other = sb.periodic(mass(stiffness=3.0), FORCE, OMEGA / TURN, steps=STEPS)
     for keywords, error, sentence in (
         ({"starts": [sb.StartAxis([0.0], mode=2)]}, ValueError, "mode of starts = 2"),
         ({"starts": [sb.StartAxis([0.0], point="B")]}, KeyError, "point 'B' does not exist"),
@@ -157,6 +171,7 @@ def test_bad_input(orbits):
         ({"starts": 3}, TypeError, "starts = 3"),
         ({"orbits": [orbits[2]], "steps": 100}, ValueError, "is no motion of this model"),
         ({"orbits": [low], "frequency": 0.2}, ValueError, "not at 0.2 Hz"),
+        ({"around": other}, ValueError, "belongs to another model"),
         ({"load": 0.0}, ValueError, "no load oscillates"),
         ({"limit": 0}, ValueError, "limit"),
     ):

@@ -250,7 +250,7 @@ def test_verdicts_do_not_depend_on_the_grid(case_p):
         }
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_three_motions_with_little_damping():
     """Damping 0.0005: the branch folds, and between the folds it passes one frequency three times; from the
     nearest point at each of the three places `periodic` converges to a motion of its own, of another

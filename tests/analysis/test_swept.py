@@ -96,6 +96,15 @@ def test_bad_input(branch):
         given = {"load": FORCE, "start": LOW, "stop": HIGH, "duration": 100.0, **keywords}
         with pytest.raises(error, match=sentence):
             sb.swept_response(mass(), given.pop("load"), given.pop("start"), given.pop("stop"), **given)
+    system = mass()
+    other = sb.periodic(system, 2.0 * FORCE, LOW, steps=STEPS)
+    with pytest.raises(ValueError, match="is no steady state under this load"):
+        sb.swept_response(system, FORCE, LOW, HIGH, duration=100.0, first=other)
+    with pytest.raises(ValueError, match="another model"):
+        sb.swept_response(mass(stiffness=3.0), FORCE, LOW, HIGH, duration=100.0, first=other)
+    short = sb.swept_response(system, FORCE, LOW, HIGH, duration=10.0 / LOW)
+    with pytest.raises(ValueError, match="no longer than four settling times"):
+        short.jumps("A")
     free = sb.swept_response(mass(damping=0.0), FORCE, 0.5 / TURN, 0.6 / TURN, duration=200.0)
     with pytest.raises(ValueError, match="without damping"):
         free.jumps("A")

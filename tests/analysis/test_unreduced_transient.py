@@ -104,7 +104,7 @@ def test_options_reach_the_solve(model):
             options.delValue(name)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_modal_damping_is_that_of_the_reduced_model(model):
     """zeta = 0.002 in 40 modes, with contact: within 5e-5 of the reduced history, where a M + b K through the
     first mode and the load's frequency is at 5e-4 and more.
@@ -137,7 +137,7 @@ def test_modal_damping_is_that_of_the_reduced_model(model):
     assert np.abs(full.energy.balance).max() < 1e-8 * full.energy.external.max()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_contact_inside_the_tip_element_is_of_first_order_in_the_step():
     """The force of a step is its mean, and the tip element's own flexibility gives way to it at the step's
     end: the distance to the reduced history halves with the step, and is 1e-6 without those rows.

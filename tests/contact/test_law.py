@@ -280,7 +280,7 @@ def test_tied_unreduced_transient():
     assert -0.05 * energy.external.max() < energy.contact[-1] < 1e-12
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_tied_unreduced_orbit():
     """Shooting on the unreduced model against the reduced one, whose 30 modes leave out 1e-3."""
     model = two_notches(contact_laws=sb.Tied(1e-9), rayleigh=sb.rayleigh_factors(0.05, 500.0, 20e3))

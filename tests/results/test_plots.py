@@ -51,6 +51,7 @@ def test_the_region_of_a_crack(solved):
     assert np.abs(peak - tip).max() < 1e-5
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", PICTURES)
 def test_pictures_of_one_and_two_ranks_agree(serial_files, parallel_files, name):
     one, two = (image.imread(folder / name)[..., :3] for folder in (serial_files, parallel_files))

@@ -60,7 +60,7 @@ if MPI.COMM_WORLD.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_room_on_ranks():
     """Rows that several ranks add to are counted exactly: no room left over, none to be got while filling."""
     one = answer(on_ranks(1, ROOM))

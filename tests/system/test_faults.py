@@ -138,6 +138,28 @@ def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
     np.testing.assert_allclose(continued, undisturbed(kind, ranks), rtol=0.0 if ranks == 1 else 1e-9)
 
 
+SCARCE = """
+import sys
+from mpi4py import MPI
+from sbfem_petsc.cli import main
+from sbfem_petsc.system import assembly
+whole = assembly.row_lengths
+def scarce(*arguments):
+    if MPI.COMM_WORLD.rank == 1:
+        raise MemoryError
+    return whole(*arguments)
+assembly.row_lengths = scarce
+sys.exit(main(["run", sys.argv[1], "--output", sys.argv[2], "--quiet"]))
+"""
+
+
+@pytest.mark.long
+def test_memory_that_one_rank_lacks(tmp_path):
+    """The other one, which waits for it in an assembly, ends too."""
+    done = on_ranks(2, SCARCE, str(written(tmp_path, CASE)), str(tmp_path / "out"), check=False, timeout=60)
+    assert done.returncode != 0 and "not enough memory" in done.stderr
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_sweep_ended_and_resumed(number, tmp_path):
