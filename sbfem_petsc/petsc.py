@@ -131,8 +131,8 @@ def solving(what: str) -> Iterator[None]:
     except (PETSc.Error, MemoryError) as error:
         if isinstance(error, MemoryError) or error.ierr == OUT_OF_MEMORY:
             raise OutOfMemory(
-                f"{what}: there is not enough memory for it; use more ranks on more machines, a coarser mesh, "
-                "or for statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
+                f"{what}: there is not enough memory for it; use more ranks on more machines, a coarser "
+                "mesh, or for statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
             ) from error
         raise SolveError(
             f"{what}: PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model "
