@@ -159,7 +159,7 @@ def loci(
     Warns
     -----
     BranchWarning
-        Of a bifurcation that could not be followed.
+        Of bifurcations that could not be followed.
     """
     what = "loci"
     instance(what, "branch", branch, Branch, "a Branch")
@@ -173,7 +173,11 @@ def loci(
             choice(what, "kinds", kind, KINDS)
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
-    found += list(grazing_points(branch)) if "grazing" in kinds else []
+    if "grazing" in kinds:
+        try:
+            found += grazing_points(branch)
+        except SolveError as error:
+            warnings.warn(f"{what}: no grazing point was followed: {error}", BranchWarning, stacklevel=2)
     result: list[Locus] = []
     for item in found:
         if any(_passes(line, item, branch) for line in result):

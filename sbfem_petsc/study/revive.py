@@ -116,8 +116,8 @@ def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
 def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animation: bool = False) -> str:
     """Pictures of a run or sweep. Collective.
 
-    Histories, periodic motions and curves are read; modes and static solutions, and motions that are to be
-    animated, are computed again from the case.
+    Histories, periodic motions and curves are read; modes and static solutions, loci, basins and swept
+    responses, and motions that are to be animated, are computed again from the case.
 
     Returns
     -------

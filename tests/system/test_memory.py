@@ -128,7 +128,7 @@ def test_memory_is_flat_over_500_calls(name):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", ["band", "unreduced transient"])
 def test_memory_is_flat_on_other_paths(name):
-    assert growth(name, 1, 60, 150) < LIMIT
+    assert growth(name, 1, 20, 80) < LIMIT
 
 
 @pytest.mark.long
