@@ -19,8 +19,8 @@ from ..petsc import MPI, PETSc
 from ..selement.rigid_motions import rigid_body_basis
 
 # Round-off of the assembled stiffness, relative to the load, beyond which solves are refined; corrections
-# that end it at once, and once they fall no more; and how many are made at most.
-NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 30
+# that end it at once, and once they fall no more; and how many are made at most (62 at L/h = 1e5).
+NEEDED, _ENOUGH, _SETTLED, _MOST = 1e-9, 1e-13, 1e-9, 100
 # Errors beyond which the user is warned, and a result is refused; what the softest deformation's round-off
 # was measured to do to slender cantilevers.
 ROUND_OFF, REFUSED, _SOFTEST = 1e-5, 1e-2, 4.0
