@@ -56,7 +56,7 @@ def test_ends_stand_on_curves_of_one_parameter(curve, factor):
             assert np.abs(np.array(found) / frequency - 1.0).min() < (1e-4 if kind == "fold" else 2e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_gap_and_load_scale_each_other(curve):
     """All gaps times c under all loads times c: the same motion times c, so that the locus over the gap at
     1 / c is the one over the load at c.
@@ -70,7 +70,7 @@ def test_gap_and_load_scale_each_other(curve):
     assert by_gap.states[other] == pytest.approx(0.8 * by_load.states[one], rel=1e-5)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_damping(curve):
     fold = of_kind(curve, "fold")[0]
     line = sb.locus(curve, fold, 1.0, 1.2, parameter="damping")

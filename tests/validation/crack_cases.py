@@ -235,6 +235,7 @@ def cracks_at_a_hole_again() -> Iterator[Row]:
     "E = 210 GPa, nu = 0.3, rho = 8000, plane strain, sides on rollers; closed form until 3 t_c = 6 m / "
     "c_d. The "
     "unreduced model, means over 0.2 t_c.",
+    long=True,
 )
 def step_wave() -> Iterator[Row]:
     material = sb.Material(210e9, 0.3, 8000, plane="strain")

@@ -109,6 +109,7 @@ def rod_on_a_wall() -> Iterator[Row]:
     "code_aster SDNL111: rods of 1 m and 4e-4 m2, E = 2e11 Pa, rho = 7800 kg/m3, nu = 0; one at -1 m/s onto "
     "one that "
     "is clamped: one-dimensional waves. A plate of 2 x 0.02 m with a crack through it, on very soft springs.",
+    long=True,
 )
 def two_rods() -> Iterator[Row]:
     height, section = 0.02, 4e-4
