@@ -29,6 +29,7 @@ def main():
     own = parser.parse()  # PETSc starts with the rest of the command line
     import sbfem_petsc as sb
     from examples.tables import hole as tables
+    from examples.tables.harmonics import write
     from meshing import Beam, Hole, VNotch
     from sbfem_petsc.plot import plot_discretisation, save_pictures
 
@@ -36,7 +37,7 @@ def main():
     hole, notch = Hole(x=0.065, y=0.0025, diameter=0.0025), VNotch(x=0.080, depth=0.0015, opening=0.0458366)
     material = sb.Material(young=70e9, poisson=0.33, density=2700)
     refined = {"order": own.order, "grading": own.grading, "tip_size": own.tip_size}
-    orbits, first, load = {}, {}, sb.PointForce("A", fy=own.force)
+    orbits, first, steps, load = {}, {}, {"steps": own.steps}, sb.PointForce("A", fy=own.force)
     for name, notches, choice in (("healthy", [], {"order": own.order}), ("cracked", [notch], refined)):
         beam = Beam(length=0.400, height=0.005, holes=[hole], notches=notches)
         mesh = sb.on_root(comm, partial(beam.mesh, **choice))
@@ -44,12 +45,10 @@ def main():
         first[name] = sb.modal(model, 1).frequencies[0]
         out.print(f"{name}: {model}, f1 {first[name]:.4f} Hz")
         if notches:
-            orbits["without contact"] = sb.periodic(
-                model, load, own.frequency, steps=own.steps, contact=False
-            )
-        orbits[name] = sb.periodic(model, load, own.frequency, steps=own.steps)
+            orbits["without contact"] = sb.periodic(model, load, own.frequency, contact=False, **steps)
+        orbits[name] = sb.periodic(model, load, own.frequency, **steps)
     tables.print_tables(out, orbits, first, own)
-    sb.on_root(comm, partial(tables.write, folder, own.frequency, orbits))
+    sb.on_root(comm, partial(write, folder, own.frequency, orbits))
     if not own.no_pictures:
         save_pictures(folder, figure_12=plot_discretisation(mesh, comm=comm))
         tables.pictures(folder, comm, orbits, own)

@@ -405,3 +405,9 @@ class TestDetectionProbability:
     def test_bad_input(self, arguments, sentence):
         with pytest.raises(ValueError, match=sentence):
             detection_probability(*arguments)
+
+
+@pytest.mark.parametrize("ratio", [harmonic_ratios, beta, gamma])
+def test_masked_harmonics_are_refused(ratio):
+    with pytest.raises(ValueError, match="c has masked entries"):
+        ratio(np.ma.array([0.0, 1.0, 9.0, 9.0], mask=[False, False, True, False]))

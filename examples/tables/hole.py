@@ -3,7 +3,7 @@
 from sbfem_petsc.results.harmonics import harmonics_table
 
 from . import harmonics
-from .harmonics import COUNT, told, write  # noqa: F401 - hole.py writes as harmonics.py does
+from .harmonics import COUNT, told
 
 
 def print_tables(out, orbits, first, own):

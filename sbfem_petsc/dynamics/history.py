@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import names_of, real
-from ..errors import UnknownName
+from ..checks import names_of, real, shown
+from ..errors import SolveError, UnknownName, on_all_ranks
+from ..system.model import Model
 from ..system.sampling import Field
 from ..writing import write_table
 from .energy import Energy
@@ -143,3 +144,24 @@ class History(Motion):
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
             f"{np.abs(self.energy.balance).max():.2e} J)"
         )
+
+
+def model_with_fields(owner: str, motion: object) -> Model:
+    """The model whose fields a motion keeps.
+
+    Raises
+    ------
+    TypeError, SolveError
+        On all ranks: for something else than a motion, and for one without fields.
+    """
+    if not isinstance(motion, Motion):
+        raise on_all_ranks(TypeError(f"{owner}: motion = {shown(motion)} is neither a History nor an Orbit"))
+    model = None if motion.reduced is None else motion.reduced.model
+    if model is None:
+        raise on_all_ranks(
+            SolveError(
+                f"{owner}: the motion keeps no fields, being that of an unreduced model, of matrices, or "
+                "read from a file; give one that transient or periodic has just made of a Model"
+            )
+        )
+    return model

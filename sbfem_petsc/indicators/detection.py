@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.stats import chi2, ncx2
 
-from ..checks import positive, real, real_array, refuse_masked, shown
-from .record import checked_record
+from ..checks import positive, real, real_array
+from .record import checked_record, numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,13 +101,7 @@ def detection_probability(values, noise: float, false_alarm: float = 0.01) -> np
         For values that are not finite or have no last axis, noise or a probability out of range.
     """
     owner = "detection_probability"
-    refuse_masked(owner, "values", values)
-    try:
-        array = np.asarray(values)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
-    if array.dtype.kind not in "iufc":
-        raise TypeError(f"{owner}: values = {shown(values)} must be an array of real or complex numbers")
+    array = numbers(owner, "values", values, "an array of real or complex numbers")
     if array.ndim < 1 or array.shape[-1] < 1:
         raise ValueError(
             f"{owner}: values of shape {array.shape} were given; indicators stand in a last axis"

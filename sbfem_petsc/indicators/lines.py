@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import get_window
 
-from ..checks import integer, positive, shown
-from .record import COHERENT, checked_record, checked_tones, coherent_length
+from ..checks import integer, positive
+from .record import COHERENT, checked_record, checked_tones, coherent_length, numbers
 
 # Rows of the fit that are held in memory at a time.
 SLAB = 16384
@@ -111,13 +111,7 @@ def harmonics(time, values, frequency: float, count: int = 20) -> np.ndarray:
 
 def _amplitudes(owner: str, c, least: int) -> np.ndarray:
     """|c_k| of the last axis."""
-    try:
-        array = np.asarray(c)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
-    if array.dtype.kind not in "iufc":
-        raise TypeError(f"{owner}: c = {shown(c)} must be an array of harmonics, complex or real numbers")
-    amplitude = np.abs(array)
+    amplitude = np.abs(numbers(owner, "c", c, "an array of harmonics, complex or real numbers"))
     if amplitude.ndim < 1 or amplitude.shape[-1] <= least:
         raise ValueError(
             f"{owner}: harmonics of shape {amplitude.shape} were given; c_0 to c_{least} are needed along "

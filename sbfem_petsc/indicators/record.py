@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from ..checks import real_array, shown
+from ..checks import real_array, refuse_masked, shown
 
 # A record is coherent with a tone if it holds whole periods of it to this fraction of a period.
 COHERENT = 1e-6
@@ -65,7 +65,20 @@ def checked_tones(owner: str, frequencies, step: float, zero: bool = False) -> n
     return tones
 
 
+def numbers(owner: str, name: str, value, wanted: str) -> np.ndarray:
+    """An array of real or complex numbers; a TypeError that names what is `wanted` otherwise."""
+    refuse_masked(owner, name, value)
+    try:
+        array = np.asarray(value)
+    except ValueError:  # rows of different lengths
+        array = np.asarray(None)
+    if array.dtype.kind not in "iufc":
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be {wanted}")
+    return array
+
+
 def off(cycles: np.ndarray) -> np.ndarray:
+    """How far numbers of cycles are from whole ones."""
     return np.abs(cycles - np.round(cycles))
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
 from ..checks import integer, real, shown
-from ..dynamics.history import Motion
+from ..dynamics.history import Motion, model_with_fields
 from ..dynamics.orbit import Orbit
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError
 from ..parallel import collective, on_root
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
@@ -68,18 +68,7 @@ def animate_crack(
     SolveError
         If the motion keeps no fields, or, for an MP4, if there is no ffmpeg.
     """
-    if not isinstance(motion, Motion):
-        raise on_all_ranks(
-            TypeError(f"animate_crack: motion = {shown(motion)} is neither a History nor an Orbit")
-        )
-    model = None if motion.reduced is None else motion.reduced.model
-    if model is None:
-        raise on_all_ranks(
-            SolveError(
-                "animate_crack: the motion keeps no fields, being that of an unreduced model, of "
-                "matrices, or read from a file; give one that transient or periodic has just made of a Model"
-            )
-        )
+    model = model_with_fields("animate_crack", motion)
     with collective(model.comm):
         integer("animate_crack", "frames", frames, least=2, most=1000)
         real("animate_crack", "seconds", seconds, "s", least=0.1, most=600.0)
@@ -141,8 +130,9 @@ def _pair(between: Any) -> tuple[float, float]:
 def _writer(path: Any, rate: float) -> AbstractMovieWriter:
     """Who writes a file of this ending."""
     ending = os.path.splitext(destination(path, "animation"))[1].lower()
+    frames_a_second: Any = rate  # any number, though the writers' annotations know whole ones alone
     if ending == ".gif":
-        return PillowWriter(fps=rate)  # type: ignore[arg-type]
+        return PillowWriter(fps=frames_a_second)
     if ending != ".mp4":
         raise ValueError(f"animation {os.fspath(path)!r} must end in .gif or .mp4")
     if not FFMpegWriter.isAvailable():
@@ -150,7 +140,7 @@ def _writer(path: Any, rate: float) -> AbstractMovieWriter:
             f"animation {os.fspath(path)!r} needs the program ffmpeg, which is not on PATH; install it, or "
             "write a .gif"
         )
-    return FFMpegWriter(fps=rate)  # type: ignore[arg-type]
+    return FFMpegWriter(fps=frames_a_second)
 
 
 class _Film:

@@ -258,6 +258,7 @@ def _area_quantile(region: Region, values: np.ndarray, inside: np.ndarray, share
 
 
 def plain(value: float) -> str:
+    """A factor in a title: whole from 1 on."""
     return f"{value:,.0f}" if value >= 1.0 else f"{value:.3g}"
 
 

@@ -17,6 +17,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from ..checks import shown
 from ..writing import destination, replaced
 
 # Okabe and Ito's palette: told apart by colour-blind readers.
@@ -110,7 +111,13 @@ def style(axes) -> None:
 
 def by_name(subjects: Subject | Mapping[str, Subject], kind: type[Subject]) -> Mapping[str, Subject]:
     """What is to be drawn by its names in the legend; one alone has none."""
-    return {"": subjects} if isinstance(subjects, kind) else subjects  # type: ignore[return-value]
+    if isinstance(subjects, kind):
+        return {"": subjects}
+    if not isinstance(subjects, Mapping):
+        raise TypeError(
+            f"{shown(subjects)} cannot be drawn; give one {kind.__name__}, or a dict of them by name"
+        )
+    return subjects
 
 
 def stems(axes: Axes, x, heights, *, floor: float, number: int, name: str, size: float = 4.0) -> None:

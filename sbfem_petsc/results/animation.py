@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, integer, path, real_array, shown, text
-from ..dynamics.history import Motion
-from ..errors import SolveError, on_all_ranks
+from ..checks import flag, integer, path, real_array, text
+from ..dynamics.history import Motion, model_with_fields
 from ..parallel import collective
 from .hdf5 import check_output_folder
 from .vtu import write_vtu, write_xml
@@ -56,18 +55,7 @@ def write_animation(
     SolveError
         If the motion keeps no fields: that of an unreduced model, of matrices, or read from a file.
     """
-    if not isinstance(motion, Motion):
-        raise on_all_ranks(
-            TypeError(f"write_animation: motion = {shown(motion)} is neither a History nor an Orbit")
-        )
-    model = None if motion.reduced is None else motion.reduced.model
-    if model is None:
-        raise on_all_ranks(
-            SolveError(
-                "write_animation: the motion keeps no fields, being that of an unreduced model, of "
-                "matrices, or read from a file; give one that transient or periodic has just made of a Model"
-            )
-        )
+    model = model_with_fields("write_animation", motion)
     with collective(model.comm):
         instants = _instants(motion.time, times, every)
         text("write_animation", "name", name)

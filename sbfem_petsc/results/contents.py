@@ -21,6 +21,7 @@ from .gather import global_size, stream
 
 
 def write_head(file: h5py.File) -> None:
+    """When, with which versions and with which PETSc options the file is made."""
     file.attrs["created"] = datetime.datetime.now(datetime.timezone.utc).isoformat(timespec="seconds")
     try:
         own = metadata.version("sbfem-petsc")
@@ -44,6 +45,7 @@ def write_head(file: h5py.File) -> None:
 
 
 def write_inputs(group: h5py.Group, model: Model) -> None:
+    """What a model was made with: damping, materials, supports."""
     put(group, "thickness", model.thickness, "m", "thickness of the structure")
     put(group, "damping", model.damping, "1", "modal damping ratio of dynamic analyses")
     put(group, "rayleigh", model.rayleigh, "1/s, s", "factors a, b of the damping a M + b K beside it")
@@ -156,6 +158,7 @@ def write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str) 
 
 
 def write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str) -> None:
+    """Frequencies and mode shapes. Collective."""
     model, count = modal.model, len(modal.frequencies)
     nodes = global_size(comm, model.part.nodes)
     shapes: Any = None
@@ -195,6 +198,7 @@ def write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str)
 
 
 def write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Static, load, path: str) -> None:
+    """A static solution under the name of its load. Collective."""
     model = result.model
     group = None
     exponents = dict(zip(model.tips.names, model.tips.exponents))

@@ -46,12 +46,14 @@ def written(comm: MPI.Comm, path: str):
 def declare(
     group: h5py.Group, name: str, shape: tuple, kind, unit: str, description: str, **layout
 ) -> h5py.Dataset:
+    """A dataset with its unit and description, still without values."""
     dataset = group.create_dataset(name, shape=shape, dtype=kind, **(layout if 0 not in shape else {}))
     dataset.attrs["unit"], dataset.attrs["description"] = unit, description
     return dataset
 
 
 def put(group: h5py.Group, name: str, values, unit: str, description: str) -> None:
+    """A dataset with its values, unit and description."""
     values = np.asarray(values)
     declare(group, name, values.shape, values.dtype, unit, description)[...] = values
 

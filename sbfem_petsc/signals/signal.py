@@ -95,6 +95,7 @@ class Signal:
 
 
 def not_negative(owner: str, name: str, value: Any, unit: str = "") -> float:
+    """A real number that is not negative; TypeError or ValueError otherwise."""
     return real(owner, name, value, unit, least=0.0)
 
 

@@ -231,3 +231,8 @@ def test_bad_requests(curves, orbits):
         plot_orbit(orbits["open"], "two", pairs={"mouth": 3})
     with pytest.raises(ValueError, match="there are no multipliers"):
         plot_multipliers(curves["no stop"])
+
+
+def test_what_cannot_be_drawn():
+    with pytest.raises(TypeError, match="5 cannot be drawn; give one Branch"):
+        plot_branches(5, "A")
