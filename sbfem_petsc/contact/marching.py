@@ -14,13 +14,47 @@ from __future__ import annotations
 import numpy as np
 from scipy import linalg
 
-from .compiled import compiled
+from .compiled import compiled, compiled_sums
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
 PATIENCE = 5
+# Numbers that a loop takes at a time at most: four vector registers of four.
+WHOLE = 16
 # Singular values of C below this share of the largest are those of rounding.
 ROUND_OFF = 1e-12
+
+
+@compiled_sums
+def products(rows, vector, count, width, result):
+    """The first `count` rows, as far as `width`, times a vector."""
+    for k in range(count):
+        total = 0.0
+        for i in range(width):
+            total += rows[k, i] * vector[i]
+        result[k] = total
+
+
+@compiled
+def add_rows(rows, chosen, factors, count, width, result):
+    """Add `count` chosen rows as far as `width`, each times its factor: four at a time, so that the result is
+    read and written less often.
+    """
+    for k in range(0, count - 3, 4):
+        one, two, three, four = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+        first, second, third, fourth = chosen[k], chosen[k + 1], chosen[k + 2], chosen[k + 3]
+        for i in range(width):
+            result[i] = (
+                result[i]
+                + one * rows[first, i]
+                + two * rows[second, i]
+                + three * rows[third, i]
+                + four * rows[fourth, i]
+            )
+    for k in range(count - count % 4, count):
+        one, first = factors[k], chosen[k]
+        for i in range(width):
+            result[i] += one * rows[first, i]
 
 
 @compiled
@@ -28,13 +62,14 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
     """Solve 0 <= force _|_ W force + gap >= 0, and W force + gap = 0 in tied rows, by block principal
     pivoting from the active set of the step before, which holds the tied rows.
 
-    `active` and the Cholesky factor of W over its `members`, mirrored above the diagonal, are kept between
-    steps; rows that join stand behind the others, so that those before the first one that leaves stay as they
-    are. members (n + 1,) ends with their number, -1 where nothing is factorised. Returns the exchanges of the
-    active set, -1 if the iteration did not end or W is not definite.
+    `active` and L^-1, where W = L L^T over its `members`, are kept between steps; rows that join stand behind
+    the others, so that those before the first one that leaves stay as they are. The inverse is applied
+    without waiting for one unknown to find the next. members (n + 1,) ends with their number, -1 where
+    nothing is factorised. Returns the exchanges of the active set, -1 if the iteration did not end or W is
+    not definite.
     """
     n = gap.size
-    solved, free = np.empty(n), np.empty(n)
+    solved, free, every = np.empty(n), np.empty(n), np.arange(n)
     count = members[n]
     kept = count
     if count < 0:
@@ -45,39 +80,40 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
                 count += 1
     best, patience, exchange = n + 1, PATIENCE, 0
     while exchange < 100 + 20 * n:
+        # loops over whole vector registers: what stands beyond `count` is zero
+        width = min(n, (count + WHOLE - 1) // WHOLE * WHOLE)
         for i in range(kept, count):
-            for j in range(i + 1):
-                factor[i, j] = flexibility[members[i], members[j]]
-            for j in range(i):
-                entry = factor[i, j] / factor[j, j]
-                factor[i, j] = entry
-                factor[j, i] = entry
-                for k in range(j + 1, i + 1):
-                    factor[i, k] -= entry * factor[j, k]
-            if not factor[i, i] > 0.0:
+            row = members[i]
+            for k in range(i):
+                free[k] = flexibility[row, members[k]]
+            for k in range(n):
+                factor[i, k] = 0.0
+            products(factor, free, i, i, solved)
+            left = flexibility[row, row]
+            for k in range(i):
+                left -= solved[k] ** 2
+            if not left > 0.0:
                 members[n] = -1
                 return -1
-            factor[i, i] = np.sqrt(factor[i, i])
+            scale = 1.0 / np.sqrt(left)
+            for k in range(i):
+                solved[k] *= -scale
+            add_rows(factor, every, solved, i, i, factor[i])
+            factor[i, i] = scale
         for i in range(count):
-            solved[i] = -gap[members[i]]
-        for k in range(count):
-            entry = solved[k] / factor[k, k]
-            solved[k] = entry
-            for i in range(k + 1, count):
-                solved[i] -= entry * factor[k, i]
-        for k in range(count - 1, -1, -1):
-            entry = solved[k] / factor[k, k]
-            solved[k] = entry
-            for i in range(k):
-                solved[i] -= entry * factor[k, i]
+            free[i] = -gap[members[i]]
+        for i in range(count, width):
+            free[i] = 0.0
+        for i in range(width):
+            solved[i] = 0.0
+        products(factor, free, count, width, force)
+        add_rows(factor, every, force, count, width, solved)
         for i in range(n):
             force[i] = 0.0
             free[i] = gap[i]
         for k in range(count):
-            entry = solved[k]
-            force[members[k]] = entry
-            for i in range(n):
-                free[i] += entry * flexibility[members[k], i]
+            force[members[k]] = solved[k]
+        add_rows(flexibility, members, solved, count, n, free)
         # an exchange of all rows with a wrong sign; `last` is what a single one would exchange
         infeasible, last = 0, -1
         for i in range(n):
@@ -167,7 +203,7 @@ def march(
         Steps done (fewer than n: a contact problem was not solved) and exchanges of active sets in all.
     """
     left, right = factors
-    arrays = (coefficients, left.T, right, right.T, flexibility, tied, external, free_gap)
+    arrays = (coefficients, left.T, right.T, flexibility, tied, external, free_gap)
     loaded = bool(external.any())
     steps, exchanges = _march(*map(np.ascontiguousarray, arrays), loaded, *state, *history)
     return steps, exchanges
@@ -177,7 +213,6 @@ def march(
 def _march(
     coefficients,
     left_rows,
-    right,
     right_rows,
     flexibility,
     tied,
@@ -192,11 +227,11 @@ def _march(
     velocities,
     forces,
 ):
-    # both layouts of V: the long index last where it is the inner one
     steps, m = states.shape
     rank, pairs = left_rows.shape
     factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
     members[pairs] = -1
+    every = np.arange(rank)
     gap, thin, pull = np.empty(pairs), np.empty(rank), np.empty(m)
     exchanges, pulled = 0, True
     for step in range(-1, steps):
@@ -212,16 +247,10 @@ def _march(
                     before, following = external[step, j], external[step + 1, j]
                     q[j] += coefficients[2, j] * before + coefficients[3, j] * following
                     v[j] += coefficients[7, j] * before + coefficients[8, j] * following
-            for k in range(rank):
-                thin[k] = 0.0
-            for j in range(m):
-                for k in range(rank):
-                    thin[k] += right[j, k] * q[j]
+            products(right_rows, q, rank, m, thin)
             for i in range(pairs):
                 gap[i] = free_gap[step + 1, i]
-            for k in range(rank):
-                for i in range(pairs):
-                    gap[i] += left_rows[k, i] * thin[k]
+            add_rows(left_rows, every, thin, rank, pairs, gap)
             pulled = members[pairs] != 0
             for i in range(pairs):
                 pulled |= gap[i] < 0.0
@@ -232,14 +261,10 @@ def _march(
                 exchanges += exchange
         if pulled:
             # modal forces of contact; before the first step those of the state that is given
+            products(left_rows, force, rank, pairs, thin)
             for j in range(m):
                 pull[j] = 0.0
-            for k in range(rank):
-                total = 0.0
-                for i in range(pairs):
-                    total += left_rows[k, i] * force[i]
-                for j in range(m):
-                    pull[j] += right_rows[k, j] * total
+            add_rows(right_rows, every, thin, rank, m, pull)
             if step >= 0:
                 for j in range(m):
                     q[j] += coefficients[4, j] * pull[j]

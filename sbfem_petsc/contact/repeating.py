@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .compiled import compiled
-from .marching import _march, contact_forces
+from .marching import _march, add_rows, contact_forces, products
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1
@@ -58,7 +58,7 @@ def settle(
         periods done; periods after which the motion repeats itself, 0 unless it does.
     """
     left, right = factors
-    arrays = (coefficients, left.T, right, right.T, *flexibilities, tied, free_gap)
+    arrays = (coefficients, left.T, right.T, *flexibilities, tied, free_gap)
     return _settle(
         *map(np.ascontiguousarray, arrays),
         np.zeros((1, 1)),
@@ -75,7 +75,6 @@ def settle(
 def _settle(
     coefficients,
     left_rows,
-    right,
     right_rows,
     flexibility,
     residual,
@@ -95,6 +94,7 @@ def _settle(
     m, rank, kept = q.size, left_rows.shape[0], recent.shape[0]
     states, velocities, forces = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs))
     gap, force, active = np.empty(pairs), np.zeros(pairs), np.zeros(pairs, dtype=np.bool_)
+    thin, every = np.empty(rank), np.arange(rank)
     factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
     loaded = unloaded[0, 0] != 0.0  # no literal, for which the steps would be compiled once more
     for done in range(limit + 1):
@@ -119,10 +119,10 @@ def _settle(
         touches = False
         for i in range(pairs):
             gap[i] = free_gap[0, i]
-            for k in range(rank):
-                for j in range(m):
-                    gap[i] += left_rows[k, i] * right[j, k] * q[j]
             force[i] = 0.0
+        products(right_rows, q, rank, m, thin)
+        add_rows(left_rows, every, thin, rank, pairs, gap)
+        for i in range(pairs):
             active[i] = tied[i] or gap[i] < 0.0
             touches |= active[i]
         if touches:
@@ -132,7 +132,6 @@ def _settle(
         reached, _ = _march(
             coefficients,
             left_rows,
-            right,
             right_rows,
             flexibility,
             tied,

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import functools
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -33,8 +35,8 @@ class Orbit(Motion):
     multipliers : (k,) complex array
         Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for,
         and for an unreduced model.
-    multiplier_error : float
-        Uncertainty of their largest modulus: its change with the time grid moved by half a step.
+    uncertainty : float or callable
+        `multiplier_error`, or what computes it when it is first asked for.
     state : (2 m,) array
         (Omega q, q') at t = 0; empty for an unreduced model.
     residuals : tuple of float
@@ -55,7 +57,7 @@ class Orbit(Motion):
     path: str
     state: np.ndarray = field(default_factory=lambda: np.zeros(0))
     multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
-    multiplier_error: float = math.nan
+    uncertainty: float | Callable[[], float] = field(default=math.nan, compare=False)
     products: int = 0
     converged: bool = True
     step_error: float = math.nan
@@ -70,16 +72,23 @@ class Orbit(Motion):
         """s."""
         return self.periods / self.frequency
 
+    @functools.cached_property
+    def multiplier_error(self) -> float:
+        """Uncertainty of the largest modulus of the multipliers: its change with the time grid moved by half
+        a step. It takes as long as the multipliers themselves, so it is computed when it is first asked for;
+        the verdict of a motion with all multipliers inside the unit circle does without.
+        """
+        return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
+
     @property
     def stable(self) -> bool | None:
         """Whether small disturbances die out: no multiplier outside the unit circle, by more than the
         uncertainty; None if the multipliers were not asked for.
         """
-        return (
-            bool(np.abs(self.multipliers[0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR))
-            if len(self.multipliers)
-            else None
-        )
+        if not len(self.multipliers):
+            return None
+        largest = np.abs(self.multipliers[0])
+        return bool(largest <= 1.0 or largest <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR))
 
     def spectrum(self, point: Point, direction: str = "y") -> np.ndarray:
         """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
@@ -117,10 +126,10 @@ class Orbit(Motion):
 
 def orbit_stability(
     period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
-) -> tuple[np.ndarray, float]:
-    """Multipliers of an orbit and the uncertainty of the largest modulus."""
+) -> tuple[np.ndarray, Callable[[], float]]:
+    """Multipliers of an orbit, and what computes the uncertainty of the largest modulus."""
     found = multipliers(fixed.driven, fixed.motion)
-    return found.values, multiplier_error(period, fixed, frequency, found, factor)
+    return found.values, functools.partial(multiplier_error, period, fixed, frequency, found, factor)
 
 
 def multiplier_error(
@@ -164,7 +173,9 @@ def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray
     ).real + motion.velocities
 
 
-def make_orbit(fixed: FixedPoint, values: np.ndarray, uncertainty: float, path: str) -> Orbit:
+def make_orbit(
+    fixed: FixedPoint, values: np.ndarray, uncertainty: float | Callable[[], float], path: str
+) -> Orbit:
     """An `Orbit` from a fixed point."""
     driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
     q, v = modal_motion(driven, motion)

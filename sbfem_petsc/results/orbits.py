@@ -85,7 +85,9 @@ def read_orbit(path: str) -> Orbit:
         own = {name: file[name][()] for name in _OWN}
         numbers = {name: kind(file.attrs[name]) for name, kind in _NUMBERS.items()}
         residuals = tuple(own.pop("residuals").tolist())
-        return Orbit(states=_read_states(file["states"]), residuals=residuals, **own, **numbers)
+        uncertainty = numbers.pop("multiplier_error")
+        states = _read_states(file["states"])
+        return Orbit(states=states, residuals=residuals, uncertainty=uncertainty, **own, **numbers)
 
 
 def _write_states(group: h5py.Group, states: ModalStates | SampledStates) -> None:

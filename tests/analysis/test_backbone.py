@@ -64,6 +64,7 @@ def test_one_mass_with_a_stop():
     assert motion.displacement("x")[:, 1].min() == pytest.approx(-(STOP * GAP + root) / both, rel=2e-5)
 
 
+@pytest.mark.slow
 def test_downwards_and_from_within():
     """From 1 J, where the stop is at work, down: the same curve."""
     found = sb.backbone(one_mass(), 1, 1.0, 1e-4, steps=2048)
@@ -71,6 +72,7 @@ def test_downwards_and_from_within():
     assert found.frequency == pytest.approx([exact(energy) for energy in found.energy], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_damping_of_one_mass():
     """A damper c on one mass takes c v^2 whatever the motion: the self-excitation is c / m at every energy,
     the frequency that without damping, the ratio 0.01 f1 / f.
@@ -81,6 +83,7 @@ def test_damping_of_one_mass():
     assert found.damping_ratio == pytest.approx(0.01 * own / found.frequency, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_resonance_peak_is_on_it():
     """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio
@@ -125,6 +128,7 @@ def test_second_mode_of_two_masses():
     assert (np.diff(rising) > 0.0).all() and rising[-1] > 1.05 * linear
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_a_motion_of_two_masses_repeats():
     """A free history from a point of the branch, by `transient`, returns after each of ten periods, and its
@@ -192,6 +196,7 @@ def opened():
     return beam(0.0458366, 0.005)
 
 
+@pytest.mark.slow
 def test_open_crack(opened):
     """Mode 5: the open beam's frequency until the faces meet, then rising to that of the closed crack."""
     found = sb.backbone(opened, 5, 1e-4, 20.0, refine=False)
@@ -204,6 +209,7 @@ def test_open_crack(opened):
     assert found.stable[0] and np.abs(found.multipliers[0]) == pytest.approx(1.0, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_damping_of_an_open_crack(opened):
     """Mode 1: the ratio is the modal one until the faces meet and falls as the motion shares its energy with
     higher modes; the frequency rises towards that of the closed crack.

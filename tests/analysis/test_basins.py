@@ -67,6 +67,7 @@ def touches(q, v, periods=50):
     return found.y[:n].max(axis=1) > 1.0
 
 
+@pytest.mark.slow
 def test_verdicts_of_an_independent_integration(grid):
     """20 of the states, every fourteenth."""
     chosen = np.arange(20) * 14 + 3
@@ -77,6 +78,7 @@ def test_verdicts_of_an_independent_integration(grid):
     assert grid.share.sum() == 1.0
 
 
+@pytest.mark.slow
 def test_the_unstable_orbit_is_on_the_boundary(orbits, grid):
     """A ten thousandth to either side of it histories part; from itself they stay; the orbits that the grid
     has found are those of the branch.

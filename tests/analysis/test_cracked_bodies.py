@@ -97,6 +97,7 @@ GMSH_CRACKS = {
 GMSH_TIPS = {"arc": ["c"], "spline": ["c:1", "c:2"], "branching": ["c:1", "c:2"]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", GMSH_CRACKS)
 def test_uniform_compression_of_gmsh_models(tmp_path, name):
     path = tmp_path / "model.geo"
@@ -129,6 +130,7 @@ def test_edge_crack_of_the_test_book():
     assert pulled(plate).stress_intensity["crack1"][0] == pytest.approx(21.491, rel=5e-3)
 
 
+@pytest.mark.slow
 def test_inclined_crack_in_a_wide_plate():
     """Half-length 1, 37 degrees off the horizontal: sqrt(pi) cos^2 and sqrt(pi) sin cos in an infinite plate.
 
@@ -191,6 +193,7 @@ def test_notch_from_the_bottom_edge():
     assert results[2][7] == pytest.approx(results[0][7], rel=1e-3)
 
 
+@pytest.mark.slow
 def test_cracks_in_a_beam():
     """A closed crack drawn as a line is the notch without opening."""
     notch = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)])

@@ -177,6 +177,7 @@ def short():
     return sb.Model(Beam(0.05, 0.005, (VNotch(0.02, 0.0025, 0.0458366),)).mesh(order=4), ALUMINIUM)
 
 
+@pytest.mark.slow
 def test_a_model_is_its_own_first_level(short):
     found = sb.estimate(short, modes(3), accuracy=1e-2)
     assert found.levels[0].mesh["order"] == 4 and found.levels[1].mesh["order"] == 6
@@ -225,6 +226,7 @@ def test_free_structures_and_meshes_from_files(tmp_path):
         sb.modal(read, 3, accuracy=1e-3)
 
 
+@pytest.mark.slow
 def test_contact_that_no_form_carries():
     """1 N on the paper's beam: the faces touch over 0.2 um of the tip's 50, under 1.85 N; with a tip element
     of 10 nm they are seen.

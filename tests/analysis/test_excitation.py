@@ -96,6 +96,7 @@ def test_one_oscillator_through_resonance():
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("backwards", [False, True])
 def test_frequency_response_without_contact(backwards):
     """Every point against the closed form, with a preload; the resonances are among the points that are

@@ -154,6 +154,7 @@ def exact_period(state, omega, force=0.1):
     return state, whole
 
 
+@pytest.mark.slow
 def test_multipliers_by_another_integrator():
     """A motion that closes and opens the stop once: the multipliers' moduli are those of the exact motion, to
     second order in the step, since switches are located inside their steps.

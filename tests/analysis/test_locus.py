@@ -56,6 +56,7 @@ def test_ends_stand_on_curves_of_one_parameter(curve, factor):
             assert np.abs(np.array(found) / frequency - 1.0).min() < (1e-4 if kind == "fold" else 2e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_gap_and_load_scale_each_other(curve):
     """All gaps times c under all loads times c: the same motion times c, so that the locus over the gap at
@@ -70,6 +71,7 @@ def test_gap_and_load_scale_each_other(curve):
     assert by_gap.states[other] == pytest.approx(0.8 * by_load.states[one], rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_damping(curve):
     fold = of_kind(curve, "fold")[0]
@@ -130,6 +132,7 @@ def with_stops():
     return sb.frequency_response(system, 0.35, 0.8 / TURN, 1.5 / TURN, steps=512)
 
 
+@pytest.mark.slow
 def test_grazing_of_an_open_stop_in_closed_form(with_stops):
     """Where the linear motion's amplitude is the gap: force |H| = gap, over load, gap and damping."""
 

@@ -15,6 +15,7 @@ def largest_error(found, case, count):
     return np.abs(found.frequencies[:count] / frequencies(case)[:count] - 1.0).max()
 
 
+@pytest.mark.slow
 def test_paper_case_by_default():
     """Order 5, continued_fraction=1, at most 2,000 boundary unknowns: 1e-4 is asked for, 1.1e-5 is what the
     default mesh gives. It has 2,034, of which 180 are for the contact front's harmonics: frequencies need
@@ -26,6 +27,7 @@ def test_paper_case_by_default():
     assert model.boundary_unknowns <= 2000
 
 
+@pytest.mark.slow
 def test_paper_case_at_its_best():
     """At most 5,000 boundary unknowns of any order: 1e-5 is asked for; the reference itself is good to
     1e-6.
@@ -75,6 +77,7 @@ def test_case_q():
     assert largest_error(sb.modal(model, 46), "crack80", 46) < 1.5e-5
 
 
+@pytest.mark.slow
 def test_band_equals_count():
     """A band returns the modes that counting returns there."""
     model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
@@ -92,6 +95,7 @@ def test_free_structure_has_three_rigid_modes():
     assert found.frequencies[3] > 100.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance, moved", [(1e-4, 3e-7), (1e-5, 6e-8)])
 def test_auxiliary_projection(tolerance, moved):
     """Leaving out auxiliary unknowns that the band does not need moves the frequencies by no more than
@@ -237,6 +241,7 @@ def test_rigid_modes_alone(count):
     assert held[0] < 1e-2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slenderness, tolerance", [(300, 1e-4), (1000, 5e-4)])
 def test_very_slender_beams(slenderness, tolerance):
     """Round-off in K is no reason to refuse: f1 is Euler's within what the condition number leaves."""

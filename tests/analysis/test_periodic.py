@@ -81,6 +81,7 @@ def test_bilinear_oscillator_at_its_resonance(ratio, mean, second, third, dampin
     assert np.all(np.diff(np.abs(np.diff(second_harmonics))) < 0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.9, 0.5])
 def test_bilinear_peak_frequency(ratio):
     """The response's peak is at 2 w1 w2 / (w1 + w2): 1 % is asked for, 1e-4 is met with damping of 2 % and of
@@ -138,6 +139,7 @@ def test_second_order_in_the_step():
 # ---------------------------------------------------------------- the notched beam
 
 
+@pytest.mark.slow
 def test_harmonics_of_the_beam(case_q):
     """3 kHz, 300 N: mean, second to fourth harmonic of a converged prototype (85 pairs, 2048 steps) within 3
     %; 1.3 % is met with 26 pairs and 512 steps.
@@ -149,6 +151,7 @@ def test_harmonics_of_the_beam(case_q):
     assert (orbit.contact_force >= 0).all() and orbit.gap.min() > -1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [433.0, 3000.0, 20140.0])
 def test_newton_iterations(case_q, frequency):
     """At most 6 to 1e-10; the last one goes from the step at which the contact sets stop changing to
@@ -189,6 +192,7 @@ def test_one_newton_is_linear(case_q):
         )
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_steps_modes_and_pairs(case_q):
     """512 steps are within 4e-6 of 8192, 40 and 80 modes within 5e-5 and 5e-6 of 160."""
@@ -209,6 +213,7 @@ def test_steps_modes_and_pairs(case_q):
     assert far[0] < 5e-5 and far[1] < 5e-6
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_mean_converges_with_the_mesh(case_q):
     """The mean, most sensitive to contact near the tip: the default mesh is within 1e-3 of one of order 8
@@ -234,6 +239,7 @@ def one_period(history, steps):
     return found[:7]
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_a_history_stays_on_the_orbit(case_p):
     """100 periods of `transient` from the orbit's state: harmonics 0-6 within 1e-4 of the first; what differs
@@ -289,6 +295,7 @@ def test_rest_leads_to_the_orbit():
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [433.0, 3000.0])
 def test_dense_matrix_free_and_differences(case_p, frequency):
     """One orbit, three ways: 1e-8 is asked for; Newton's tolerance is 1e-10."""
@@ -523,6 +530,7 @@ def test_numbers_of_all_kinds_are_amplitudes(amplitude):
     )
 
 
+@pytest.mark.slow
 def test_a_ramp_past_a_corner():
     """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it
     where a stiff stop is met and the branch turns back.
@@ -549,6 +557,7 @@ def test_forces_of_all_kinds_are_amplitudes(case_p, number):
     )
 
 
+@pytest.mark.slow
 def test_orbits_of_other_models_are_refused(case_p):
     """A state has a meaning in its own model's modes alone: another material, damping, load places or number
     of modes cannot pass.

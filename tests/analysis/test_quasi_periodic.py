@@ -35,6 +35,7 @@ def found(beam):
     return sb.quasi_periodic(beam, two_tones(), (PROBE, PUMP), modes=30, steps=STEPS)
 
 
+@pytest.mark.slow
 def test_lines_of_a_history(found):
     """Lines of u_A in a history of 0.8 s by a separate program, which had not quite settled: main tones
     within 3e-4, first sidebands 3e-3, second ones 2 %.
@@ -78,6 +79,7 @@ def modal_state(found, r):
     return q + found.states[0, :m] / r.omega, v + found.states[0, m:]
 
 
+@pytest.mark.slow
 def test_common_period(found):
     """The pump an eighth of the probe: with 8 samples the curve passes through the motion that `periodic`
     finds, and lines that fall together add up to its harmonics, to 1e-8 of the largest sideband.

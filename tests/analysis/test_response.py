@@ -84,6 +84,7 @@ def test_points_are_periodic_motions(curves):
         assert again.contact_resultant.max() == pytest.approx(up.contact_peak[k], rel=1e-6, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_open_part_is_linear(curves):
     """Where the stop is not met: (K - w^2 M + 0.03 i w K)^-1 f to 1e-10."""
     up, k = curves[0], np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -95,6 +96,7 @@ def test_open_part_is_linear(curves):
         np.testing.assert_allclose([up.harmonics(p)[n, 1] for p in "12"], exact, rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_smaller_steps_are_the_same_curve(curves):
     """`largest_step` bounds the change of the frequency; the branch is the same."""
     fine = sb.frequency_response(
@@ -136,6 +138,7 @@ def test_load_response_from_nothing():
     assert back.value[-1] == 0.0 and back.amplitude("x")[-1] < 1e-9 * orbit.amplitude("x")
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_load_response_past_a_corner():
     """0.1 Hz: the stop, stiff as it is, is met at 0.3269 of the load, from where the branch turns back, and

@@ -168,6 +168,7 @@ def test_closed_crack_under_pressure_is_no_crack():
         assert abs(pressed.stress_intensity["crack1"][0]) < 1e-9 * open_crack.stress_intensity["crack1"][0]
 
 
+@pytest.mark.slow
 def test_two_notches_act_apart():
     """Notches 24 heights apart in a cantilever, which is statically determinate: each has the contact forces
     and the opening that it has alone, and what the notches add to the deflection adds up. The default meshes,
@@ -212,6 +213,7 @@ def test_stress_intensity_of_an_edge_crack(ratio, exact):
     assert abs(sliding) < 1e-9
 
 
+@pytest.mark.slow
 def test_stress_intensity_by_stress_and_by_displacement():
     """The orthotropic path (stress ahead of the tip) with isotropic constants agrees with Williams' modes."""
     mesh = Beam(2.0, 1.0, [VNotch(1.0, 0.4, 0.0, tilt=20)]).mesh(

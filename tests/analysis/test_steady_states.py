@@ -121,6 +121,7 @@ def bilinear(damping):
     return reduction, 2.0 * 0.1 / 1.1 / (2.0 * np.pi)
 
 
+@pytest.mark.slow
 def test_resonance_with_hardly_any_damping():
     """Newton's method alone fails; the motion found is stable, and its power balance holds: what the load
     gives, the damper takes, within 1 %, for the steps' own power (of second order in the step) is not small

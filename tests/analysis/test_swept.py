@@ -29,6 +29,7 @@ def sweeps():
     ]
 
 
+@pytest.mark.slow
 def test_along_the_stable_branches_and_off_at_the_folds(branch, sweeps):
     """The distance from the branch is proportional to the rate, at 500 cycles below 1.5 %; the jump is the
     later by the rate to the power 2/3 (passage through a saddle-node), 4^(2/3) = 2.5 for four times the rate.

@@ -53,6 +53,7 @@ def test_paper_bursts(fine, force, key, tolerance):
         )
 
 
+@pytest.mark.slow
 def test_default_mesh_burst():
     """The default mesh (26 pairs) and the default step are within 1.2e-3 of the reference at 300 N."""
     history = sb.transient(sb.Model(paper_beam().mesh(), ALUMINIUM), burst(300.0), 0.033)
@@ -86,6 +87,7 @@ def test_default_step(frequency, duration):
         assert np.linalg.norm(coarse.contact_resultant - exact) > 1e-3 * np.linalg.norm(exact)
 
 
+@pytest.mark.slow
 def test_default_step_without_contact():
     """Nothing but the load sets it where no faces can touch; the unreduced model's is the same with
     contact.
@@ -125,6 +127,7 @@ def test_energy_after_the_load_has_ended(fine):
     assert history.contact_resultant[history.time > end].max() > 1000.0
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_reduced_history_converges_with_modes():
     """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against
@@ -139,6 +142,7 @@ def test_reduced_history_converges_with_modes():
     assert errors[0] < 4e-4 and errors[1] < 0.4 * errors[0]
 
 
+@pytest.mark.slow
 def test_homogeneous_with_zero_gap():
     """A closed crack: force times 1000 gives the response times 1000."""
     model = sb.Model(Beam(0.4, 0.005, [VNotch(0.08, 0.0025, 0.0)]).mesh(), ALUMINIUM, damping=0.002)
@@ -438,6 +442,7 @@ def test_support_motion_against_one_degree_of_freedom():
     assert amplitude == pytest.approx(abs(expected), rel=0.01)
 
 
+@pytest.mark.slow
 def test_error_estimate():
     """The estimate by half of the step is that of the error itself: three quarters of it at second order."""
     model = sb.Model(paper_beam().mesh(order=3), ALUMINIUM)

@@ -22,6 +22,7 @@ def relative(found, exact):
     return np.linalg.norm(found - exact) / np.linalg.norm(exact)
 
 
+@pytest.mark.slow
 def test_reduced_history_converges_to_the_full_one(model):
     """Both by Newmark at one step: more modes come closer, and what is left is the contact nodes' mass and
     the implicit contact.
@@ -38,6 +39,7 @@ def test_reduced_history_converges_to_the_full_one(model):
     assert gaps[0] > 3 * gaps[1] > 0 and gaps[2] < 2e-4
 
 
+@pytest.mark.slow
 def test_second_order_in_the_step(model):
     """Towards the reduced model's exact steps: a factor of 4 a halving."""
     exact = sb.transient(model, LOAD, 0.002, step=0.5e-6, modes=160)
@@ -51,6 +53,7 @@ def test_second_order_in_the_step(model):
     assert far[0] / far[1] == pytest.approx(4, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_energy(model):
     """Stored energy equals the work done but for what contact dissipates, and contact never feeds energy
@@ -63,6 +66,7 @@ def test_energy(model):
     assert (history.contact_force >= 0).all() and history.gap.min() > -1e-15
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_papers_scheme_is_there_to_be_compared_with(model):
     """Eqs. (28)-(34): pairs tied with tension allowed; without contact it is the same Newmark."""
@@ -79,6 +83,7 @@ def test_papers_scheme_is_there_to_be_compared_with(model):
     np.testing.assert_array_equal(paper.displacement("A"), implicit.displacement("A"))
 
 
+@pytest.mark.slow
 def test_options_reach_the_solve(model):
     """Conjugate gradients under -newmark_ give the direct solver's history; an impossible limit is an error
     that names it.
@@ -155,6 +160,7 @@ def test_contact_inside_the_tip_element_is_of_first_order_in_the_step():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_damping_matrix_of_mass_and_stiffness():
     """Both kinds together are those of the reduced model's ratios, with the same energy lost."""
@@ -234,6 +240,7 @@ def test_start_at_equilibrium(model):
     np.testing.assert_allclose(history.stress_intensity()[-1], static.stress_intensity["crack1"], rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_start_from_functions_of_position():
     """A turning body on hardly any springs: kinetic energy of rigid motion, in both models; a bent one: the
     same history.
@@ -288,6 +295,7 @@ def test_moving_supports_of_a_loose_body():
     np.testing.assert_allclose(history.acceleration("A")[:, 1], -2.0, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_acceleration(model):
     """It is the derivative of the velocity, second order in the step, and in a smooth motion that of the
     reduced model.

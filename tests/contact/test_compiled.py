@@ -82,9 +82,10 @@ def test_one_signature():
     sb.periodic(reduced, [1.0], 0.1)
     sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
     kernels = [f for f in vars(marching).values() if isinstance(f, numba.core.dispatcher.Dispatcher)]
-    assert len(kernels) == 2 and all(len(kernel.signatures) == 1 for kernel in kernels)
+    assert len(kernels) == 4 and all(len(kernel.signatures) == 1 for kernel in kernels)
 
 
+@pytest.mark.slow
 def test_one_eigenproblem(monkeypatch):
     """A default `periodic`, and what follows it on the same model, solve for the modes once."""
     solved = []

@@ -242,6 +242,7 @@ def test_tied_and_unilateral_orbit():
     np.testing.assert_allclose(np.abs(exact.multipliers[0]), np.abs(spring.multipliers[0]), rtol=1e-3)
 
 
+@pytest.mark.slow
 # ---------------------------------------------------------------------- the unreduced model
 def test_tied_unreduced_transient():
     """Average acceleration with tied rows, against the same steps with whole matrices and multipliers."""

@@ -215,6 +215,7 @@ def test_linear_resolvent(chain_motion):
     np.testing.assert_allclose(matrix @ driven.linear_resolvent(vector), vector, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_located_switches_do_not_jump():
     """Motions along a line of states, on which switches pass instants of the grid 13 times: the steps' own
     derivative jumps by up to 0.5 (of a matrix of norm 5) there.
@@ -240,6 +241,7 @@ def test_located_switches_do_not_jump():
     assert jumps(whole).max() > 0.2 and jumps(located).max() < 2e-3 * jumps(whole).max()
 
 
+@pytest.mark.slow
 def test_jacobian_test_of_petsc():
     """-shooting_snes_test_jacobian, PETSc's own differences, on a notched beam: every ratio it prints is
     below 1e-6.

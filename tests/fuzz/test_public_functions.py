@@ -45,6 +45,7 @@ def test_there_are_enough_cases():
     assert sum(1 for _ in cases.cases()) >= 4000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("owner", OWNERS)
 def test_result_or_sentence(owner):
     """No argument is accepted that cannot have a meaning, nothing ends in an error from below, nothing

@@ -111,6 +111,7 @@ def test_geo_with_hole_materials_and_crack(tmp_path, tip_element):
     assert (mesh.scaling_centres[brass, 0] > 1.5).all() and (mesh.scaling_centres[~brass, 0] < 1.5).all()
 
 
+@pytest.mark.slow
 def test_geo_size(tmp_path):
     path = write(tmp_path, PLATE)
     assert read_gmsh(path, size=0.1).elements > 2 * read_gmsh(path).elements

@@ -28,6 +28,7 @@ def model(tmp_path_factory):
     return folder / "plate.geo"
 
 
+@pytest.mark.slow
 def test_the_example(model, monkeypatch, capsys):
     """Printed as on the page; lengths and places are those drawn, the mesh's counts are gmsh's affair."""
     monkeypatch.chdir(model.parent)

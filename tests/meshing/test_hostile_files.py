@@ -246,6 +246,7 @@ def test_the_child_cannot_even_if_asked(tmp_path, statement):
     assert all(os.path.getsize(found) == 0 for found in tmp_path.iterdir()) and marks(tmp_path) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("script", "says"),
     [
@@ -260,6 +261,7 @@ def test_the_child_may_end_hang_or_run_out_of_memory(script, says):
         child(script, 2.0 if "finish" in says else 60.0, int(6e8))
 
 
+@pytest.mark.slow
 def test_a_crash_is_a_sentence():
     request = {"module": "meshing.gmsh.extraction", "order": 1, "size": None, "most_unknowns": 10**6}
     deep = "Macro a\nCall a;\nReturn\nCall a;\n"

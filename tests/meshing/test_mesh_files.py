@@ -238,6 +238,7 @@ for method, target in ((mesh.save, "mesh.h5"), (mesh.save, "new.h5"), (mesh.expo
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_leaves_nothing_behind(saved):
     before = saved.read_bytes()
     run = subprocess.run(

@@ -62,6 +62,7 @@ CRACKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CRACKS)
 def test_cracks_of_any_path(name):
     cracks, tips, length = CRACKS[name]

@@ -351,6 +351,7 @@ def test_vtk(tmp_path, ending):
     assert mesh.material_names == ("material1", "material2") and mesh.area == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_the_estimate_of_cells(tmp_path):
     """Within 10 % of the mesh that gmsh then makes, at order 1 and 6."""
     path = tmp_path / "model.geo"

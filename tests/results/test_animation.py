@@ -161,6 +161,7 @@ def test_motions_without_fields(moved, tmp_path):
         write_animation(tmp_path / "film", history.reduced)
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_two_ranks(tmp_path):
     on_ranks(2, PROGRAM, str(tmp_path))
@@ -175,6 +176,7 @@ def orbit(moved):
     return sb.periodic(model, sb.PointForce("A", fy=300.0), 1000.0, modes=12, steps=64, stability=False)
 
 
+@pytest.mark.slow
 def test_animated_picture(moved, orbit, tmp_path):
     """As many frames as asked for, in the time asked for, that repeat without end."""
     path = tmp_path / "crack.gif"

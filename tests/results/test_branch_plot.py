@@ -161,6 +161,7 @@ def test_amplitude_at_a_fold(curves):
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
+@pytest.mark.slow
 def test_pictures(curves, orbits, tmp_path):
     pictures = [
         plot_branches(curves, "two", forces={"stop": 0.1, "no stop": 0.1}, title="oscillator", every=True),
@@ -207,6 +208,7 @@ def test_a_motion_of_two_periods(curves, tmp_path):
     drawn(axes, tmp_path / "doubled.png")
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_a_curve_over_the_load(oscillator, tmp_path):
     curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, steps=512, progress=None)

@@ -43,6 +43,7 @@ def test_what_is_read_is_what_was_found(orbit, tmp_path):
     np.testing.assert_array_equal(found.stress_intensity(), orbit.stress_intensity())
 
 
+@pytest.mark.slow
 def test_the_file_explains_itself(orbit, tmp_path):
     path, seen = tmp_path / "orbit.h5", {}
     save_orbit(orbit, path)

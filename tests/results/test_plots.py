@@ -60,6 +60,7 @@ def test_pictures_of_one_and_two_ranks_agree(serial_files, parallel_files, name)
     assert (np.abs(one - two).max(axis=2) > 0.1).mean() < 1e-3
 
 
+@pytest.mark.slow
 def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
     _, model, _, cases = solved
     axes = plot_crack(model, {"opening": cases["opening"].field}, colour="displacement", magnification=50.0)

@@ -99,6 +99,7 @@ def stopped(fraction):
     return tell
 
 
+@pytest.mark.slow
 def test_recorded_history_is_the_same(model, whole, tmp_path):
     path = tmp_path / "h.h5"
     close(sb.transient(model, LOAD, file=path, **RUN), whole)
@@ -159,6 +160,7 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_a_part_half_written(model, whole, tmp_path):
     """A kill while a state is written leaves the one before (384 steps; row 385 takes its slope): unknowns
     without their checksum are not used.
@@ -175,6 +177,7 @@ def test_a_part_half_written(model, whole, tmp_path):
     close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("step", [2e-6, None])
 def test_a_longer_run(model, whole, tmp_path, step):
     """A complete history of half of the time goes on to the whole; a shorter one is not made of it."""
@@ -188,6 +191,7 @@ def test_a_longer_run(model, whole, tmp_path, step):
         sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00064})
 
 
+@pytest.mark.slow
 def test_rows_left_in_the_file(model, whole, tmp_path):
     path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00064, "in_memory": False}
     with pytest.raises(KeyboardInterrupt):
@@ -198,6 +202,7 @@ def test_rows_left_in_the_file(model, whole, tmp_path):
     close(sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN), whole)
 
 
+@pytest.mark.slow
 def test_another_runs_file_is_refused(model, tmp_path):
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
@@ -219,6 +224,7 @@ def test_another_runs_file_is_refused(model, tmp_path):
     assert path.read_bytes() == content
 
 
+@pytest.mark.slow
 def test_full_disk(model, whole, tmp_path, monkeypatch):
     path, real, left = tmp_path / "h.h5", os.pwrite, [100_000]
 

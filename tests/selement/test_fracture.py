@@ -126,6 +126,7 @@ def edge_crack(ratio, height, order=12):
     return polygon(halved(corners), order, closed=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ratio, height, factor, t_stress",
     [

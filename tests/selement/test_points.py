@@ -27,6 +27,7 @@ def disc(order):
     return np.stack([np.cos(angles), np.sin(angles)], axis=1) * 0.8 + [0.1, 0.05]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "shape, order, closed",
     [(polygon(PENTAGON, 3), 3, True), (disc(6), 6, True), (polygon(NOTCH, 4, False), 4, False)],

@@ -163,6 +163,7 @@ def test_every_key_is_documented():
             assert entry.get("description"), (name, key)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_starter_cases(kind, tmp_path):
     """`new` writes a case that `check` finds valid, and does not overwrite one."""
@@ -177,6 +178,7 @@ def test_starter_cases(kind, tmp_path):
     assert sbfem("new", kind, path, "--replace").code == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["gmsh", "modulation", "plate"])
 def test_starter_cases_run(kind, tmp_path):
     """With a coarse mesh and few modes, to be quick."""

@@ -89,6 +89,7 @@ def test_check(folder):
     assert sbfem("check", folder / "case.toml", "--quiet").out == ""
 
 
+@pytest.mark.slow
 def test_mesh(folder, tmp_path):
     done = sbfem("mesh", folder / "case.toml", "--output", tmp_path / "mesh.png", "--quiet")
     assert done.code == 0 and (tmp_path / "mesh.png").read_bytes().startswith(b"\x89PNG")
@@ -160,6 +161,7 @@ def test_plot_again(folder, tmp_path, monkeypatch):
     assert (folder / "swept" / "pictures" / "steady_A2_A1_A.png").stat().st_size > 5000
 
 
+@pytest.mark.slow
 def test_export(folder, tmp_path):
     done = sbfem("export", folder / "out", "--csv", "--json", "--vtu", "--output", tmp_path, "--quiet")
     assert done.code == 0, done.err
@@ -195,6 +197,7 @@ def test_broken_results(folder, tmp_path):
     assert done.code == 2 and "another kind" in done.err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("missing", ["petsc4py", "mpi4py"])
 def test_package_that_is_missing(missing, tmp_path):
     """One sentence with a remedy, no traceback; `doctor` lists what is there."""

@@ -24,6 +24,7 @@ def summary(tmp_path_factory):
     return json.loads((folder / "out" / "summary.json").read_text())
 
 
+@pytest.mark.slow
 def test_numbers_of_the_example(summary):
     """Frequencies and statics as examples/beam_notch.py computes them."""
     beam = Beam(length=0.400, height=0.005, notches=[VNotch(x=0.080, depth=0.0025, opening=0.0458366)])

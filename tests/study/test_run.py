@@ -49,6 +49,7 @@ def model():
 FORCE = sb.PointForce("A", fy=200.0)
 
 
+@pytest.mark.slow
 def test_modal_and_static(summary, model):
     """The numbers of the Python interface, to its rank-to-rank tolerances."""
     np.testing.assert_allclose(
@@ -117,6 +118,7 @@ def test_nothing_is_repeated(folder, monkeypatch):
     assert {k: v for k, v in first.items() if k != "run"} == {k: v for k, v in second.items() if k != "run"}
 
 
+@pytest.mark.slow
 def test_another_case_is_refused(folder, tmp_path):
     out = tmp_path / "out"
     shutil.copytree(folder / "out", out)
@@ -129,6 +131,7 @@ def test_another_case_is_refused(folder, tmp_path):
     assert len(json.loads((out / "summary.json").read_text())["frequencies"]["frequencies"]) == 3
 
 
+@pytest.mark.slow
 def test_interrupted_and_resumed(tmp_path, monkeypatch):
     """Ctrl-C in the third analysis: exit code 130; the next run solves the third and fourth alone."""
     path, solve, solved = written(tmp_path), Structure.solve, []
@@ -150,6 +153,7 @@ def test_interrupted_and_resumed(tmp_path, monkeypatch):
     assert json.loads((tmp_path / "out" / "summary.json").read_text())["run"]["complete"]
 
 
+@pytest.mark.slow
 def test_killed_and_resumed(folder, summary, tmp_path):
     """kill -9 after the first analysis: nothing is lost, and the numbers are those of an undisturbed run."""
     path, out = written(tmp_path), tmp_path / "out"
@@ -175,6 +179,7 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_failed_analysis(tmp_path, monkeypatch):
     """A solve that fails: exit code 1, its reason is kept, the others are finished; it is tried again."""
     path, solve = written(tmp_path), Structure.solve
@@ -193,6 +198,7 @@ def test_failed_analysis(tmp_path, monkeypatch):
     assert sbfem("run", path, "--output", tmp_path / "out", "--quiet").code == 0
 
 
+@pytest.mark.slow
 def test_wrong_input_of_an_analysis(tmp_path):
     """What the analysis itself refuses: exit code 2, with the line of its table."""
     path = written(tmp_path, CASE.replace("count = 5", "count = 5000"))
@@ -283,6 +289,7 @@ stress_at = { inside = [0.03, 0.009], end = "C" }
 """
 
 
+@pytest.mark.slow
 def test_further_analyses(tmp_path, model):
     """Two tones, slow loads and stresses at places, against the Python interface."""
     text = CASE[: CASE.index("[analyses.frequencies]")] + FURTHER + '[output]\npoints = ["A"]\n'
@@ -325,6 +332,7 @@ def test_further_analyses(tmp_path, model):
     assert "1 probe -1 pump" in page and 'alt="lines of the spectrum"' in page
 
 
+@pytest.mark.slow
 def test_accuracy(model):
     """Finer meshes until two agree: the frequencies of `modal` with an accuracy, and its error."""
     text = CASE.replace("count = 5", "count = 2\naccuracy = 1e-3")
@@ -420,6 +428,7 @@ modes = 8
 """
 
 
+@pytest.mark.slow
 def test_branches(tmp_path):
     """Curves over frequency and load, the linear response, a backbone and a line of Neimark-Sacker points,
     against the Python interface.

@@ -117,6 +117,7 @@ def test_worth_joining():
     assert costs.worth_joining(7) and not costs.worth_joining(6)  # 7 / 2 * 0.5 > 2.0 - 0.5
 
 
+@pytest.mark.slow
 # ---------------------------------------------------------------------- numbers
 def test_numbers_of_the_python_interface(found):
     """Frequency shifts, harmonics and ratios of each row; tolerances as for single analyses."""
@@ -149,6 +150,7 @@ def test_convergence_and_energy(found):
     assert (found.values["steady/peak_contact_resultant"][[2, 5]] > 0.0).all()
 
 
+@pytest.mark.slow
 def test_noise(found, folder):
     """A signal-to-noise ratio of 60 dB: harmonics are off by its share, alike at every repetition."""
     clean, noisy = found.values["steady/harmonics/A"], found.values["steady/harmonics_noisy/A"]
@@ -215,6 +217,7 @@ def test_row_files(tmp_path):
     np.testing.assert_array_equal(rows.read(str(tmp_path))[2].values["a/b"], [0, 1j, 2j])
 
 
+@pytest.mark.slow
 def test_killed_and_resumed(found, tmp_path):
     """kill -9 in the middle: the rows are those of an undisturbed sweep, and none is computed twice."""
     path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
@@ -252,6 +255,7 @@ assert sorted(sum(each, [])) == list(range(9)) and min(map(len, each)) >= 3, eac
 """
 
 
+@pytest.mark.slow
 @pytest.mark.long
 def test_two_ranks(found, tmp_path):
     """Two groups of a rank each share the rows, those of one structure too where that saves time; every row
@@ -283,6 +287,7 @@ def test_failed_rows(tmp_path):
     assert np.isfinite(values[0]).all() and np.isnan(values[1]).all()
 
 
+@pytest.mark.slow
 def test_structures_are_shared(tmp_path, monkeypatch):
     """One model for all forces, and one healthy one; modes are solved once a structure."""
     made, solved = [], []

@@ -94,6 +94,7 @@ def said():
     return answer(on_ranks(2, PROGRAM, json.dumps(list(CASES))))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CASES)
 def test_sentence_on_every_rank(said, case):
     """Both ranks raise the same one-line sentence, of a documented kind, that names the item."""
@@ -116,6 +117,7 @@ def test_sentence_on_every_rank(said, case):
     assert "\n" not in text and len(text) < 400
 
 
+@pytest.mark.slow
 def test_one_rank_alone_fails():
     """An error met by rank 1 only (here a wrong mesh) reaches rank 0 too, and the program ends."""
     program = """
@@ -166,6 +168,7 @@ def test_example_ends_with_one_sentence(arguments, sentence, ranks, tmp_path):
     assert "Traceback" not in done.stderr
 
 
+@pytest.mark.slow
 def test_misspelt_petsc_option_is_reported(tmp_path):
     done = on_ranks(
         1,

@@ -106,6 +106,7 @@ ENDS = [
 ORDINARY = [("branch", 1, signal.SIGKILL)]  # those of histories stand beside their files
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind, ranks, number",
     [pytest.param(*end, marks=() if end in ORDINARY else pytest.mark.long) for end in ENDS],
@@ -220,6 +221,7 @@ def files(tmp_path_factory):
     }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ["history", "branch", "sweep", "run"])
 def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
     """Whatever bit has changed, and wherever the end is missing: a sentence."""
@@ -239,6 +241,7 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
             read(copy)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "kind, share",
     [
@@ -272,6 +275,7 @@ main(["report", *sys.argv[2:]])
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ranks, number, former",
     [

@@ -20,6 +20,7 @@ def ending(tmp_path_factory):
     return model(tmp_path_factory.mktemp("ending"), "ending", order=4)
 
 
+@pytest.mark.slow
 def test_tip_that_ends_at_an_interface(ending, tmp_path):
     """Zak and Williams' exponent; no G and no T; both materials in the picture."""
     np.testing.assert_allclose(ending.tips.exponents, exponent(), atol=1e-5)
@@ -56,6 +57,7 @@ def pressed_half(whole: sb.Static) -> float:
     return float(sum(-0.2 * w * whole.stress((0.2 + 0.2 * x, 1e-9))[1] for x, w in zip(at, weight)))
 
 
+@pytest.mark.slow
 def test_mesh_in_a_file(tmp_path):
     (tmp_path / "along.geo").write_text(BODIES["along"])
     mesh = read_gmsh(tmp_path / "along.geo", order=4)

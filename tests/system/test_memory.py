@@ -100,6 +100,7 @@ def growth(names: str, ranks: int, first: int, calls: int) -> float:
     return answer(done)["growth"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.long)])
 def test_nothing_waits_in_petsc(ranks):
     """No analysis leaves objects behind that only Python's garbage collection would reach."""

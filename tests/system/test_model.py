@@ -113,6 +113,7 @@ def test_mesh_without_corners_of_another_order():
     assert values[-1] / values[-2] - 1 < 2e-5
 
 
+@pytest.mark.slow
 def test_vertex_layout():
     """The paper's layout (tip as a corner of four closed S-elements) is too stiff, the more so the coarser it
     is; the tip-centred one is not.

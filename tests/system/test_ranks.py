@@ -169,6 +169,7 @@ def test_error_known_to_all_is_printed_once():
     assert done.stderr.count("modal: count = 0") == 1
 
 
+@pytest.mark.slow
 def test_error_keeps_its_type_and_attributes():
     """Also one whose arguments do not make it again."""
     done = run(

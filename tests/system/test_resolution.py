@@ -94,6 +94,7 @@ def test_the_usual_is_not_warned_of():
         sb.periodic(case_p(damping=0.002), load, 20140.0, contact=False)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [1.5e5, 3e5])
 def test_loads_beyond_the_mesh_warn(frequency):
     """A plain beam of 100 x 5 mm: amplitudes are off by 6 % at 150 kHz and by 38 % at 300 kHz."""
@@ -104,6 +105,7 @@ def test_loads_beyond_the_mesh_warn(frequency):
     assert all(one.filename == __file__ for one in ours)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequency", [6e4, pytest.param(1e5, marks=pytest.mark.long)])
 def test_warnings_of_loads_state_the_error(frequency):
     """Traction on the end of a plain beam of 100 x 10 mm: the sentence's error is that of two meshes within a

@@ -34,6 +34,7 @@ def test_tip_displacement(ratio):
     assert found.displacement("A")[1] == pytest.approx(expected, rel=1e-5)
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("ratio", [100, 1000, 4000, 10_000, 30_000])
 def test_lowest_frequencies(ratio):
@@ -76,6 +77,7 @@ def timoshenko(ratio):
 TAKEN = (1.0 - timoshenko(200.0)) * 200.0**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("ratio", "error"), [(100_000, 1e-2), (60_000, 1e-3)])
 def test_warning_with_the_error(ratio, error):
     """Beyond: a warning that states the error within a factor of ten: of the largest of four beams, since
@@ -92,6 +94,7 @@ def test_warning_with_the_error(ratio, error):
     assert max(actual) / 10 < max(stated) < 10 * max(actual)
 
 
+@pytest.mark.slow
 def test_refusal():
     """Where nothing is left of the digits: a sentence."""
     model = cantilever(300_000)
