@@ -69,7 +69,9 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
     not definite.
     """
     n = gap.size
-    solved, free, every = np.empty(n), np.empty(n), np.arange(n)
+    solved, free, every = np.empty(n), np.empty(n), np.empty(n, dtype=np.int64)
+    for i in range(n):
+        every[i] = i
     count = members[n]
     kept = count
     if count < 0:
@@ -231,7 +233,9 @@ def _march(
     rank, pairs = left_rows.shape
     factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
     members[pairs] = -1
-    every = np.arange(rank)
+    every = np.empty(rank, dtype=np.int64)
+    for k in range(rank):
+        every[k] = k
     gap, thin, pull = np.empty(pairs), np.empty(rank), np.empty(m)
     exchanges, pulled = 0, True
     for step in range(-1, steps):

@@ -94,7 +94,9 @@ def _settle(
     m, rank, kept = q.size, left_rows.shape[0], recent.shape[0]
     states, velocities, forces = np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs))
     gap, force, active = np.empty(pairs), np.zeros(pairs), np.zeros(pairs, dtype=np.bool_)
-    thin, every = np.empty(rank), np.arange(rank)
+    thin, every = np.empty(rank), np.empty(rank, dtype=np.int64)
+    for k in range(rank):
+        every[k] = k
     factor, members = np.empty((pairs, pairs)), np.empty(pairs + 1, dtype=np.int64)
     loaded = unloaded[0, 0] != 0.0  # no literal, for which the steps would be compiled once more
     for done in range(limit + 1):
