@@ -187,6 +187,25 @@ class TestStamp:
             file.write("# changed\n")
         assert self.state(ready) == ["updatable"]
 
+    @pytest.mark.parametrize(
+        "command",
+        [
+            "pytest -q",
+            "ruff check .",
+            "python -m mypy",
+            "python benchmarks/modal.py",
+            "python -m tests.validation",
+        ],
+    )
+    def test_developers_packages_come_with_their_first_command(self, ready, command):
+        """Until then a user's environment does without; from then on every command finds it ready."""
+        result = ready.function(f"""
+            report() {{ venv_is_ready && echo ready || echo "${{extras[*]}}"; }}
+            (choose_extras sbfem run case.toml; report)
+            (choose_extras {command}; report; stamp_text >"$stamp")
+            choose_extras python examples/beam_notch.py; report""")
+        assert result.stdout.splitlines() == ["ready", "plot test dev docs", "ready"], result.stderr
+
     def test_moved(self, ready, tmp_path):
         ready.directory = ready.directory.rename(tmp_path / "moved")
         assert self.state(ready) == []
@@ -283,7 +302,7 @@ class TestNoEnvironment:
             pytest.importorskip("pip._vendor.tomli")
         write_script(project.venv / "bin" / "python", f'exec "{sys.executable}" "$@"\n')
         write_script(project.directory / "python3", f"echo {version}\n")
-        result = project.function("system_python=$PWD/python3; requirements")
+        result = project.function("choose_extras pytest; system_python=$PWD/python3; requirements")
         assert result.returncode == 0, result.stderr
         requirements = result.stdout.splitlines()
         assert ("numpy<2" in requirements) == pinned
