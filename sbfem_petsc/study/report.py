@@ -62,6 +62,10 @@ p.facts { color: #556; margin-top: .2rem; }
 table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabular-nums; margin: .6rem 0; }
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { color: #556; font-weight: 600; }
+@media (max-width: 40rem) {
+  .values { width: 100%; }
+  .values td { white-space: normal; overflow-wrap: anywhere; padding: .15rem .2rem; }
+}
 img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
 figcaption { color: #556; font-size: .9rem; }
 pre { background: #f4f6f9; padding: .8rem; overflow-x: auto; font-size: .85rem; }
@@ -271,7 +275,9 @@ def _table(rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> st
         return ""
     head = "".join(f"<th>{html.escape(h)}</th>" for h in heading)
     body = "".join("<tr>" + "".join(f"<td>{html.escape(v)}</td>" for v in row) + "</tr>" for row in rows)
-    return f'<div class="wide"><table>{f"<tr>{head}</tr>" if heading else ""}{body}</table></div>'
+    if not heading:  # names and values, which may take several lines on a narrow screen
+        return f'<table class="values">{body}</table>'
+    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
 
 
 def _pictures(folder: str, start: str, others: tuple[str, ...] = ()) -> Iterator[str]:
