@@ -83,7 +83,6 @@ def test_damping_of_one_mass():
     assert found.damping_ratio == pytest.approx(0.01 * own / found.frequency, rel=1e-5)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_resonance_peak_is_on_it():
     """The peak of the forced response stands on the backbone at its amplitude, but for what a damping ratio
@@ -128,7 +127,6 @@ def test_second_mode_of_two_masses():
     assert (np.diff(rising) > 0.0).all() and rising[-1] > 1.05 * linear
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_a_motion_of_two_masses_repeats():
     """A free history from a point of the branch, by `transient`, returns after each of ten periods, and its

@@ -56,7 +56,6 @@ def test_ends_stand_on_curves_of_one_parameter(curve, factor):
             assert np.abs(np.array(found) / frequency - 1.0).min() < (1e-4 if kind == "fold" else 2e-5)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_gap_and_load_scale_each_other(curve):
     """All gaps times c under all loads times c: the same motion times c, so that the locus over the gap at
@@ -71,7 +70,6 @@ def test_gap_and_load_scale_each_other(curve):
     assert by_gap.states[other] == pytest.approx(0.8 * by_load.states[one], rel=1e-5)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_damping(curve):
     fold = of_kind(curve, "fold")[0]

@@ -192,7 +192,6 @@ def test_one_newton_is_linear(case_q):
         )
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_steps_modes_and_pairs(case_q):
     """512 steps are within 4e-6 of 8192, 40 and 80 modes within 5e-5 and 5e-6 of 160."""
@@ -213,7 +212,6 @@ def test_steps_modes_and_pairs(case_q):
     assert far[0] < 5e-5 and far[1] < 5e-6
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_mean_converges_with_the_mesh(case_q):
     """The mean, most sensitive to contact near the tip: the default mesh is within 1e-3 of one of order 8
@@ -239,7 +237,6 @@ def one_period(history, steps):
     return found[:7]
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_a_history_stays_on_the_orbit(case_p):
     """100 periods of `transient` from the orbit's state: harmonics 0-6 within 1e-4 of the first; what differs

@@ -138,7 +138,6 @@ def test_load_response_from_nothing():
     assert back.value[-1] == 0.0 and back.amplitude("x")[-1] < 1e-9 * orbit.amplitude("x")
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_load_response_past_a_corner():
     """0.1 Hz: the stop, stiff as it is, is met at 0.3269 of the load, from where the branch turns back, and

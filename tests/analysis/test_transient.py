@@ -127,7 +127,6 @@ def test_energy_after_the_load_has_ended(fine):
     assert history.contact_resultant[history.time > end].max() > 1000.0
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_reduced_history_converges_with_modes():
     """40 and 80 modes against 160: an independent prototype on a like mesh had 1.6e-4 and 3e-5 against

@@ -61,7 +61,6 @@ def test_reduced_orbits_converge_to_the_unreduced_one(model):
     assert np.abs(limit[2]) > 5e-3 * np.abs(limit[1])  # the crack breathes
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_iterations_and_residual(model):
     """Newton's method ends as on the reduced model; a dozen linearised periods for each of its solves at

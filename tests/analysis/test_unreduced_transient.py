@@ -53,7 +53,6 @@ def test_second_order_in_the_step(model):
     assert far[0] / far[1] == pytest.approx(4, rel=0.2)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_energy(model):
     """Stored energy equals the work done but for what contact dissipates, and contact never feeds energy
@@ -66,7 +65,6 @@ def test_energy(model):
     assert (history.contact_force >= 0).all() and history.gap.min() > -1e-15
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_papers_scheme_is_there_to_be_compared_with(model):
     """Eqs. (28)-(34): pairs tied with tension allowed; without contact it is the same Newmark."""
@@ -160,7 +158,6 @@ def test_contact_inside_the_tip_element_is_of_first_order_in_the_step():
     assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.1)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_damping_matrix_of_mass_and_stiffness():
     """Both kinds together are those of the reduced model's ratios, with the same energy lost."""

@@ -161,7 +161,6 @@ def test_motions_without_fields(moved, tmp_path):
         write_animation(tmp_path / "film", history.reduced)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_two_ranks(tmp_path):
     on_ranks(2, PROGRAM, str(tmp_path))

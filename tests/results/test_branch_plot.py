@@ -208,7 +208,6 @@ def test_a_motion_of_two_periods(curves, tmp_path):
     drawn(axes, tmp_path / "doubled.png")
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_a_curve_over_the_load(oscillator, tmp_path):
     curve = sb.load_response(oscillator, (0.1,), 0.63 / (2.0 * math.pi), 0.1, steps=512, progress=None)

@@ -340,7 +340,6 @@ def test_full_tmpfs(model, small_chunks, tmp_path, monkeypatch):
         subprocess.run(["umount", str(folder)], check=True)
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_two_ranks_continue_a_serial_run(model, whole, small_chunks, tmp_path):
     """The file's own reduction goes on, so the number of ranks does not matter."""

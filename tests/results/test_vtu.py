@@ -94,7 +94,6 @@ def test_cells_cover_the_structure(solved, tmp_path):
     )
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_pieces_of_two_ranks_hold_what_one_file_holds(serial_files, parallel_files):
     index = xml.parse(parallel_files / "fields.pvtu").getroot()

@@ -255,7 +255,6 @@ assert sorted(sum(each, [])) == list(range(9)) and min(map(len, each)) >= 3, eac
 """
 
 
-@pytest.mark.slow
 @pytest.mark.long
 def test_two_ranks(found, tmp_path):
     """Two groups of a rank each share the rows, those of one structure too where that saves time; every row
