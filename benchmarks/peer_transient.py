@@ -54,7 +54,7 @@ from skfem import Basis, MeshTri
 import sbfem_petsc as sb
 from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
-from examples.tone_burst import REFERENCE, REFINED, burst, distance
+from examples.tables.tone_burst import REFINED, burst, distance, read_reference
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.marching import contact_forces
 from sbfem_petsc.loads import separate
@@ -66,7 +66,7 @@ MESHES = (
     (peer.MeshParameters(0.01, 1, 2, 1e-5, 0.25, 1, 5e-4, 0.3), (1e-6, 0.5e-6)),
     (peer.MeshParameters(0.0045, 1, 3, 2e-6, 0.35, 1, 1e-4, 0.3), (1e-6, 0.25e-6)),
 )
-OURS = (
+OURS: tuple[dict, ...] = (
     REFINED,
     {"order": 6, "grading": 2.5, "tip_size": 5e-6},
     {"order": 4, "grading": 2.5, "tip_size": 1e-4},
@@ -374,7 +374,7 @@ def main() -> None:
     own = parser.parse_args()
     if own.repeats < 1 or own.steps < 1:
         parser.error("--repeats and --steps must be at least 1")
-    reference = dict(np.load(REFERENCE / "transient_paper.npz"))
+    reference = read_reference()[0]
     signals = separate(burst(FORCE))[1]
     ours, notes = None, []
 

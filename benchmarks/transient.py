@@ -26,7 +26,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 import numpy as np
 
 import sbfem_petsc as sb
-from examples.tone_burst import REFERENCE, REFINED, build, burst, distance
+from examples.tables.tone_burst import REFINED, build, burst, distance, read_reference
 
 DURATION, FORCE, MODES, ASKED = 0.033, 300.0, 80, 3e-3
 STEPS = {"exact": (16e-6, 8e-6, 4e-6, 2e-6, 1e-6, 0.5e-6), "newmark": (4e-6, 2e-6, 1e-6, 0.5e-6, 0.25e-6)}
@@ -48,7 +48,7 @@ def reduced(model, repeats):
     """
     seconds, system = least(lambda: sb.reduce(model, burst(FORCE), modes=MODES), 1)
     print(f"reduction to {MODES} modes: {seconds:.2f} s")
-    reference = dict(np.load(REFERENCE / "transient_paper.npz"))
+    reference = read_reference()[0]
     sb.transient(system, burst(FORCE), 1e-5, step=1e-6)
     reached, at_one = {}, None
     print("scheme      step, us     steps   relative L2   seconds    steps/s")
@@ -118,7 +118,7 @@ def full(model, reduced_seconds, duration):
     solve, product = 0.5 * (before + parts(model, step))
     count = round(duration / step)
     each, touching = (seconds - prepared) / count, float((history.contact_force > 0).any(axis=1).mean())
-    error = distance(history, dict(np.load(REFERENCE / "transient_paper.npz")), FORCE)
+    error = distance(history, read_reference()[0], FORCE)
     print(
         f"unreduced, {model.unknowns:,d} unknowns: {seconds:.1f} s for {count:,d} steps of 1 us, "
         f"{prepared:.2f} s of them before the first; relative L2 {error:.2e}"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +30,9 @@ class BeamShape:
 
     length: float
     height: float
-    notches: tuple[VNotch, ...] = ()
-    holes: tuple[Hole, ...] = ()
-    cracks: tuple[CrackLine, ...] = ()
+    notches: Sequence[VNotch] = ()
+    holes: Sequence[Hole] = ()
+    cracks: Sequence[CrackLine] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive("Beam", "length", self.length))

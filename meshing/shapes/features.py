@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 from meshing.input_checks import choice, number, positive, shown
@@ -131,7 +131,7 @@ class CrackLine:
         Default: "crack1", "crack2", ... by position among the body's cracks.
     """
 
-    points: tuple[tuple[float, float], ...]
+    points: Sequence[tuple[float, float]]
     opening: float = 0.0
     name: str | None = None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,9 +20,9 @@ _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 class PlateShape:
     """What describes a plate; `meshing.Plate` adds the mesh."""
 
-    outline: tuple[tuple[float, float], ...]
-    holes: tuple[Hole, ...] = ()
-    cracks: tuple[CrackLine, ...] = ()
+    outline: Sequence[tuple[float, float]]
+    holes: Sequence[Hole] = ()
+    cracks: Sequence[CrackLine] = ()
     edge_names: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
