@@ -97,10 +97,13 @@ TABLE = {
 }
 
 
+def preloaded():
+    """The constant part holds the contact front in the middle of the faces."""
+    return sb.PointForce("A", fy=sb.Constant(150.0)) + sb.PointForce("A", fy=sb.Harmonic(200.0, 900.0))
+
+
 def second_harmonic(model):
-    """A preload holds the contact front in the middle of the faces."""
-    load = sb.PointForce("A", fy=sb.Constant(150.0)) + sb.PointForce("A", fy=sb.Harmonic(200.0, 900.0))
-    return abs(sb.periodic(model, load, 900.0).harmonics("A")[2])
+    return abs(sb.periodic(model, preloaded(), 900.0).harmonics("A")[2])
 
 
 def damped(mesh, **options):
@@ -116,6 +119,16 @@ TABLE["steady state, second harmonic of a front in mid-crack"] = (
     lambda: 1.590e-7,
     1e-3,
 )
+
+
+@pytest.mark.slow
+def test_harmonics_of_a_front_in_mid_crack_on_the_default_mesh():
+    """Harmonics 2 to 4 by the independent code: A2 within 1 %, A3 and A4 within 5 %; 0.2, 1.1 and 1.8 % are
+    met, and a finer mesh differs from the reference by as much.
+    """
+    orbit = sb.periodic(damped({}), preloaded(), 900.0, stability=False)
+    found = np.abs(orbit.harmonics("A")[2:5])
+    assert (np.abs(found / (1.590e-7, 8.15e-10, 3.3e-10) - 1.0) < (0.01, 0.05, 0.05)).all()
 
 
 def distance(value, exact):
