@@ -41,8 +41,9 @@ def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     e = np.exp(z)
     small = np.abs(z) < 1.0
     series = np.ones_like(z)
-    for n in range(TERMS, 2, -1):  # the differences would lose digits
-        series = 1.0 + np.where(small, z, 0.0) * series / n
+    for ratio in np.where(small, z, 0.0) / np.arange(TERMS, 2, -1)[:, None]:  # differences would lose digits
+        series *= ratio
+        series += 1.0
     first = np.where(small, 1.0 + 0.5 * z * series, (e - 1.0) / z)
     second = np.where(small, 0.5 * series, (first - 1.0) / z)
     sine = e.imag / turn
