@@ -9,6 +9,7 @@ import resource
 import shutil
 from collections.abc import Callable
 
+from .errors import OutOfMemory
 from .parallel import collective
 from .petsc import MPI
 
@@ -16,6 +17,8 @@ from .petsc import MPI
 KEPT = 1_000_000_000
 # Share of the free memory or disk that a run may take: others want some too.
 SHARE = 0.9
+# Bytes of address space that the compiler of the time steps may need, which ends the process if it has none.
+COMPILER = 200_000_000
 
 
 def default_decimation(count: int, row: int) -> int:
@@ -23,9 +26,9 @@ def default_decimation(count: int, row: int) -> int:
     return max(1, math.ceil(count * row / KEPT))
 
 
-def available_memory() -> int:
+def available_memory() -> float:
     """Bytes that this process may still take: of the machine, its control group and its limits."""
-    free = [os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    free: list[float] = [os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
     with contextlib.suppress(OSError, ValueError, StopIteration):
         with open("/proc/meminfo", encoding="ascii") as file:
             line = next(line for line in file if line.startswith("MemAvailable:"))
@@ -35,12 +38,34 @@ def available_memory() -> int:
             int(open(f"/sys/fs/cgroup/memory.{name}", encoding="ascii").read()) for name in ("max", "current")
         )
         free.append(limit - used)
+    return max(0, min(*free, address_space()))
+
+
+def address_space() -> float:
+    """Bytes of address space that this process' limit leaves; inf without one."""
     soft, _ = resource.getrlimit(resource.RLIMIT_AS)
     if soft != resource.RLIM_INFINITY:
         with contextlib.suppress(OSError, ValueError):
             with open("/proc/self/statm", encoding="ascii") as file:
-                free.append(soft - int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE"))
-    return max(0, min(free))
+                return soft - int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE")
+    return math.inf
+
+
+def require_compiler(owner: str, comm: MPI.Comm) -> None:
+    """Refuse a run on a rank whose limit leaves no address space to compile the time steps in. Collective.
+
+    Raises
+    ------
+    OutOfMemory
+        On all ranks.
+    """
+    with collective(comm):
+        left = address_space()
+        if left < COMPILER:
+            raise OutOfMemory(
+                f"{owner}: the limit of this process leaves {in_bytes(max(left, 0.0))} of address space, and "
+                f"to compile the time steps takes up to {in_bytes(COMPILER)}; raise it (ulimit -v)"
+            )
 
 
 def require_memory(
@@ -69,7 +94,7 @@ def require_memory(
         free = SHARE * available_memory()
         if together > free:
             raise ValueError(
-                f"{owner}: {what} would take {_bytes(together)} of memory, {_bytes(free)} are free; "
+                f"{owner}: {what} would take {in_bytes(together)} of memory, {in_bytes(free)} are free; "
                 f"{remedy(free / together)}"
             )
 
@@ -107,12 +132,13 @@ def require_disk(
                 needed -= os.stat(path).st_blocks * 512
             if needed > free:
                 raise ValueError(
-                    f"{owner}: {what} would take {_bytes(needed)} of disk, {_bytes(free)} are free in "
+                    f"{owner}: {what} would take {in_bytes(needed)} of disk, {in_bytes(free)} are free in "
                     f"{folder!r}; {remedy(free / needed)}"
                 )
 
 
-def _bytes(value: float) -> str:
+def in_bytes(value: float) -> str:
+    """A size with its unit, three digits."""
     for unit in ("bytes", "kB", "MB", "GB"):
         if value < 1000.0:
             return f"{value:.3g} {unit}"

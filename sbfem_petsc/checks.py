@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import math
 import numbers
 import os
+import stat
 from collections.abc import Collection
 from typing import Any
 
@@ -115,6 +117,15 @@ def path(owner: str, name: str, value: Any) -> str:
     if not place.strip() or any(ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in place):
         raise ValueError(f"{owner}: {name} = {place!r} is no name of a file")
     return place
+
+
+def require_regular(path: str | os.PathLike[str]) -> None:
+    """Raise OSError for what is there but no file: a pipe would be waited for, and a device has no end."""
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is no regular file")
 
 
 def callback(owner: str, name: str, value: Any) -> Any:

@@ -110,6 +110,8 @@ class MeshInputs:
         corners = (corners,) if isinstance(corners, str) else tuple(corners)
         for name in corners:
             choice("mesh", "corners", name, ("left", "right"))
+        if corner_size is not None and not corners:
+            raise ValueError(f"mesh: corner_size {corner_size:g} m has no corners to be used at; name some.")
         reserved = {"A"} | {
             f"{letter}{i if i > 1 else ''}" for letter in "BC" for i in range(1, len(beam.notches) + 1)
         }

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from ..capacity import require_compiler, require_memory
 from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.free import FreeMotion, FreeSystem
@@ -14,7 +15,7 @@ from ..dynamics.free_branch import FreeBranch
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
-from ..dynamics.preparation import CONTACT_STEP
+from ..dynamics.preparation import CONTACT_STEP, period_memory
 from ..dynamics.shooting import FixedPoint
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
@@ -185,7 +186,7 @@ def backbone(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense.
+        For input that makes no sense, and if so many points would take more memory than is free.
     SolveError
         If no motion is found at `start`, or the branch ends between the energies; the points so far are its
         attribute `backbone`.
@@ -231,6 +232,15 @@ def backbone(
     own = float(reduction.frequencies[mode - 1])
     if steps is None:
         steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
+    require_compiler("backbone", communicator(model))
+    motion = 8.0 * steps * (2 * len(reduction.omega) + 2 * len(reduction.initial_gap))
+    require_memory(
+        "backbone",
+        communicator(model),
+        points * motion + period_memory(reduction, steps, 1),
+        f"up to {points:,d} motions of {steps:,d} steps and {len(reduction.omega)} modes",
+        lambda share: f"give at most {int(share * points):,d} (points), or fewer steps or modes",
+    )
     system = FreeSystem(reduction, mode - 1, steps)
     passed: tuple[tuple[float, float], ...] = ()
     try:

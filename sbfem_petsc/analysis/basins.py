@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from ..capacity import require_memory
 from ..checks import frequency as check_frequency
 from ..checks import instance, integer, real, real_array, shown
 from ..checks import progress as check_progress
@@ -78,7 +80,8 @@ def basins(
     Raises
     ------
     TypeError, ValueError, KeyError
-        For input that makes no sense, and for an orbit that is no motion of this model under this load.
+        For input that makes no sense, for an orbit that is no motion of this model under this load, and if
+        the initial states would take more memory than is free.
     SolveError
         If a contact problem is not solved.
     """
@@ -93,12 +96,21 @@ def basins(
         real(what, "tolerance", tolerance, least=1e-13, most=1e-2)
         integer(what, "limit", limit, least=1, most=10**7)
         check_progress(what, progress)
+        count = _count(starts)
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
         steps = len(given[0].time) // given[0].periods
     settings = PeriodSettings(None, steps, modes)
     first = given[0] if given else None
     period = prepare(what, model, load, frequency, settings=settings, first=first)
+    # the grid and the product it is summed from, flat copies of the parts, their ends
+    require_memory(
+        what,
+        ranks,
+        4.0 * 16 * period.modes * count,
+        f"{count:,d} initial states of {period.modes} modes",
+        lambda share: f"give at most {int(share * count):,d}, or fewer modes",
+    )
     with collective(ranks):
         for orbit in given:
             check_first(what, orbit, period.reduced)
@@ -143,6 +155,13 @@ def _checked_orbits(orbits, around, frequency: float) -> tuple[Orbit, ...]:
         if abs(orbit.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"basins: {name} is at {orbit.frequency:.9g} Hz, not at {frequency:.9g} Hz")
     return tuple(orbits)
+
+
+def _count(starts) -> int:
+    """Initial states of a grid's axes; of arrays, which take their place already, none."""
+    if isinstance(starts, (list, tuple)) and all(isinstance(axis, StartAxis) for axis in starts):
+        return math.prod(len(axis.values) for axis in starts)
+    return 0
 
 
 def _state(orbit: Orbit, modes: int) -> np.ndarray:

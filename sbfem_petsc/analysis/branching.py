@@ -11,6 +11,7 @@ from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.period_map import Period
 from ..dynamics.shooting import shoot_along
 from ..errors import SolveError, on_all_ranks
+from ..parallel import agree, collective
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
@@ -40,14 +41,17 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
         If no motion of twice the period is found at any size.
     """
     instance("switch_branch", "branch", branch, Branch, "a Branch")
-    instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
-    if size is not None:
-        positive("switch_branch", "size", size, "relative")
-    if bifurcation.kind != "period doubling":
-        raise ValueError(
-            f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
-            "branch only there"
-        )
+    comm = branch.reduced.comm
+    with collective(comm):
+        instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
+        if size is not None:
+            positive("switch_branch", "size", size, "relative")
+        if bifurcation.kind != "period doubling":
+            raise ValueError(
+                f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
+                "branch only there"
+            )
+    agree(comm, "switch_branch", branch=branch.value, bifurcation=bifurcation.value, size=size)
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer, real
+from ..checks import integer, real, shown
 from ..errors import SolveError, on_all_ranks
 from ..system.model import Model
 from ..system.resolution import MeshWarning
@@ -153,6 +153,8 @@ def estimate(
     """
     if not callable(quantity):
         raise on_all_ranks(TypeError(f"estimate: quantity = {quantity!r} is not a function"))
+    if start is not None and not (isinstance(start, Mapping) and all(isinstance(key, str) for key in start)):
+        raise on_all_ranks(TypeError(f"estimate: start = {shown(start)} must be a dict of options by name"))
     first = None
     if isinstance(model, Model):
         for name, value in (
@@ -241,7 +243,7 @@ def refined(
     try:
         while True:
             if model is None:
-                model = make_model(dict(mesh), **options)
+                model = _made(owner, make_model, mesh, options)
                 if not isinstance(model, Model):
                     made, model = model, None
                     raise on_all_ranks(
@@ -284,6 +286,20 @@ def refined(
             stacklevel=3,
         )
     return model, result, found
+
+
+def _made(owner: str, make_model: Callable[..., Model], mesh: Mapping[str, Any], options: Any) -> Any:
+    """What a function makes of a mesh's options."""
+    try:
+        return make_model(dict(mesh), **options)
+    except TypeError as error:
+        if "keyword argument" not in str(error) and "positional argument" not in str(error):
+            raise
+        raise on_all_ranks(
+            TypeError(
+                f"{owner}: model cannot be made with start = {shown(mesh)} and {shown(options)}: {error}"
+            )
+        ) from error
 
 
 def _finer(mesh: dict[str, Any], cells: float, tips: float) -> dict[str, Any]:

@@ -97,7 +97,16 @@ def locus(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
                 f"between start = {start:g} and stop = {stop:g}"
             )
-    agree(comm, what, start=start, stop=stop, parameter=parameter, points=points)
+    agree(
+        comm,
+        what,
+        branch=branch.value,
+        bifurcation=(bifurcation.kind, bifurcation.value),
+        start=start,
+        stop=stop,
+        parameter=parameter,
+        points=points,
+    )
     family = Family(branch.period, parameter, factor)
     if bifurcation.kind == "grazing":
         row = grazing_row(branch.period, bifurcation.state, frequency, factor)
@@ -171,6 +180,16 @@ def loci(
             raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")
         for kind in names_of(what, "kinds", kinds):
             choice(what, "kinds", kind, KINDS)
+    agree(
+        branch.reduced.comm,
+        what,
+        branch=branch.value,
+        start=start,
+        stop=stop,
+        parameter=parameter,
+        kinds=tuple(kinds),
+        points=points,
+    )
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
     if "grazing" in kinds:
@@ -233,4 +252,5 @@ def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation,
     instance(what, "branch", branch, Branch, "a Branch")
     with collective(branch.reduced.comm):
         flag(what, "every", every)
+    agree(branch.reduced.comm, what, branch=branch.value, every=bool(every))
     return tuple(find_grazing(branch, bool(every)))

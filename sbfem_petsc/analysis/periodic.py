@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, positive
+from ..checks import flag, instance, real
 from ..checks import frequency as check_frequency
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
@@ -97,7 +97,7 @@ def periodic(
         if search is not None:
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:
-            positive("periodic", "tolerance", tolerance, "relative")
+            real("periodic", "tolerance", tolerance, "relative", above=0.0, below=1.0)
         if reduction is None:
             _check_unreduced(model, settings, start, tolerance)
     agree(

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..capacity import require_compiler, require_memory
 from ..checks import flag, instance, integer, numbers_of
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.orbit import axis_number
-from ..dynamics.preparation import CONTACT_STEP
-from ..dynamics.torus import Curve, Torus
+from ..dynamics.preparation import CONTACT_STEP, period_memory
+from ..dynamics.torus import RESTART, Curve, Torus
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
@@ -164,7 +165,8 @@ def quasi_periodic(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense; a tone that belongs to neither frequency is named.
+        For input that makes no sense, a tone that belongs to neither frequency is named; and if it would take
+        more memory than is free.
     SolveError
         If Newton's method does not converge, neither from the first guess nor behind a history of the curve.
     """
@@ -198,6 +200,8 @@ def quasi_periodic(
         contact = len(reduced.initial_gap) > 0
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
         steps = max(STEPS, shortest if contact else 0)
+    require_compiler("quasi_periodic", comm)
+    _require_room(reduced, drives, samples, steps, comm)
     try:
         torus = Torus(reduced, drives, ordered, samples=samples, steps=steps, comm=comm)
         curve = torus.solve(guess)
@@ -209,6 +213,26 @@ def quasi_periodic(
     lines, peak = _lines(torus, curve)
     return QuasiPeriodic(
         frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
+    )
+
+
+def _require_room(
+    reduced: ReducedModel, drives: tuple[Excitation, Excitation], samples: int, steps: int, comm: MPI.Comm
+) -> None:
+    """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
+    size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
+    # the derivatives, the preconditioner's inverses, both of the former iteration too, and this rank's work
+    derivatives = 8.0 * samples * size**2 * (4 + 3 / comm.size)
+    # of this rank's samples
+    motions = 8.0 * math.ceil(samples / comm.size) * steps * (size + rows)
+    krylov = 8.0 * samples * size * RESTART
+    period = period_memory(reduced, steps, max(len(drive.orders) for drive in drives))
+    require_memory(
+        "quasi_periodic",
+        comm,
+        derivatives + motions + krylov + period,
+        f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",
+        lambda share: "give fewer samples, steps or modes, or take more ranks on more machines",
     )
 
 

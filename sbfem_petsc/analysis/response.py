@@ -9,11 +9,12 @@ from dataclasses import replace
 
 import numpy as np
 
+from ..capacity import require_memory
 from ..checks import flag, instance, integer, path, positive, real
 from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
-from ..dynamics.branch_following import follow, linear_branch
+from ..dynamics.branch_following import HARMONICS, follow, linear_branch
 from ..dynamics.continuation import ContinuationSettings, ParameterRange
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
@@ -198,12 +199,28 @@ def _follow(
     progress: Callable[[float], None] | str | None,
 ) -> Branch:
     comm = period.reduced.comm
+    _require_points(period, parameter, settings)
     if record is not None:
         period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
         return follow(
             period, parameter, lambda: begin(period), settings=settings, recorder=record, report=report
         )
+
+
+def _require_points(period: Period, parameter: ParameterRange, settings: ContinuationSettings) -> None:
+    """Refuse a branch whose points may come to take more memory than is free. Collective."""
+    size, named = 2 * period.modes, len(period.reduced.points.names)
+    # the derivative and the monodromy of each, its state, its multipliers and what it is asked for
+    matrices = 2 if settings.stability else 1
+    each = 8.0 * (matrices * size**2 + 3 * size + 4 * named * (HARMONICS + 1 + period.excitation.periods))
+    require_memory(
+        f"{parameter.name}_response",
+        period.reduced.comm,
+        settings.points * each,
+        f"up to {settings.points:,d} points of {period.modes} modes",
+        lambda share: f"give at most {int(share * settings.points):,d} (points)",
+    )
 
 
 def _of_first(first: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:

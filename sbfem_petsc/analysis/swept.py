@@ -105,7 +105,17 @@ def swept_response(
                 f"sweep of 2 to {MOST:g} is expected"
             )
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
-    agree(comm, what, load=load, start=start, stop=stop, duration=duration, steps=steps, modes=modes)
+    agree(
+        comm,
+        what,
+        load=load,
+        start=start,
+        stop=stop,
+        duration=duration,
+        first=None if first is None else first.state,
+        steps=steps,
+        modes=modes,
+    )
     highest = max(start, stop)
     reduced = serving(what, model, loads, modes, highest)
     if steps is None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import KEPT, default_decimation, require_disk, require_memory
+from ..capacity import KEPT, default_decimation, require_compiler, require_disk, require_memory
 from ..checks import choice, flag, instance, integer, path, positive, real_array, shown
 from ..checks import progress as check_progress
 from ..dynamics.history import History
@@ -172,6 +172,7 @@ def transient(
         restart=restart,
         in_memory=in_memory,
     )
+    require_compiler("transient", comm)
     highest = loads.highest_frequency
     with contextlib.ExitStack() as stack:
         record = None

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
+try:
+    from numba import njit
+except OSError as error:  # of the library of its compiler, of which it takes the name for missing
+    raise ImportError(
+        "numba, which compiles the time steps, cannot load its library: is there memory left for it (some "
+        "hundred MB of address space, ulimit -v), and is llvmlite whole?"
+    ) from error
 
 
 def compiled(function, *more: str):

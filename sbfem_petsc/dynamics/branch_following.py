@@ -87,16 +87,18 @@ def follow(
         )
     former = recorder.former if recorder is not None else None
     known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
-    points = [_point(period, parameter, state, float(value)) for state, value in known]
+    rows, points = PointRows(period, settings.stability), []
+    for state, value in known:
+        points.append(_point(period, parameter, state, float(value)))
+        rows.add(points[-1])
+        if len(points) > 2:
+            points[-3].fixed.forget()
     continuation = Continuation(period, points[0], parameter, settings)
     continuation.points = points
     if former is not None:
         continuation.length, continuation.reason = former[2:]
     elif settings.leave:
         lead_away(continuation)
-    rows = PointRows(period, settings.stability)
-    for item in points:
-        rows.add(item)
     parameter = continuation.parameter
     if len(points) == 1 or parameter.holds(points[-1].value):
         for item in continuation:
@@ -237,6 +239,7 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
                 continue
             rows.add(point, k + 1)
             points.insert(k + 1, point)
+            point.fixed.forget()
         if not bent:
             break
 

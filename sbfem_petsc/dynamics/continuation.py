@@ -198,6 +198,11 @@ class Continuation:
                 self.reason = f"end of the range at {point.value:.8g}"
                 return
 
+    def forget(self) -> None:
+        """Let go of the motions of the points that no further step looks at."""
+        if len(self.points) > 2:
+            self.points[-3].fixed.forget()
+
     # ------------------------------------------------------------------ one step
     def metric(self) -> tuple[float, float]:
         """Units of the state and of the parameter."""
@@ -244,6 +249,7 @@ class Continuation:
                 point = self._around(heading, length)
             if point is not None:
                 self.points.append(point)
+                self.forget()
                 self.fallen = ""
                 return point
             length *= 0.5

@@ -18,6 +18,9 @@ from ..signals import Constant, Signal, as_signal
 from ..system.model import Model
 from ..system.resolution import warn_of_band
 
+# Hz: what a structure can be driven at.
+FASTEST = 1e15
+
 
 def communicator(system: Model | ReducedModel) -> MPI.Comm:
     """Ranks that work on a model together.
@@ -72,6 +75,18 @@ def loading(
     ValueError, TypeError, KeyError
         If a load makes no sense, or a reduced model was not made for it.
     """
+    found = _loading(owner, system, load, number)
+    if not found.highest_frequency <= FASTEST:
+        raise ValueError(
+            f"{owner}: the loads have frequencies up to {found.highest_frequency:.3g} Hz; at most "
+            f"{FASTEST:g} Hz are expected"
+        )
+    return found
+
+
+def _loading(
+    owner: str, system: Model | ReducedModel, load: Any, number: Callable[[float], Signal]
+) -> Loading:
     if isinstance(system, Model):
         system.checked_loads(load, constant=False)
         units, signals = separate(load, number)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..capacity import require_compiler, require_memory
 from ..checks import choice, flag, instance, integer, shown
 from ..checks import frequency as check_frequency
-from ..errors import on_all_ranks
 from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Harmonic
@@ -22,8 +22,8 @@ from .shooting import JACOBIANS
 STEPS, LONGEST = 512, 64
 # With contact, the default step is at most this share of the highest mode's period, see `analysis.transient`.
 CONTACT_STEP = 0.8
-# Bytes that the arrays of one period may take.
-MEMORY = 8e9
+# Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
+DIRECTIONS = 6
 
 
 @dataclass(frozen=True)
@@ -99,6 +99,7 @@ def prepare(
         settings=settings,
         first=None if first is None else (first.frequency, first.periods),
     )
+    require_compiler(owner, communicator(system))
     highest = float(excitation.orders.max(initial=0)) / excitation.periods * (band or frequency)
     modes = settings.modes
     if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
@@ -112,16 +113,38 @@ def prepare(
         steps = STEPS
         if settings.contact and len(reduced.initial_gap):
             steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
-    size = 8.0 * steps * excitation.periods * (6 * len(reduced.omega) + 3 * len(reduced.initial_gap))
-    if size > MEMORY:
-        raise on_all_ranks(
-            ValueError(
-                f"{owner}: {steps * excitation.periods:,d} steps a period of {len(reduced.omega)} modes at "
-                f"{frequency:g} Hz would take {size / 1e9:.0f} GB; give fewer steps or modes, or use static "
-                "for so slow a load"
-            )
-        )
+    require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool = True) -> float:
+    """Bytes of the motion over a period of so many steps and of its derivative, while contact acts at half of
+    the instants; `orders` are the multiples of the base frequency in the loads.
+    """
+    modes, rows = len(reduced.omega), len(reduced.initial_gap) if contact else 0
+    # two motions, the linear one and its gaps; the rows that are condensed for the derivative
+    motion = 6 * modes + 6 * rows + 8 * orders
+    return 8.0 * steps * (motion + 0.5 * min(rows, DIRECTIONS) * 7 * modes)
+
+
+def require_period(
+    owner: str, reduced: ReducedModel, steps: int, orders: int, contact: bool = True, further: float = 0.0
+) -> None:
+    """Refuse a period whose motion and derivative, and `further` bytes, would take more memory than is free.
+    Collective.
+
+    Raises
+    ------
+    ValueError
+        On all ranks.
+    """
+    require_memory(
+        owner,
+        reduced.comm,
+        period_memory(reduced, steps, orders, contact) + further,
+        f"{steps:,d} steps a period of {len(reduced.omega)} modes",
+        lambda share: "give fewer steps or modes, or use static for so slow a load",
+    )
 
 
 def check_reduction(owner: str, reduction: object) -> None:

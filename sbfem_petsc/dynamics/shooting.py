@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from scipy import linalg
@@ -25,7 +24,6 @@ JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 WHOLE = 1200
 
 
-@dataclass(frozen=True, eq=False)
 class FixedPoint:
     """A fixed point of a period.
 
@@ -43,12 +41,37 @@ class FixedPoint:
         How many of the iterations had a derivative of their own.
     """
 
-    state: np.ndarray
-    parameters: np.ndarray
-    driven: DrivenPeriod
-    motion: PeriodMotion
-    residuals: tuple[float, ...]
-    derivatives: int = 0
+    def __init__(
+        self,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        driven: DrivenPeriod,
+        motion: PeriodMotion,
+        residuals: tuple[float, ...],
+        derivatives: int = 0,
+    ):
+        self.state, self.parameters, self.residuals = state, parameters, residuals
+        self.derivatives = derivatives
+        self._driven: DrivenPeriod | None = driven
+        self._motion: PeriodMotion | None = motion
+        self._conditions = driven.period, driven.frequency, driven.factor
+
+    @property
+    def driven(self) -> DrivenPeriod:
+        """The period at the point's conditions."""
+        if self._driven is None:
+            period, frequency, factor = self._conditions
+            return period.at(frequency, factor)
+        return self._driven
+
+    @property
+    def motion(self) -> PeriodMotion:
+        """One period from the state."""
+        return self.driven.run(self.state) if self._motion is None else self._motion
+
+    def forget(self) -> None:
+        """Let go of what takes memory; it is computed again where it is asked for."""
+        self._driven = self._motion = None
 
     @property
     def effort(self) -> float:

@@ -170,7 +170,9 @@ class Torus:
     def _newton(self, states: np.ndarray) -> Curve:
         residuals: list[float] = []
         solver: _Linear | None = None
+        motions: list[PeriodMotion | None] = []
         for _ in range(ITERATIONS + 1):
+            motions.clear()  # those of the former iteration take as much memory as the new ones
             ends, motions = self.images(states)
             residual = ends - self.shifted(states)
             residuals.append(float(np.linalg.norm(residual)) / np.sqrt(self.samples) / self.size)

@@ -23,6 +23,7 @@ import numpy as np
 from ..loads import Load
 from ..parallel import collective
 from ..signals import Signal
+from ..system.demand import require_steps
 from ..system.equilibrium import equilibrium
 from ..system.model import Model
 from ..system.modes import lowest_modes
@@ -68,6 +69,7 @@ class UnreducedIntegrator:
         model.require_support("the transient analysis")
         self.model, self.signals, self.steps = model, signals, steps
         self.comm, self.chunk = model.comm, CHUNK
+        require_steps("transient", model, modes if model.damping else 0)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
         self.pencil = Pencil(model, 1.0, 0.0)
         self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
@@ -190,7 +192,11 @@ class UnreducedIntegrator:
 
 def unreduced_columns(model: Model) -> dict[str, Column]:
     """What is kept of each instant."""
-    points, tips, size = len(model.points), len(model.tips.names), len(model.gap_operator)
+    return sampled_columns(len(model.points), len(model.tips.names), len(model.gap_operator))
+
+
+def sampled_columns(points: int, tips: int, size: int) -> dict[str, Column]:
+    """The same of so many points, crack tips and contact rows."""
     return {
         "time": Column((), "s", "instants"),
         "displacement": Column((points, 2), "m", "of the named points"),

@@ -12,20 +12,24 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..capacity import require_compiler, require_memory
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..petsc import PETSc, configure, free, solving
 from ..signals import Harmonic
+from ..system.demand import require_steps
 from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from .excitation import Excitation
+from .integration import row_size
 from .loading import loading
 from .orbit import Orbit
 from .preparation import STEPS, PeriodSettings
 from .shooting import PREFIX, snes_reason
 from .states import SampledStates
+from .unreduced_history import unreduced_columns
 from .unreduced_steps import UnreducedSteps
 
 # The linear solves need no more than Newton's next iterate is good for.
@@ -65,8 +69,10 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
                 "with b > 0: without it motions above the computed modes never die out, and no steady state "
                 "is reached"
             )
-    found = lowest_modes(model, settings.modes or MODES, auxiliary_tolerance=0.0)
     count = (settings.steps or STEPS) * excitation.periods | 1
+    modes = settings.modes or MODES
+    _require_room(model, count, modes)
+    found = lowest_modes(model, modes, auxiliary_tolerance=0.0)
     pencil = Pencil(model, 1.0, 0.0)
     try:
         step = excitation.periods / frequency / count
@@ -77,6 +83,24 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
             march.release()
     finally:
         pencil.destroy()
+
+
+def _require_room(model: Model, count: int, modes: int) -> None:
+    """Refuse a period whose instants, or whose matrices and Krylov vectors, would take more memory than is
+    free. Collective.
+    """
+    require_compiler("periodic", model.comm)
+    # lists of small arrays, then arrays of all, rolled
+    row = 3 * row_size(unreduced_columns(model)) + 1000
+    require_memory(
+        "periodic",
+        model.comm,
+        float(count * row),
+        f"{count:,d} steps a period",
+        lambda share: f"give at most {int(share * count):,d}",
+    )
+    # GMRES keeps two vectors (u, v) an iteration; few take more than a quarter of its most
+    require_steps("periodic", model, modes, vectors=RESTART // 2)
 
 
 class _UnreducedPeriod:

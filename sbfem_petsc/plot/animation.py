@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
+import subprocess
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ..checks import integer, real, shown
+from ..checks import choice, integer, real, shown
 from ..dynamics.history import Motion, model_with_fields
 from ..dynamics.orbit import Orbit
 from ..errors import SolveError
-from ..parallel import collective, on_root
+from ..parallel import agree, collective, on_root
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
 from .drawing import BLUE, VERMILION, crack_title, figure, style
@@ -66,7 +68,7 @@ def animate_crack(
     TypeError, ValueError
         If an argument makes no sense or the file cannot be written; on all ranks.
     SolveError
-        If the motion keeps no fields, or, for an MP4, if there is no ffmpeg.
+        If the motion keeps no fields, or, for an MP4, if there is no ffmpeg or it fails.
     """
     model = model_with_fields("animate_crack", motion)
     with collective(model.comm):
@@ -78,12 +80,19 @@ def animate_crack(
             raise ValueError(
                 f"animate_crack: crack = {crack} does not exist; the model has {len(model.cracks)}"
             )
-        if colour not in ("von_mises", "displacement"):
-            raise ValueError(
-                f'animate_crack: colour = {shown(colour)} is unknown; use "von_mises" or "displacement"'
-            )
+        choice("animate_crack", "colour", colour, ("von_mises", "displacement"))
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
+    agree(
+        model.comm,
+        "animate_crack",
+        path=path,
+        crack=crack,
+        instants=instants,
+        seconds=seconds,
+        magnification=magnification,
+        colour=colour,
+    )
     facts = model.cracks[crack]
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
     half = 1.1 * facts.length
@@ -143,6 +152,13 @@ def _writer(path: Any, rate: float) -> AbstractMovieWriter:
     return FFMpegWriter(fps=frames_a_second)
 
 
+def _said(output: bytes | str | None) -> str:
+    """The last line of what a program has written, in brackets."""
+    text = output.decode(errors="replace") if isinstance(output, bytes) else output or ""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    return f" ({lines[-1][:200]})" if lines else ""
+
+
 class _Film:
     """One figure whose states follow one another: the crack on the left, its gap and force on the right."""
 
@@ -187,21 +203,35 @@ class _Film:
     ) -> None:
         """Draw and write the states of some instants; `told` is said of each instant of the motion."""
         title = f"{title}, {self.window.magnified} × {plain(self.factor)}"
-        ending = os.path.splitext(path)[1]
         with replaced(path, "animation") as temporary:
-            with writer.saving(self.drawing, f"{temporary}{ending}", DOTS):
-                for number, instant in enumerate(instants):
-                    painted = self._state(number, int(instant))
-                    at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
-                    self.axes.set_title(f"{title}\n{at}, {told[instant]}", fontsize=8)
-                    if number == 0:  # the layout of the first is that of all
-                        self.colours.bar(self.drawing, painted[0], self.axes)
-                        self.drawing.draw_without_rendering()
-                        self.drawing.set_layout_engine(None)  # which would draw every state twice
-                    writer.grab_frame()
-                    for artist in painted:
-                        artist.remove()
-            os.replace(f"{temporary}{ending}", temporary)
+            film = f"{temporary}{os.path.splitext(path)[1]}"  # writers know a format by its ending
+            try:
+                with writer.saving(self.drawing, film, DOTS):
+                    self._draw(writer, instants, title, told)
+                os.replace(film, temporary)
+            except subprocess.CalledProcessError as error:
+                raise SolveError(
+                    f"animation {path!r}: the program ffmpeg ended with code {error.returncode}"
+                    f"{_said(error.stderr)}; write a .gif, or mend its installation"
+                ) from None
+            finally:
+                with contextlib.suppress(OSError):
+                    os.remove(film)
+
+    def _draw(
+        self, writer: AbstractMovieWriter, instants: np.ndarray, title: str, told: Sequence[str]
+    ) -> None:
+        for number, instant in enumerate(instants):
+            painted = self._state(number, int(instant))
+            at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
+            self.axes.set_title(f"{title}\n{at}, {told[instant]}", fontsize=8)
+            if number == 0:  # the layout of the first is that of all
+                self.colours.bar(self.drawing, painted[0], self.axes)
+                self.drawing.draw_without_rendering()
+                self.drawing.set_layout_engine(None)  # which would draw every state twice
+            writer.grab_frame()
+            for artist in painted:
+                artist.remove()
 
     def _state(self, number: int, instant: int) -> list[Any]:
         painted = self.window.paint(

@@ -8,6 +8,7 @@ from matplotlib.colors import ListedColormap, to_rgb
 
 from ..checks import instance
 from ..dynamics.basins import Basins
+from .arguments import check
 from .drawing import BLACK, CYCLE, figure, style
 
 GREY = "#BBBBBB"
@@ -38,6 +39,7 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
     """
     owner = "plot_basins"
     instance(owner, "basins", basins, Basins, "Basins")
+    check(owner, title=title)
     if len(basins.axes) != 2 or min(basins.reached.shape) < 2:
         raise ValueError(
             f"{owner}: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a grid of "

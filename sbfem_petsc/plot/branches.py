@@ -15,6 +15,7 @@ from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..parallel import on_root
 from ..petsc import MPI
+from .arguments import check
 from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, by_name, figure, style
 from .units import divisors, frequency_unit, length_unit
 
@@ -62,7 +63,8 @@ def plot_branches(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = by_name(branches, Branch)
+    check("plot_branches", point=point, forces=forces, window=window, title=title, every=every, comm=comm)
+    named = by_name("plot_branches", branches, Branch)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, window, title, every))
 
 

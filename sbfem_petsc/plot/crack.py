@@ -16,8 +16,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from ..parallel import on_root
+from ..checks import choice, instance, real, shown
+from ..parallel import agree, collective, on_root
 from ..system.model import Model
+from .arguments import check
 from .drawing import BLACK, figure, style
 from .outlines import Piece, Region, gather_outline, gather_region
 from .units import length_unit, place_unit, stress_unit
@@ -56,12 +58,26 @@ def plot_crack(
     -------
     Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
     """
-    if not fields:
-        raise ValueError("plot_crack: no displacement field is given")
-    if not 0 <= crack < len(model.cracks):
-        raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
-    if colour not in ("von_mises", "displacement"):
-        raise ValueError(f'plot_crack: colour = {colour!r} is unknown; use "von_mises" or "displacement"')
+    instance("plot_crack", "model", model, Model, "a Model")
+    with collective(model.comm):
+        check("plot_crack", crack=crack)
+        if magnification is not None:
+            real("plot_crack", "magnification", magnification, above=0.0)
+        if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
+            raise TypeError(f"plot_crack: fields = {shown(fields)} must be a dict of fields by name")
+        if not fields:
+            raise ValueError("plot_crack: no displacement field is given")
+        if crack >= len(model.cracks):
+            raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
+        choice("plot_crack", "colour", colour, ("von_mises", "displacement"))
+    agree(
+        model.comm,
+        "plot_crack",
+        fields=tuple(fields),
+        crack=crack,
+        colour=colour,
+        magnification=magnification,
+    )
     facts = model.cracks[crack]
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}

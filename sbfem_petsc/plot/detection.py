@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..checks import real_array
+from .arguments import check
 from .drawing import CYCLE, MARKERS, figure, style
 
 
@@ -34,6 +35,7 @@ def plot_detection(depth: Any, place: Any, probability: Mapping[str, Any], *, ti
         If the arrays do not belong together.
     """
     owner = "plot_detection"
+    check(owner, title=title)
     depths = 1e3 * real_array(owner, "depth", depth, 1, "m")
     places = 1e3 * real_array(owner, "place", place, 1, "m")
     if not isinstance(probability, Mapping) or not probability:

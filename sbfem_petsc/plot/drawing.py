@@ -17,6 +17,7 @@ from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter
 
+from ..checks import path as checked_path
 from ..checks import shown
 from ..writing import destination, replaced
 
@@ -64,6 +65,7 @@ def save_picture(drawing: Axes | Figure | Sequence[Axes] | None, path: str) -> s
     TypeError, ValueError
         If it is no drawing, or cannot be written.
     """
+    checked_path("save_picture", "path", path)
     if drawing is None:
         return None
     several: Any = drawing
@@ -94,6 +96,7 @@ def save_pictures(folder: str, **drawings: Axes | Figure | Sequence[Axes] | None
     TypeError, ValueError
         If one is no drawing, or cannot be written.
     """
+    checked_path("save_pictures", "folder", folder)
     for name, drawing in drawings.items():
         save_picture(drawing, os.path.join(folder, f"{name}.png"))
 
@@ -109,14 +112,18 @@ def style(axes) -> None:
     axes.yaxis.label.set_size(8)
 
 
-def by_name(subjects: Subject | Mapping[str, Subject], kind: type[Subject]) -> Mapping[str, Subject]:
+def by_name(
+    owner: str, subjects: Subject | Mapping[str, Subject], kind: type[Subject]
+) -> Mapping[str, Subject]:
     """What is to be drawn by its names in the legend; one alone has none."""
     if isinstance(subjects, kind):
         return {"": subjects}
+    wanted = f"give one {kind.__name__}, or a dict of them by name"
     if not isinstance(subjects, Mapping):
-        raise TypeError(
-            f"{shown(subjects)} cannot be drawn; give one {kind.__name__}, or a dict of them by name"
-        )
+        raise TypeError(f"{owner}: {shown(subjects)} cannot be drawn; {wanted}")
+    for name, item in subjects.items():
+        if not isinstance(name, str) or not isinstance(item, kind):
+            raise TypeError(f"{owner}: {shown(name)}: {shown(item)} cannot be drawn; {wanted}")
     return subjects
 
 

@@ -12,10 +12,12 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
-from ..parallel import on_root
+from ..checks import instance, integer, shown
+from ..parallel import agree, collective, on_root
 from ..system.model import Model
 from ..system.modes import Modal
-from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, crack_title, figure, fill, style
+from .arguments import check
+from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, by_name, crack_title, figure, fill, style
 from .outlines import Piece, contact_lengths, gather_outline, loops
 from .units import frequency_unit, length_unit, place_unit, stress_unit
 
@@ -35,16 +37,25 @@ def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int
     -------
     Axes of the modes on rank 0, None elsewhere; `save_picture` writes them
     """
-    chosen = list(range(min(12, len(modal.frequencies))) if modes is None else modes)
-    wrong = [m for m in chosen if not 0 <= m < len(modal.frequencies)]
-    if not chosen or wrong:
-        raise ValueError(
-            f"plot_modes: modes = {modes!r} must be numbers from 0 to {len(modal.frequencies) - 1}"
-        )
-    if not isinstance(modal.model, Model):
+    instance("plot_modes", "modal", modal, Modal, "a Modal")
+    model = modal.model
+    if not isinstance(model, Model):
         raise TypeError("plot_modes: modal must be the modes of a Model")
-    pieces = gather_outline(modal.model, [modal.nodal(m) for m in chosen], max(2 * modal.model.order, 8))
-    return on_root(modal.model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
+    with collective(model.comm):
+        check("plot_modes", columns=columns)
+        chosen = _chosen(modes, len(modal.frequencies))
+    agree(model.comm, "plot_modes", modes=chosen, columns=columns)
+    pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
+    return on_root(model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
+
+
+def _chosen(modes: Sequence[int] | None, count: int) -> list[int]:
+    """Numbers of the modes to draw."""
+    if modes is None:
+        return list(range(min(12, count)))
+    if not isinstance(modes, (list, tuple, range, np.ndarray)) or not len(modes):
+        raise TypeError(f"plot_modes: modes = {shown(modes)} must be a sequence of numbers")
+    return [integer("plot_modes", f"modes[{k}]", m, least=0, most=count - 1) for k, m in enumerate(modes)]
 
 
 def _draw_modes(
@@ -150,12 +161,17 @@ def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[A
     -------
     [pressure, gap] on rank 0, None elsewhere; `save_picture` writes them
     """
-    cases = {"load": cases} if isinstance(cases, Static) else cases
+    cases = {"load": cases} if isinstance(cases, Static) else by_name("plot_contact", cases, Static)
     if not cases:
         raise ValueError("plot_contact: no static case is given")
     model = next(iter(cases.values())).model
-    if not 0 <= crack < len(model.cracks):
-        raise ValueError(f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}")
+    with collective(model.comm):
+        check("plot_contact", crack=crack)
+        if crack >= len(model.cracks):
+            raise ValueError(
+                f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}"
+            )
+    agree(model.comm, "plot_contact", cases=tuple(cases), crack=crack)
     lengths = contact_lengths(model)
     return on_root(model.comm, lambda: _draw_contact(model, cases, lengths, crack))
 

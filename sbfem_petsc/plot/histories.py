@@ -10,9 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
+from ..checks import flag, instance, real, shown, text
 from ..dynamics.history import Motion
 from ..parallel import on_root
 from ..petsc import MPI
+from .arguments import check, curve
 from .drawing import BLACK, CYCLE, figure, style
 from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
@@ -46,6 +48,21 @@ class Panel:
     title: str = ""
     zero: bool = True
 
+    def __post_init__(self) -> None:
+        check("Panel", quantity=self.quantity, window=self.window, title=self.title)
+        real("Panel", "scale", self.scale)
+        flag("Panel", "zero", self.zero)
+        if not isinstance(self.curves, Mapping) or not self.curves:
+            raise TypeError(
+                f"Panel: curves = {shown(self.curves)} must be a dict of at least one curve by name"
+            )
+        for name, values in self.curves.items():
+            curve("Panel", f"curves[{name!r}]", values)
+            start, stop = self.window or (-np.inf, np.inf)
+            time = np.asarray(values[0])
+            if not ((time >= start) & (time <= stop)).any():
+                raise ValueError(f"Panel: curves[{name!r}] has no instant in window = {self.window!r}")
+
 
 def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
@@ -61,6 +78,11 @@ def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> 
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
+    check("plot_histories", comm=comm)
+    if not isinstance(panels, (list, tuple)):
+        raise TypeError(f"plot_histories: panels = {panels!r} must be a sequence of Panel")
+    for panel in panels:
+        instance("plot_histories", "panels", panel, Panel, "of Panels")
     return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw_histories(list(panels)))
 
 
@@ -91,7 +113,10 @@ def plot_history(
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
 
+    check("plot_history", point=point, window=window, title=title, comm=comm)
+
     def draw() -> list[Axes]:
+        instance("plot_history", "motion", motion, Motion, "a History or an Orbit")
         u, resultant = motion.displacement(point), motion.contact_resultant
         scale, unit = length_unit(float(np.abs(u).max()))
         curves = {f"$u_{axis}$": (motion.time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
@@ -130,7 +155,12 @@ def plot_load_history(
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
 
+    check("plot_load_history", point=point, title=title, comm=comm)
+    if crack is not None:
+        text("plot_load_history", "crack", crack)
+
     def draw() -> list[Axes]:
+        instance("plot_load_history", "history", history, LoadHistory, "a LoadHistory")
         time, u, resultant = history.time, history.displacement(point), history.contact_resultant
         scale, unit = length_unit(float(np.abs(u).max()))
         curves = {f"$u_{axis}$": (time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
@@ -239,6 +269,11 @@ def plot_spectra(
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
+    owner = "plot_spectra"
+    check(owner, quantity=quantity, window=window, lines=lines, decades=decades, comm=comm)
+    check(owner, spectra=spectra, harmonics=harmonics, comm=comm)
+    if spectra is None or window is None:
+        raise TypeError(f"{owner}: spectra and window must be given")
     return on_root(
         MPI.COMM_WORLD if comm is None else comm,
         lambda: _draw_spectra(spectra, quantity, window, lines or {}, decades, harmonics or {}),

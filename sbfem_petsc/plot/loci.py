@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 
 from ..checks import instance, positive
 from ..dynamics.locus import KINDS, Locus
+from .arguments import check
 from .branches import smooth
 from .drawing import BLUE, GREEN, PURPLE, VERMILION, figure, style
 
@@ -43,6 +44,9 @@ def plot_loci(
         For something else than loci, and for loci of different second parameters.
     """
     owner = "plot_loci"
+    if not isinstance(loci, (Locus, list, tuple)):
+        raise TypeError(f"{owner}: loci = {loci!r} must be a Locus, or several")
+    check(owner, label=label, title=title)
     lines = [loci] if isinstance(loci, Locus) else list(loci)
     for line in lines:
         instance(owner, "loci", line, Locus, "a Locus, or several")

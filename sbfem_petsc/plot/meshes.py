@@ -15,6 +15,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from ..parallel import on_root
 from ..petsc import MPI
 from ..selement.basis import shape_functions
+from .arguments import check
 from .drawing import (
     BLACK,
     BLUE,
@@ -46,6 +47,7 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = No
     -------
     Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
     """
+    check("plot_discretisation", comm=comm)
     return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw(mesh))
 
 

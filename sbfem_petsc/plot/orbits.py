@@ -8,10 +8,12 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
+from ..checks import instance
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit
 from ..parallel import on_root
 from ..petsc import MPI
+from .arguments import check
 from .branches import DASHED, GREY, draw_growth
 from .drawing import BLACK, BLUE, CYCLE, VERMILION, by_name, figure, finish_stems, stems, style
 from .units import divisors, force_unit, length_unit
@@ -59,7 +61,9 @@ def plot_harmonics(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = by_name(orbits, Orbit)
+    check("plot_harmonics", point=point, direction=direction, count=count, decades=decades, comm=comm)
+    check("plot_harmonics", forces=forces, title=title, comm=comm)
+    named = by_name("plot_harmonics", orbits, Orbit)
     return on_root(
         comm or MPI.COMM_WORLD,
         lambda: _draw_harmonics(named, point, direction, count, decades, forces, title),
@@ -128,10 +132,12 @@ def plot_orbit(
     -------
     [phase plane, gaps, resultant] on rank 0, None elsewhere; `save_picture` writes them
     """
+    check("plot_orbit", point=point, pairs=pairs, title=title, comm=comm)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_orbit(orbit, point, pairs, title))
 
 
 def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> list[Axes]:
+    instance("plot_orbit", "orbit", orbit, Orbit, "an Orbit")
     count = orbit.contact_force.shape[1]
     if pairs is None:
         pairs = {f"pair {k + 1}": k for k in dict.fromkeys((0, count // 2, count - 1))} if count else {}
@@ -244,10 +250,12 @@ def plot_multipliers(
     -------
     [complex plane, growth] on rank 0, None elsewhere; `save_picture` writes them
     """
+    check("plot_multipliers", title=title, comm=comm)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_multipliers(subject, title))
 
 
 def _draw_multipliers(subject: Orbit | Branch, title: str) -> list[Axes]:
+    instance("plot_multipliers", "subject", subject, (Orbit, Branch), "an Orbit or a Branch")
     if not np.size(subject.multipliers):
         raise ValueError(
             "plot_multipliers: there are no multipliers; ask for them with stability=True, or draw a motion "

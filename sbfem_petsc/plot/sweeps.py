@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from ..checks import instance, positive
 from ..dynamics.branch import Branch
 from ..dynamics.swept import SweptResponse
+from .arguments import check
 from .branches import DASHED, amplitude_at, in_order, smooth, split
 from .drawing import BLACK, BLUE, GREEN, VERMILION, figure, style
 from .units import frequency_unit, length_unit
@@ -49,10 +50,13 @@ def plot_swept(
         instance(owner, "branch", branch, Branch, "a Branch, or None")
         if branch.parameter != "frequency":
             raise ValueError(f"{owner}: branch = {branch!r} is over the load; give one over the frequency")
+    if not isinstance(swept, (SweptResponse, list, tuple)):
+        raise TypeError(f"{owner}: swept = {swept!r} must be a SweptResponse, or several")
     sweeps = [swept] if isinstance(swept, SweptResponse) else list(swept)
     for item in sweeps:
         instance(owner, "swept", item, SweptResponse, "a SweptResponse, or several")
     least = positive(owner, "least", least)
+    check(owner, point=point, title=title)
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
         raise ValueError(f"{owner}: swept is empty and there is no branch; give one SweptResponse at least")

@@ -12,6 +12,7 @@ from ..analysis.quasi_periodic import QuasiPeriodic
 from ..indicators import Sidebands
 from ..parallel import on_root
 from ..petsc import MPI
+from .arguments import check
 from .branches import DASHED
 from .drawing import BLACK, CYCLE, by_name, figure, finish_stems, stems, style
 from .units import frequency_unit, length_unit
@@ -51,7 +52,10 @@ def plot_lines(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = by_name(motions, QuasiPeriodic)
+    check(
+        "plot_lines", point=point, direction=direction, order=order, decades=decades, title=title, comm=comm
+    )
+    named = by_name("plot_lines", motions, QuasiPeriodic)
     return on_root(
         comm or MPI.COMM_WORLD, lambda: _draw_lines(named, point, direction, order, decades, title)
     )
@@ -141,7 +145,8 @@ def plot_sidebands(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = by_name(sidebands, Sidebands)
+    check("plot_sidebands", title=title, comm=comm)
+    named = by_name("plot_sidebands", sidebands, Sidebands)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_sidebands(named, title))
 
 
@@ -195,7 +200,8 @@ def plot_backbone(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    named = by_name(backbones, Backbone)
+    check("plot_backbone", title=title, comm=comm)
+    named = by_name("plot_backbone", backbones, Backbone)
     return on_root(comm or MPI.COMM_WORLD, lambda: _draw_backbones(named, title))
 
 

@@ -10,6 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 
+from ..capacity import available_memory
 from ..errors import SolveError
 from ..parallel import collective, on_root
 from ..petsc import MPI
@@ -18,6 +19,7 @@ from ..writing import destination
 from .hdf5 import new_hdf5, opened, put
 from .lock import WriterLock
 from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
+from .sound import number, numbers, text, truth, whole
 
 WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 1
 # Seconds between two updates of a file.
@@ -67,8 +69,8 @@ def write_branch(
                 "length": length,
             }
         )
-        for name, (unit, text) in ARRAYS.items():
-            put(file, name, getattr(branch, name), unit or _unit(branch.parameter), text)
+        for name, (unit, meaning) in ARRAYS.items():
+            put(file, name, getattr(branch, name), unit or _unit(branch.parameter), meaning)
         put(file, "stable", branch.stable, "1", "whether small disturbances die out")
         put(file, "excitation/orders", period.excitation.orders, "1", "multiples of f / periods")
         put(file, "excitation/amplitudes", period.excitation.amplitudes, "unit of the load", "one-sided")
@@ -162,7 +164,8 @@ class BranchFile:
 
     def _read(self, period, parameter):
         with opened(self.path, WHAT, {FORM: VERSION}) as file:
-            stored = read_reduced_model(file["reduced_model"])
+            contents = read_branch_file(file)
+            stored = contents["reduced"]
             other = difference(stored, period.reduced)
             if other:
                 raise ValueError(
@@ -184,17 +187,17 @@ class BranchFile:
                         f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; "
                         "resume with the same value, or name another file"
                     )
-            if not close(file["excitation/amplitudes"][()], period.excitation.amplitudes):
+            if not close(contents["excitation"][1], period.excitation.amplitudes):
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name "
                     "another file"
                 )
-            finished = bool(file.attrs["complete"]) and file["multipliers"].shape[1] > 0
+            finished = contents["complete"] and contents["multipliers"].shape[1] > 0
             former = (
-                file["states"][()],
-                file["value"][()],
+                contents["states"],
+                contents["value"],
                 float(file.attrs["length"]),
-                str(file.attrs["reason"]),
+                contents["reason"],
             )
             return stored, former, finished
 
@@ -222,6 +225,51 @@ def _unit(parameter: str) -> str:
     return "Hz" if parameter == "frequency" else "1"
 
 
-def read_arrays(file: h5py.File) -> dict[str, np.ndarray]:
-    """The arrays of a branch, by their names in `Branch`."""
-    return {name: file[name][()] for name in ARRAYS}
+def read_branch_file(file: h5py.File) -> dict[str, Any]:
+    """What a branch is made of, by the names in `Branch`, but for its period: that as "reduced", "steps",
+    "contact" and "excitation".
+
+    Raises
+    ------
+    ValueError
+        If it does not fit together.
+    """
+    reduced = read_reduced_model(file["reduced_model"])
+    modes, loads = reduced.load_modes.shape
+    count, points = len(numbers(file, "value", None, least=0.0)), len(reduced.points.names)
+    periods = whole(file, "periods", least=1, most=10**7)
+    parameter = text(file, "parameter")
+    if not count or parameter not in ("frequency", "load"):
+        raise ValueError(f"it is over {parameter!r} and has {count} points")
+    lines = numbers(file, "point_harmonics", count, points, 2, None, kinds="c").shape[-1]
+    arrays = {
+        "value": numbers(file, "value", count),
+        "states": numbers(file, "states", count, 2 * modes),
+        "point_harmonics": numbers(file, "point_harmonics", count, points, 2, lines, kinds="c"),
+        "point_amplitudes": numbers(file, "point_amplitudes", count, points),
+        "point_subharmonics": numbers(file, "point_subharmonics", count, points, 2, None, kinds="c"),
+        "contact_peak": numbers(file, "contact_peak", count),
+        "multipliers": numbers(file, "multipliers", count, None, kinds="c"),
+        "multiplier_error": numbers(file, "multiplier_error", count, finite=False),
+        "iterations": numbers(file, "iterations", count, kinds="iu"),
+    }
+    orders = numbers(file, "excitation/orders", None, kinds="iu", least=0)
+    amplitudes = numbers(file, "excitation/amplitudes", len(orders), loads, kinds="c")
+    steps = whole(file, "steps", least=1, most=10**9)
+    if 64 * steps * len(orders) > available_memory():
+        raise ValueError(f"{steps} steps a period of {len(orders)} harmonics need more memory than is free")
+    number(file, "length", least=0.0)
+    for name in ("start", "stop"):
+        number(file, name, least=0.0)
+    return {
+        **arrays,
+        "parameter": parameter,
+        "periods": periods,
+        "reason": text(file, "reason"),
+        "complete": truth(file, "complete"),
+        "fixed_frequency": number(file, "fixed_frequency", least=0.0) or None,
+        "reduced": reduced,
+        "steps": steps,
+        "contact": truth(file, "contact"),
+        "excitation": (orders, amplitudes),
+    }

@@ -15,11 +15,25 @@ import numpy as np
 
 from ..checks import path as checked_path
 from ..writing import reason, replaced
+from .sound import require_own
 
 # Groups whose data sets are written while a run goes on, and have checksums of their own.
 RUNNING = ("rows", "running")
 # Bytes that are read at a time for a checksum.
 BLOCK = 1 << 24
+# What reading of what is not there, or is something else, ends in.
+_UNSOUND = (
+    ValueError,
+    KeyError,
+    IndexError,
+    TypeError,
+    AttributeError,
+    OSError,
+    RuntimeError,
+    OverflowError,
+    UnicodeDecodeError,
+    json.JSONDecodeError,
+)
 # What ends a file: length and CRC-32 of the text before it, which holds the file's own.
 _END, _MAGIC = struct.Struct("<II8s"), b"sbfemcrc"
 
@@ -81,7 +95,8 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
     Raises
     ------
     TypeError, ValueError
-        If the file is missing, truncated, changed, of another kind or of another version.
+        If the file is missing, truncated, changed, of another kind or of another version, or if what is read
+        of it is not there or not what it should be: one sentence that names it.
     """
     path = checked_path(what, "path", path)
     if not os.path.isfile(path):
@@ -95,8 +110,10 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
             form, version = file.attrs.get("format"), file.attrs.get("format_version", 0)
         except (OSError, RuntimeError, LookupError) as error:
             raise ValueError(f"{what} {path!r} is truncated, damaged or no HDF5 file ({error})") from None
-        if form not in forms:
+        if not isinstance(form, str) or form not in forms:
             raise ValueError(f"{path!r} is an HDF5 file of another kind, not {' or '.join(forms)}")
+        if not isinstance(version, (int, np.integer)):
+            raise ValueError(f"{what} {path!r} has format version {version!r}, which is no whole number")
         if version != forms[form]:
             age = "newer" if version > forms[form] else "older"
             raise ValueError(
@@ -107,7 +124,14 @@ def opened(path: Any, what: str, forms: Mapping[str, int]) -> Iterator[h5py.File
                 f"{what} {path!r} has lost its checksum: its end is missing, or another program has written "
                 "to it; write it again"
             )
-        yield file
+        try:
+            require_own(file)
+            yield file
+        except _UNSOUND as error:
+            if type(error) not in _UNSOUND or path in str(error):
+                raise
+            said = " ".join(str(error).split())
+            raise ValueError(f"{what} {path!r} does not hold what it should: {said}") from None
 
 
 # ---------------------------------------------------------------------- the checksum behind HDF5's last byte
@@ -143,8 +167,14 @@ def _sealed(path: str) -> bool | None:
         text = file.read(length)
     if zlib.crc32(text) != total:
         return False
-    facts = json.loads(text)
-    return _checksum(path, size - _END.size - length, facts["running"]) == facts["crc"]
+    try:
+        facts = json.loads(text)
+        running = [(int(first), int(count)) for first, count in facts["running"]]
+    except (TypeError, ValueError, KeyError):
+        return False
+    crc = facts.get("crc")
+    inside = all(first >= 0 and count >= 0 and first + count <= size for first, count in running)
+    return inside and _checksum(path, size - _END.size - length, running) == crc
 
 
 def _checksum(path: str, size: int, skipped: Sequence[Sequence[int]]) -> int:

@@ -30,6 +30,7 @@ from ..errors import SolveError
 from ..signals import Signal
 from ..writing import reason
 from .hdf5 import put, put_texts
+from .sound import number, numbers, text, texts, whole
 
 WHAT, FORM, VERSION = "history file", "sbfem-petsc history", 2
 SLOTS = ("running/A", "running/B")
@@ -145,20 +146,42 @@ class Contents:
 
     @classmethod
     def read(cls, file: h5py.File) -> Contents:
-        """What `lay_out` wrote."""
+        """What `lay_out` wrote.
+
+        Raises
+        ------
+        ValueError
+            If it does not fit together.
+        """
+        kind, group = text(file, "kind"), file["settings"]
+        if kind not in ("reduced", "unreduced"):
+            raise ValueError(f"kind = {kind!r} is unknown")
+        for name in ("count", "decimation", "chunk"):
+            whole(group, name, least=1)
+        number(group, "step", least=1e-300)
         columns = {
-            name: ColumnLike(data.shape[1:], str(data.attrs["unit"]), str(data.attrs["description"]))
+            name: ColumnLike(data.shape[1:], text(data, "unit"), text(data, "description"))
             for name, data in file["rows"].items()
         }
-        return cls(
-            str(file.attrs["kind"]),
-            {name: _plain(value) for name, value in file["settings"].attrs.items()},
+        found = cls(
+            kind,
+            {name: _plain(value) for name, value in group.attrs.items()},
             columns,
-            tuple(file["checkpoint_sizes"][()].tolist()),
-            file["signal_checks"][()],
-            {name: tuple(map(str, values)) for name, values in file["names"].attrs.items()},
+            tuple(numbers(file, "checkpoint_sizes", None, kinds="iu", least=0).tolist()),
+            numbers(file, "signal_checks", SIGNAL_CHECKS, None),
+            {name: texts(file["names"], name) for name in file["names"].attrs},
             {name: data[()] for name, data in file.get("identity", {}).items()},
         )
+        if not found.sizes:
+            raise ValueError("'checkpoint_sizes' is empty")
+        lengths = {f"rows/{name}": (found.instants, *column.shape) for name, column in columns.items()}
+        lengths |= {slot: (found.head + sum(found.sizes),) for slot in SLOTS} | {"running/recorded": (1,)}
+        for name, shape in lengths.items():
+            if not _is_reserved(file[name]) or file[name].shape != shape:
+                raise ValueError(f"{name!r} is not laid out as {shape} numbers")
+        if not _is_reserved(file["running/blocks"]) or file["running/blocks"].shape[1:] != (2,):
+            raise ValueError("'running/blocks' is not laid out as pairs of numbers")
+        return found
 
 
 def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray]:
@@ -172,7 +195,11 @@ def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray]:
                 found.append((head, states))
     if not found:
         raise ValueError(f"{WHAT} {file.filename!r} holds no recorded instant")
-    return max(found, key=lambda pair: pair[0].counter)
+    head, states = max(found, key=lambda pair: pair[0].counter)
+    fits = 0 < head.rows <= contents.instants and 0 <= head.done <= contents.settings["count"]
+    if not fits or not 0 < head.blocks <= len(file["running/blocks"]) or not np.isfinite(states).all():
+        raise ValueError(f"{head.rows} rows of {head.done} steps are said to be recorded")
+    return head, states
 
 
 def mapped(path: str, names: Sequence[str], count: int) -> Rows:
@@ -199,11 +226,17 @@ def verified(path: str, contents: Contents, head: Head) -> Rows:
     rows, first = mapped(path, tuple(contents.columns), head.rows), 0
     with h5py.File(path, "r") as file:
         blocks = file["running/blocks"][: head.blocks]
+    if not np.isfinite(blocks).all():
+        raise ValueError(f"{WHAT} {path!r} is damaged: the table of its rows holds no numbers")
     for end, total in blocks:
         if not first <= end <= head.rows or block_sum(rows, first, int(end)) != total:
             raise ValueError(
                 f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(min(end, head.rows))} do not fit "
                 "their checksum; run it again without restart"
+            )
+        if not all(np.isfinite(values[first : int(end)]).all() for values in rows.values()):
+            raise ValueError(
+                f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(end)} are not all finite numbers"
             )
         first = int(end)
     if first != head.rows:
@@ -291,6 +324,16 @@ def _reserve(file: h5py.File, name: str, shape: tuple[int, ...]) -> h5py.Dataset
     file.require_group(os.path.dirname(name))
     h5py.h5d.create(file.id, name.encode(), h5py.h5t.IEEE_F64LE, h5py.h5s.create_simple(shape), layout)
     return file[name]
+
+
+def _is_reserved(item: Any) -> bool:
+    """Whether a data set is as `_reserve` makes them: its numbers stand in the file one after the other."""
+    return (
+        isinstance(item, h5py.Dataset)
+        and item.dtype == np.dtype("<f8")
+        and item.chunks is None
+        and (item.size == 0 or item.id.get_offset() is not None)
+    )
 
 
 def _plain(value: Any) -> Any:

@@ -11,6 +11,7 @@ from ..contact.law import RowLaws
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .hdf5 import put, put_texts
+from .sound import numbers, texts, truth, whole
 
 # Relative differences of the same model on other numbers of ranks.
 SAME = 1e-5
@@ -53,17 +54,39 @@ def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
 
 
 def read_reduced_model(group: h5py.Group) -> ReducedModel:
-    """What `write_reduced_model` wrote: without a model, modes and loads as objects."""
-    outputs = {
-        name: LinearOutput(
-            tuple(map(str, group[name].attrs["names"])), *(group[name][share][()] for share in _SHARES)
-        )
-        for name in _OUTPUTS
+    """What `write_reduced_model` wrote: without a model, modes and loads as objects.
+
+    Raises
+    ------
+    ValueError
+        If its arrays do not fit together or hold what no reduced model has.
+    """
+    modes = len(numbers(group, "frequencies", None))
+    rows, loads = len(numbers(group, "initial_gap", None)), numbers(group, "load_modes", modes, None).shape[1]
+    if modes == 0:
+        raise ValueError("'frequencies' is empty")
+    arrays = {
+        "frequencies": numbers(group, "frequencies", modes, least=0.0),
+        "damping": numbers(group, "damping", modes, least=0.0),
+        "initial_gap": numbers(group, "initial_gap", rows),
+        "load_modes": numbers(group, "load_modes", modes, loads),
+        "load_flexibility": numbers(group, "load_flexibility", loads, loads),
+        "translation": numbers(group, "translation", modes, 2),
     }
-    arrays = {name: group[name][()] for name in _ARRAYS}
+    outputs = {}
+    for name in _OUTPUTS:
+        part = group[name]
+        names = texts(part, "names")
+        first = (rows,) if name == "gap" else (len(names), 2)
+        shares = (numbers(part, share, *first, n) for share, n in zip(_SHARES, (modes, loads, rows)))
+        outputs[name] = LinearOutput(names, *shares)
     part = group["contact_laws"]
-    laws = RowLaws(part["tied"][()], part["compliance"][()], bool(part.attrs["dissipative"]))
-    pairs = int(group.attrs["pairs"])
+    laws = RowLaws(
+        numbers(part, "tied", rows, kinds="b"),
+        numbers(part, "compliance", rows, least=0.0),
+        truth(part, "dissipative"),
+    )
+    pairs = whole(group, "pairs", most=rows)
     return ReducedModel(pairs=pairs, contact_laws=laws, **arrays, **outputs)  # type: ignore[arg-type]
 
 

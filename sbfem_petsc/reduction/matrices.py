@@ -88,6 +88,8 @@ def reduce_matrices(
         )
     if (stops < 0.0).any():
         raise ValueError(f"reduce_matrices: compliance {stops.min():g} m/N is negative")
+    if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
+        raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
     stops = stops + laws.compliance
     modes = n if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=n)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..checks import flag, integer, path, real_array, text
 from ..dynamics.history import Motion, model_with_fields
-from ..parallel import collective
+from ..parallel import agree, collective
 from .hdf5 import check_output_folder
 from .vtu import write_vtu, write_xml
 
@@ -67,6 +67,15 @@ def write_animation(
         if subdivisions is not None:
             integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
         path("write_animation", "folder", folder)
+    agree(
+        model.comm,
+        "write_animation",
+        folder=folder,
+        instants=instants,
+        name=name,
+        stress=stress,
+        subdivisions=subdivisions,
+    )
     folder = check_output_folder(folder, model.comm)
     files = [
         write_vtu(

@@ -10,9 +10,9 @@ from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.excitation import Excitation
 from ..dynamics.period_map import Period
-from ..recording.branch_file import FORM, VERSION, WHAT, read_arrays, write_branch
+from ..recording.branch_file import FORM, VERSION, WHAT, read_branch_file, write_branch
 from ..recording.hdf5 import opened
-from ..recording.reduced_models import read_reduced_model
+from ..recording.sound import number, numbers, text, whole
 
 
 class IncompleteBranch(UserWarning):
@@ -46,35 +46,25 @@ def read_branch(path: str) -> Branch:
         If the branch has not reached the end of its range.
     """
     with opened(path, WHAT, {FORM: VERSION}) as file:
-        attrs = file.attrs
-        periods = int(attrs["periods"])
-        excitation = Excitation(file["excitation/orders"][()], file["excitation/amplitudes"][()], periods)
-        period = Period(
-            read_reduced_model(file["reduced_model"]), excitation, int(attrs["steps"]), bool(attrs["contact"])
-        )
+        found = read_branch_file(file)
+        reduced, steps, contact = (found.pop(name) for name in ("reduced", "steps", "contact"))
+        orders, amplitudes = found.pop("excitation")
+        period = Period(reduced, Excitation(orders, amplitudes, found["periods"]), steps, contact)
+        count, size = found["states"].shape
         groups = [file["bifurcations"][name] for name in sorted(file.get("bifurcations", ()))]
-        found = tuple(
+        bifurcations = tuple(
             Bifurcation(
-                str(group.attrs["kind"]),
-                float(group.attrs["value"]),
+                text(group, "kind"),
+                number(group, "value"),
                 complex(group.attrs["multiplier"]),
-                group["state"][()],
-                group["direction"][()],
-                int(group.attrs["after"]),
+                numbers(group, "state", size),
+                numbers(group, "direction", size, kinds="fc"),
+                whole(group, "after", most=count),
             )
             for group in groups
         )
-        branch = Branch(
-            parameter=str(attrs["parameter"]),
-            **read_arrays(file),
-            bifurcations=found,
-            reason=str(attrs["reason"]),
-            complete=bool(attrs["complete"]),
-            periods=periods,
-            period=period,
-            fixed_frequency=float(attrs["fixed_frequency"]) or None,
-        )
-        stop = float(attrs["stop"])
+        branch = Branch(**found, bifurcations=bifurcations, period=period)
+        stop = float(file.attrs["stop"])
     if not branch.complete:
         warnings.warn(
             f"{WHAT} {os.fspath(path)!r} is incomplete: it ends at {branch.value[-1]:.8g} of {stop:.8g}; "

@@ -8,9 +8,12 @@ import tempfile
 from dataclasses import dataclass
 
 from ..analysis.static import Static
-from ..parallel import collective
+from ..checks import instance, shown
+from ..loads import as_loads
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..recording.hdf5 import new_hdf5, opened
+from ..recording.sound import numbers
 from ..system.model import Model
 from ..system.modes import Modal
 from ..writing import destination
@@ -125,15 +128,19 @@ def write_results(
     holds a whole one. Every dataset has the attributes "unit" and "description"; the root's "complete" is set
     last.
     """
+    instance("write_results", "model", model, Model, "a Model")
     comm = model.comm
     with collective(comm):
         destination(path, WHAT)
+        if modal is not None:
+            instance("write_results", "modal", modal, Modal, "a Modal")
         cases = _cases(static, loads)
         for name, result in (("modal", modal), *((name, result) for name, (result, _) in cases.items())):
             if result is not None and result.model is not model:
                 raise ValueError(
                     f"write_results: {name!r} was computed with another model than the one given"
                 )
+    agree(comm, "write_results", path=path, modal=modal is None, static=tuple(cases), loads=loads)
     file = None
     with contextlib.ExitStack() as stack:
         with written(comm, path):
@@ -163,7 +170,13 @@ def read_results(path: str) -> Results:
     """
     with opened(path, WHAT, {FORMAT: FORMAT_VERSION}) as file:
         units: dict[str, str] = {}
+        numbers(file, "mesh/nodes", None, 2)
+        if "modal" in file:
+            numbers(file, "modal/frequencies", None, least=0.0)
         contents = tree(file, units)
+        parts = [contents[name] for name in ("versions", "petsc_options", "inputs", "mesh")]
+        if not all(isinstance(part, dict) for part in [*parts, contents.get("static", {})]):
+            raise ValueError("it has data sets in the place of groups")
     return Results(
         os.fspath(path),
         contents["versions"],
@@ -182,11 +195,23 @@ def _cases(static, loads) -> dict[str, tuple[Static, object]]:
         return {}
     if isinstance(static, Static):
         static, loads = {"static": static}, None if loads is None else {"static": loads}
+    if not isinstance(static, dict) or not isinstance(loads, (dict, type(None))):
+        raise TypeError(
+            f"write_results: static = {shown(static)} and loads = {shown(loads)} must be one case and its "
+            "load, or dicts of these by name"
+        )
+    for name, result in static.items():
+        instance("write_results", f"static[{name!r}]", result, Static, "a Static")
+    for name, load in (loads or {}).items():
+        try:
+            as_loads(load)
+        except TypeError as error:
+            raise TypeError(f"write_results: loads[{name!r}]: {error}") from None
     unknown = sorted(set(loads or {}) - set(static))
     if unknown:
         raise ValueError(f"loads are given for {unknown}, but the static cases are {sorted(static)}")
     for name in static:
-        if not isinstance(name, str) or not name.strip(". ") or "/" in name:
+        if not isinstance(name, str) or not name.strip(". ") or "/" in name or not name.isprintable():
             raise ValueError(f"static case {name!r}: its name must be a text without '/'")
     return {
         name: (result, (loads or {}).get(name, getattr(result, "load", None)))

@@ -5,13 +5,18 @@ from __future__ import annotations
 import os
 import warnings
 
+import h5py
+
+from ..capacity import SHARE, available_memory, in_bytes
 from ..checks import flag
 from ..dynamics.history import History
-from ..dynamics.reduced_history import recorded_exchanges, reduced_history
-from ..dynamics.unreduced_history import unreduced_history
+from ..dynamics.reduced_history import recorded_exchanges, reduced_columns, reduced_history
+from ..dynamics.unreduced_history import sampled_columns, unreduced_history
 from ..recording.hdf5 import opened
 from ..recording.history_layout import FORM, VERSION, WHAT, Contents, newest, verified
 from ..recording.reduced_models import read_reduced_model
+from ..recording.sound import number, whole
+from ..reduction.reduced_model import ReducedModel
 
 
 class IncompleteHistory(UserWarning):
@@ -42,8 +47,15 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
         contents = Contents.read(file)
         head, states = newest(file, contents)
         reduced = read_reduced_model(file["reduced_model"]) if contents.kind == "reduced" else None
+        _require_columns(file, contents, reduced)
     rows = verified(os.fspath(path), contents, head)
     if in_memory:
+        size = 8.0 * sum(values.size for values in rows.values())
+        if size > SHARE * available_memory():
+            raise ValueError(
+                f"{WHAT} {os.fspath(path)!r} would take {in_bytes(size)} of memory, "
+                f"{in_bytes(SHARE * available_memory())} are free; read it with in_memory = False"
+            )
         rows = {name: values[...].copy() for name, values in rows.items()}
     settings = contents.settings
     complete = head.done == settings["count"]
@@ -65,3 +77,22 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
         damped_modes=settings["damped_modes"],
         complete=complete,
     )
+
+
+def _require_columns(file: h5py.File, contents: Contents, reduced: ReducedModel | None) -> None:
+    """Raise ValueError unless the rows are those of the model."""
+    if reduced is not None:
+        wanted = reduced_columns(reduced)
+    else:
+        settings = file["settings"]
+        points, tips = (contents.texts.get(name) for name in ("points", "tips"))
+        if points is None or tips is None:
+            raise ValueError("the names of points or tips are missing")
+        number(settings, "damping", least=0.0)
+        whole(settings, "damped_modes")
+        rows = contents.columns["contact_force"].shape[0]
+        whole(settings, "pairs", most=rows)
+        wanted = sampled_columns(len(points), len(tips), rows)
+    found = {name: tuple(column.shape) for name, column in contents.columns.items()}
+    if found != {name: column.shape for name, column in wanted.items()}:
+        raise ValueError(f"its rows are {found}, which is not what the model has")

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 import h5py
+import numpy as np
 
 from ..checks import shown
 from ..dynamics.orbit import Orbit
 from ..dynamics.states import ModalStates, SampledStates
 from ..recording.hdf5 import new_hdf5, opened, put, put_texts
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
+from ..recording.sound import number, numbers, text, texts, truth, whole
 
 WHAT, FORM, VERSION = "orbit file", "sbfem-petsc orbit", 2
 
@@ -37,15 +39,15 @@ _OWN = {
     "multipliers": ("1", "Floquet multipliers"),
     "residuals": ("m sqrt(kg)/s", "norm of x(T) - x(0) at each Newton iterate"),
 }
-_NUMBERS = {
-    "frequency": float,
-    "periods": int,
-    "path": str,
-    "multiplier_error": float,
-    "products": int,
-    "converged": bool,
-    "step_error": float,
-}
+_NUMBERS = (
+    "frequency",
+    "periods",
+    "path",
+    "multiplier_error",
+    "products",
+    "converged",
+    "step_error",
+)
 
 
 def save_orbit(orbit: Orbit, path: str) -> None:
@@ -62,8 +64,8 @@ def save_orbit(orbit: Orbit, path: str) -> None:
     with new_hdf5(path, WHAT, FORM, VERSION) as file:
         file.attrs.update({name: getattr(orbit, name) for name in _NUMBERS})
         file.attrs["stable"] = str(orbit.stable)
-        for name, (unit, text) in _OWN.items():
-            put(file, name, getattr(orbit, name), unit, text)
+        for name, (unit, meaning) in _OWN.items():
+            put(file, name, getattr(orbit, name), unit, meaning)
         _write_states(file.create_group("states"), orbit.states)
         for k, point in enumerate(orbit.points):
             group = file.create_group(f"points/{k:03d}")
@@ -82,37 +84,56 @@ def read_orbit(path: str) -> Orbit:
         If the file is missing, truncated, damaged or of another kind.
     """
     with opened(path, WHAT, {FORM: VERSION}) as file:
-        own = {name: file[name][()] for name in _OWN}
-        numbers = {name: kind(file.attrs[name]) for name, kind in _NUMBERS.items()}
-        residuals = tuple(own.pop("residuals").tolist())
-        uncertainty = numbers.pop("multiplier_error")
-        states = _read_states(file["states"])
-        return Orbit(states=states, residuals=residuals, uncertainty=uncertainty, **own, **numbers)
+        time = numbers(file, "time", None)
+        if not len(time) or (np.diff(time) <= 0.0).any():
+            raise ValueError("'time' does not rise")
+        states = _read_states(file["states"], len(time))
+        size = 2 * states.q.shape[1] if isinstance(states, ModalStates) else 0
+        residuals = numbers(file, "residuals", None)
+        return Orbit(
+            time=time,
+            states=states,
+            state=numbers(file, "state", size),
+            multipliers=numbers(file, "multipliers", None, kinds="fc"),
+            residuals=tuple(residuals.tolist()),
+            frequency=number(file, "frequency", least=1e-300),
+            periods=whole(file, "periods", least=1, most=len(time)),
+            path=text(file, "path"),
+            uncertainty=number(file, "multiplier_error", finite=False),
+            products=whole(file, "products"),
+            converged=truth(file, "converged"),
+            step_error=number(file, "step_error", finite=False),
+        )
 
 
 def _write_states(group: h5py.Group, states: ModalStates | SampledStates) -> None:
     modal = isinstance(states, ModalStates)
     group.attrs["kind"] = "modal" if modal else "sampled"
-    for name, (unit, text) in (_MODAL if modal else _SAMPLED).items():
-        put(group, name, getattr(states, name), unit, text)
+    for name, (unit, meaning) in (_MODAL if modal else _SAMPLED).items():
+        put(group, name, getattr(states, name), unit, meaning)
     if isinstance(states, ModalStates):
         write_reduced_model(group.create_group("reduced_model"), states.reduced)
         return
     group.attrs["pairs"] = states.pairs
-    for name, (unit, text) in _SAMPLES.items():
+    for name, (unit, meaning) in _SAMPLES.items():
         table, part = getattr(states, name), group.create_group(name)
         put_texts(part, "names", tuple(table))
         for k, values in enumerate(table.values()):
-            put(part, f"{k:03d}", values, unit, text)
+            put(part, f"{k:03d}", values, unit, meaning)
 
 
-def _read_states(group: h5py.Group) -> ModalStates | SampledStates:
-    if group.attrs["kind"] == "modal":
-        arrays = {name: group[name][()] for name in _MODAL}
-        return ModalStates(**arrays, reduced=read_reduced_model(group["reduced_model"]))
-    tables: dict[str, Any] = {
-        name: {str(key): group[name][f"{k:03d}"][()] for k, key in enumerate(group[name].attrs["names"])}
-        for name in _SAMPLES
-    }
-    arrays = {name: group[name][()] for name in _SAMPLED}
-    return SampledStates(**tables, **arrays, pairs=int(group.attrs["pairs"]))
+def _read_states(group: h5py.Group, instants: int) -> ModalStates | SampledStates:
+    if text(group, "kind") == "modal":
+        reduced = read_reduced_model(group["reduced_model"])
+        modes, loads = reduced.load_modes.shape
+        lengths = {"q": modes, "v": modes, "amplitudes": loads, "contact": len(reduced.initial_gap)}
+        arrays = {name: numbers(group, name, instants, length) for name, length in lengths.items()}
+        return ModalStates(**arrays, reduced=reduced)
+    tables: dict[str, Any] = {}
+    for name in _SAMPLES:
+        part = group[name]
+        keys = texts(part, "names")
+        tables[name] = {key: numbers(part, f"{k:03d}", instants, 2) for k, key in enumerate(keys)}
+    rows = numbers(group, "contact", instants, None)
+    gap = numbers(group, "gap", *rows.shape)
+    return SampledStates(**tables, contact=rows, gap=gap, pairs=whole(group, "pairs", most=rows.shape[1]))

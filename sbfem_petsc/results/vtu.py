@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer
-from ..parallel import collective
+from ..checks import flag, instance, integer, shown
+from ..parallel import agree, collective
 from ..system.model import Model
 from ..system.modes import Modal
 from ..system.sampling import Patches, point_grid_cells, sample
@@ -65,6 +65,15 @@ def write_vtu(
     gives it. Cell data: "element" and "material" (numbers), "rank". The stress at a scaling centre, a crack
     tip for one, is that at a hundredth of the way to the boundary.
     """
+    instance("write_vtu", "model", model, Model, "a Model")
+    with collective(model.comm):
+        if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
+            raise TypeError(f"write_vtu: fields = {shown(fields)} must be a dict of fields by name")
+        flag("write_vtu", "stress", stress)
+        if subdivisions is not None:
+            integer("write_vtu", "subdivisions", subdivisions, least=1, most=100)
+    names = tuple(fields)
+    agree(model.comm, "write_vtu", path=path, fields=names, stress=stress, subdivisions=subdivisions)
     return _write(path, model, fields, stress, subdivisions, "")
 
 

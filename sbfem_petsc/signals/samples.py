@@ -11,12 +11,14 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
 
-from ..checks import choice, positive, real, real_array
+from ..checks import choice, positive, real, real_array, require_regular
 from ..checks import path as checked_path
 from .signal import ROUND_OFF, Signal
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999
+# Farthest time (s) and largest value, whose squares a spectrum still holds.
+LATEST, LARGEST = 1e15, 1e140
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -51,6 +53,12 @@ class Samples(Signal):
                 f"Samples: time[{bad[0] + 1}] = {self.time[bad[0] + 1]:g} s follows {self.time[bad[0]]:g} s; "
                 "times must rise"
             )
+        for name, most, unit in (("time", LATEST, "s"), ("value", LARGEST, "")):
+            far = float(np.abs(getattr(self, name)).max())
+            if far > most:
+                raise ValueError(f"Samples: {name} reaches {far:g} {unit}; at most {most:g} is expected")
+        if (span := float(self.time[-1] - self.time[0])) < 1.0 / LATEST:
+            raise ValueError(f"Samples: the times span {span:g} s; at least {1.0 / LATEST:g} s is expected")
         choice("Samples", "interpolation", self.interpolation, ("linear", "cubic"))
 
     @classmethod
@@ -144,6 +152,7 @@ def _read_csv(path) -> np.ndarray:
     """(n, 2) numbers of a file."""
     path = checked_path("Samples.from_csv", "path", path)
     try:
+        require_regular(path)
         with open(path, encoding="utf-8-sig") as file:
             lines = file.read().rstrip().splitlines()
     except OSError as error:

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
+from ..checks import require_regular
 from .analysis_tables import Analysis, Output, SweepTable
 from .contradictions import contradictions
 from .geometry_tables import Geometry, Material, Mesh, ModelTable
@@ -122,15 +123,17 @@ class Case:
 
     def named_files(self) -> dict[str, bytes]:
         """Contents of the files that the case names (model, samples), by their names in the case."""
-        names = _files(self.data)
-        contents = {}
-        for path, name in names.items():
-            try:
-                with open(self.resolve(name), "rb") as file:
-                    contents[name] = file.read()
-            except OSError as error:
-                raise self.problem(path, f"= {name!r} cannot be read ({error.strerror or error})") from None
-        return contents
+        return {name: self._content(path, name) for path, name in _files(self.data).items()}
+
+    def _content(self, path: Path, name: str) -> bytes:
+        """Of a file that is named at a path of the case."""
+        try:
+            require_regular(self.resolve(name))
+            with open(self.resolve(name), "rb") as file:
+                return file.read()
+        except (OSError, ValueError) as error:
+            reason = getattr(error, "strerror", None) or error
+            raise self.problem(path, f"= {name!r} cannot be read ({reason})") from None
 
     def _hash(self, tables: tuple[str, ...]) -> str:
         chosen = self.tables.model_dump(mode="json", include=set(tables))
@@ -140,8 +143,7 @@ class Case:
         digest = hashlib.sha256(json.dumps(chosen, sort_keys=True).encode())
         for path, name in sorted(_files(self.data).items(), key=str):
             if path[0] in tables:
-                with open(self.resolve(name), "rb") as file:
-                    digest.update(hashlib.sha256(file.read()).digest())
+                digest.update(hashlib.sha256(self._content(path, name)).digest())
         return digest.hexdigest()
 
     def __repr__(self) -> str:

@@ -15,6 +15,8 @@ from .solve import Structure, common_period, steps_of_two_tones
 
 _BASE_MEMORY, _UNKNOWN_MEMORY = 260e6, 8e3  # bytes: the program and its libraries; a matrix and its factor
 _FEWEST_MODES, _STEPS = 80, 512
+# Bytes of the figures of a row of a sweep.
+ROW = 3e3
 # Points of a response curve, where the case does not say.
 _CURVE_POINTS = 60
 
@@ -45,7 +47,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     structure.destroy()
     sizes = (facts["unknowns"], facts["contact_pairs"], points)
     for name, table in case.tables.analyses.items():
-        seconds, memory, disk = _analysis(case, table, *sizes)
+        seconds, memory, disk = demand(case, table, *sizes)
         facts["analyses"][name] = {
             "kind": table.kind,
             "seconds": seconds,
@@ -77,12 +79,12 @@ def _sweep(case: Case, facts: dict[str, Any]) -> dict[str, Any]:
         "rows": len(rows),
         "structures": structures,
         "seconds": structures * shared + len(rows) * each,
-        "disk": len(rows) * (3e3 + (sum(e["disk"] for e in chosen) if table.histories else 0.0)),
+        "disk": len(rows) * (ROW + (sum(e["disk"] for e in chosen) if table.histories else 0.0)),
     }
 
 
-def _analysis(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tuple[float, float, float]:
-    """Seconds, bytes of memory beside the model's, bytes on the disk."""
+def demand(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tuple[float, float, float]:
+    """Seconds, bytes of memory beside the model's, and bytes on the disk, of an analysis of a case."""
     kind = table.kind
     if kind == "modal":
         count = table.count or 50

@@ -65,6 +65,11 @@ class Folder:
         }
         if os.path.lexists(self.state_file) and not replace:
             former = read_json(self.state_file)
+            if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
+                raise ValueError(
+                    f"{self.state_file!r} is not what a run has written; name another folder with --output, "
+                    "or give --replace to overwrite it"
+                )
             if former.get("case") != mine["case"]:
                 raise ValueError(
                     f"{self.path!r} holds the {what} of another case; name another folder with "

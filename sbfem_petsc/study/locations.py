@@ -13,6 +13,7 @@ if sys.version_info >= (3, 11):
 else:  # pragma: no cover - the standard library has it from 3.11 on
     import tomli as tomllib
 
+from ..checks import require_regular
 from .problems import CaseError, Path, Problem
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
@@ -31,6 +32,8 @@ def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
     """
     try:
         data = tomllib.loads(text)
+    except RecursionError:
+        raise CaseError(file, [Problem((), "its arrays or tables are nested too deeply", 1)]) from None
     except tomllib.TOMLDecodeError as error:
         found = re.search(r"\(at line (\d+), column \d+\)", str(error))
         # what is missing at the end is told without a line
@@ -61,6 +64,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
     """
     name = os.fspath(path)
     try:
+        require_regular(name)
         with open(name, encoding="utf-8-sig", newline=None) as file:
             return file.read()
     except UnicodeDecodeError:

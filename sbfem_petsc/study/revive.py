@@ -108,6 +108,8 @@ def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
     with h5py.File(path, "r") as file:
         for entry in file["case/files"].values():
             name = os.path.basename(str(entry.attrs["name"]))
+            if name in ("", ".", ".."):
+                raise ValueError(f"results file {path!r} holds a file without a name; run its case again")
             with open(os.path.join(folder, name), "wb") as written:
                 written.write(entry[()].tobytes())
     return case_from_text(results.text, results.case_file, folder)

@@ -7,6 +7,7 @@ import io
 import json
 import os
 import struct
+import zipfile
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -87,32 +88,45 @@ def count(folder: str) -> int:
     for name in os.listdir(folder):
         if name.endswith(".rows"):
             with open(os.path.join(folder, name), "rb") as file:
+                size = os.fstat(file.fileno()).st_size
                 while len(head := file.read(_HEAD.size)) == _HEAD.size:
-                    file.seek(_HEAD.unpack(head)[1], os.SEEK_CUR)
+                    length = _HEAD.unpack(head)[1]
+                    if length > size - file.tell():
+                        break
+                    file.seek(length, os.SEEK_CUR)
                     total += 1
     return total
 
 
 def _rows(path: str) -> Iterator[Row]:
-    whole = 0
+    whole, size = 0, os.path.getsize(path)
     with open(path, "rb") as file:
         while True:
             head = file.read(_HEAD.size)
             if len(head) < _HEAD.size:
                 break
             mark, length, checksum = _HEAD.unpack(head)
+            if mark != _MARK or length > size - file.tell():
+                break
             payload = file.read(length)
-            if mark != _MARK or len(payload) < length or zlib.crc32(payload) != checksum:
+            if zlib.crc32(payload) != checksum:
                 break
             whole = file.tell()
-            yield _unpacked(payload)
-        size = os.path.getsize(path)
+            yield _unpacked(path, payload)
     if whole < size:
         os.truncate(path, whole)
 
 
-def _unpacked(payload: bytes) -> Row:
-    with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
-        facts: dict[str, Any] = json.loads(str(arrays["facts"]))
-        values = {name: arrays[f"v{k}"] for k, name in enumerate(facts["names"])}
-    return Row(facts["number"], facts["reason"], facts["seconds"], values, facts["units"])
+def _unpacked(path: str, payload: bytes) -> Row:
+    try:
+        with np.load(io.BytesIO(payload), allow_pickle=False) as arrays:
+            facts: dict[str, Any] = json.loads(str(arrays["facts"]))
+            values = {str(name): arrays[f"v{k}"] for k, name in enumerate(facts["names"])}
+        units = {str(name): str(unit) for name, unit in facts["units"].items()}
+        row = Row(int(facts["number"]), str(facts["reason"]), float(facts["seconds"]), values, units)
+    except (ValueError, TypeError, KeyError, AttributeError, OSError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(
+            f"rows of the sweep in {path!r} are not what a sweep has written ({error}); give --replace to "
+            "compute them again"
+        ) from None
+    return row

@@ -13,11 +13,13 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..capacity import require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import collective
 from ..recording.hdf5 import opened
 from . import pictures
 from .case import Case, read_case
+from .estimates import demand
 from .folder import Folder
 from .objects import located
 from .problems import CaseError
@@ -144,6 +146,7 @@ class _Run:
                 self._write_model()
             self.watch.stage(f"{title} ({kind})")
             with located(case, "analyses", name):
+                self._require_disk(name)
                 file = self._running_file(name, kind)
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 tree = self.structure.tree(case, name, result)
@@ -167,6 +170,21 @@ class _Run:
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)
         self.watch.say(f"{name}: {told} ({seconds:.1f} s)")
+
+    def _require_disk(self, name: str) -> None:
+        """Refuse an analysis whose results would not fit on the disk. Collective."""
+        assert self.structure is not None
+        model, table = self.structure.model, self.case.tables.analyses[name]
+        sizes = int(model.unknowns), len(model.pairs), len(self.structure.points(self.case))
+        require_disk(
+            table.kind,
+            self.comm,
+            os.path.join(self.path, RESULTS),
+            needed=demand(self.case, table, *sizes)[2],
+            what=f"what is kept of {name}",
+            continued=False,
+            remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
+        )
 
     def _running_file(self, name: str, kind: str) -> str | None:
         """File from which an interrupted history or curve goes on, the same on all ranks."""

@@ -73,7 +73,7 @@ def read_json(path: str) -> Any:
             return json.load(file)
     except OSError as error:
         raise ValueError(f"{path!r} cannot be read ({error.strerror or error})") from None
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ValueError(f"{path!r} is no JSON file") from None
 
 

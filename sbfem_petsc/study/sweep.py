@@ -10,21 +10,29 @@ from typing import Any
 import numpy as np
 
 from .. import indicators
+from ..capacity import require_disk
+from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
-from ..parallel import alone, collective
+from ..parallel import alone, checked_communicator, collective
 from ..writing import spare_folder
 from . import parameters as paths
 from . import rows as row_files
 from .case import Case, read_case
+from .estimates import ROW, demand
 from .figures import figures
 from .folder import Folder
 from .rows import Row
 from .shares import Costs, Shares
 from .solve import Structure
-from .sweep_file import Sweep, read_sweep, together, write
+from .sweep_file import FILE, Sweep, read_sweep, together, write
 from .watch import Watch, watch_for
 
 __all__ = ["Sweep", "read_sweep", "sweep"]
+
+METHODS = ("grid", "list", "latin_hypercube")
+DEFAULTS = {"method": "grid", "seed": 0, "ranks_per_row": 1, "histories": False}
+# Points that a mesh names beside those of the case.
+POINTS = 5
 
 
 def sweep(
@@ -86,25 +94,37 @@ def sweep(
     ValueError
         For input that makes no sense, on all ranks. A row that fails keeps its reason.
     """
-    from mpi4py import MPI
-
     from ..results.hdf5 import check_output_folder
 
-    comm = MPI.COMM_WORLD if comm is None else comm
+    comm = checked_communicator("sweep", comm)
     with collective(comm):
+        table = {
+            "method": choice("sweep", "method", method, METHODS),
+            "samples": None if samples is None else integer("sweep", "samples", samples, least=1),
+            "seed": integer("sweep", "seed", seed, least=0),
+            "analyses": None if analyses is None else list(names_of("sweep", "analyses", analyses)),
+            "healthy": _table("healthy", healthy),
+            "noise": _table("noise", noise),
+            "ranks_per_row": integer("sweep", "ranks_per_row", ranks_per_row, least=1),
+            "histories": flag("sweep", "histories", histories),
+        }
+        flag("sweep", "replace", replace)
+        if output is not None:
+            path("sweep", "output", output)
+        if watch is not None:
+            instance("sweep", "watch", watch, Watch, "a Watch")
+        if not isinstance(case, Case):
+            path("sweep", "case", case)
         checked = case if isinstance(case, Case) else read_case(case)
-        if parameters is not None:
-            table = {
-                "parameters": dict(parameters),
-                "method": method,
-                "samples": samples,
-                "seed": seed,
-                "analyses": None if analyses is None else list(analyses),
-                "healthy": None if healthy is None else dict(healthy),
-                "noise": None if noise is None else dict(noise),
-                "ranks_per_row": ranks_per_row,
-                "histories": histories,
-            }
+        if parameters is None:
+            given = [name for name, value in table.items() if value != DEFAULTS.get(name)]
+            if given:
+                raise ValueError(
+                    f"sweep: {given[0]} = {shown(table[given[0]])} is of no use without parameters, for the "
+                    "case's own [sweep] table is followed; write it there, or give parameters"
+                )
+        else:
+            table["parameters"] = _table("parameters", parameters)
             checked = checked.with_data(
                 {**checked.data, "sweep": {k: v for k, v in table.items() if v is not None}}
             )
@@ -130,6 +150,13 @@ def sweep(
                 folder.close()
             if not alone(comm):
                 comm.Barrier()  # nobody's folder goes while others read it
+
+
+def _table(name: str, value: Any) -> dict[str, Any] | None:
+    if value is None:
+        return None
+    instance("sweep", name, value, Mapping, "a dict by name")
+    return dict(value)
 
 
 class _Sweeping:
@@ -161,6 +188,7 @@ class _Sweeping:
                 done = [k for k, row in row_files.read(self.folder).items() if not row.reason]
         finished = set(comm.bcast(done))
         total = len(self.inputs)
+        self._require_disk(total - len(finished))
         self.watch.stage(f"{total} rows, {len(finished)} of them finished before")
         alike = self._alike(finished)
         try:
@@ -178,6 +206,27 @@ class _Sweeping:
                 write(table, self.case, self.path)
         result: Sweep = comm.bcast(table)
         return result
+
+    def _require_disk(self, rows: int) -> None:
+        """Refuse rows that would not fit on the disk: of each its figures, and motions where they are kept.
+        Collective.
+        """
+        tables, each = self.case.tables, ROW
+        if self.table.histories:
+            sizes = 0, 0, len(tables.points) + POINTS
+            each += sum(demand(self.case, tables.analyses[name], *sizes)[2] for name in self.names)
+        require_disk(
+            "sweep",
+            self.comm,
+            os.path.join(self.path, FILE),
+            needed=rows * each,
+            what=f"{rows:,d} rows",
+            continued=False,
+            remedy=lambda share: (
+                f"about {int(share * rows):,d} rows fit; give fewer, leave histories out, or name another "
+                "folder"
+            ),
+        )
 
     def _alike(self, finished: set[int]) -> list[list[int]]:
         """Rows that are not finished, those of one structure together."""

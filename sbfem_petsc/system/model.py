@@ -16,6 +16,7 @@ from ..material import Material, OrthotropicMaterial
 from ..parallel import agree, alone, checked_communicator, collective
 from ..petsc import MPI, collect
 from ..supports import as_supports
+from .demand import require_factor
 from .distribution import declared_clamp
 from .modes import Modal, lowest_modes
 from .static_solver import Compliance, StaticSolver, compliance
@@ -149,7 +150,8 @@ class Model(Structure):
     # ------------------------------------------------------------------ what analyses share
     @functools.cached_property
     def solver(self) -> StaticSolver:
-        """Solver of the stiffness, factorised once (prefix ``static_``)."""
+        """Solver of the stiffness, factorised once (prefix ``static_``). Collective."""
+        require_factor(self)
         return StaticSolver(self)
 
     @functools.cached_property

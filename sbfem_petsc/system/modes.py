@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import require_memory
 from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
 from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving
 from ..writing import write_table
+from .demand import require_modes
 from .element_stiffness import NEEDED
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .structure import Structure
@@ -24,9 +24,6 @@ RESIDUAL_LIMIT = 1e-5
 WORSE = 3.0
 # What the auxiliary unknowns that are left out may contribute to an S-element, see `Pencil`.
 TOLERANCE = 1e-5
-# Memory of MUMPS's factor, bytes for N log2 N: 10.3 entries measured on plates of order 5 with 55,000 to
-# 300,000 unknowns, and two fifths of working space.
-FACTOR_BYTES = 8 * 10.3 * 1.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,10 +125,12 @@ def lowest_modes(
 
     Raises
     ------
+    ValueError
+        If there is not enough memory for it.
     SolveError
         If SLEPc does not converge or a residual is too large.
     """
-    _require_memory(model, count)
+    require_modes(model, count, _basis(count, 0), auxiliary_tolerance == 0.0)
     highest = top_of_band(model, count)
     while True:
         pencil = Pencil(model, highest, auxiliary_tolerance)
@@ -144,28 +143,6 @@ def lowest_modes(
             return found
         # The band was estimated too low: what was left out is bounded only up to its top.
         highest = 1.1 * reached
-
-
-def _require_memory(model: Structure, count: int) -> None:
-    """Refuse what would end in PETSc's or the system's error for want of memory. Collective.
-
-    Raises
-    ------
-    ValueError
-    """
-    unknowns, matrix = model.boundary_unknowns, model.stiffness
-    entries = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
-    factor = FACTOR_BYTES * unknowns * math.log2(unknowns + 1)
-    # the pencil's two matrices and what they are made from, the factor and that of the count; the basis, the
-    # eigenvectors and their products
-    needed = 3 * 12 * entries + 2 * factor + 8 * unknowns * (_basis(count, 0) + 4 * count)
-    require_memory(
-        "modal",
-        model.comm,
-        needed / model.comm.size,
-        f"{count} modes of {unknowns:,d} unknowns",
-        lambda share: "ask for fewer modes, take a coarser mesh, or more ranks on more machines",
-    )
 
 
 def _basis(count: int, attempt: int) -> int:
@@ -218,6 +195,7 @@ def modes_in_band(
     """
     ends = (2.0 * math.pi * np.array([low, high])) ** 2
     middle = float(ends.mean())
+    require_modes(model, 8, _basis(8, 0))
     # half as high again: what is left out has its largest effect at the top, where frequencies are asked for
     pencil = Pencil(model, 1.5 * float(np.sqrt(ends[1])), auxiliary_tolerance)
     count, most = 8, pencil.unknowns // 2
@@ -237,6 +215,7 @@ def modes_in_band(
                     )
                 )
             count = min(max(count, expected + 4), most)
+            require_modes(model, count, _basis(count, 0))
         for attempt in range(12):
             found = _solve(pencil, min(count, most), middle, attempt)
             values = (2.0 * math.pi * found.frequencies) ** 2

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..checks import real_array
 from ..material import Material, SectorMaterials
 from ..selement.coefficients import edge_nodes
 from ..selement.face_tractions import FaceTractions
@@ -59,10 +60,10 @@ class Field:
         return cls(nodal, forces)
 
 
-def as_field(state: Any) -> Field:
-    """Of a `Field`, a result that has one as `.interior`, or nodal displacements."""
+def as_field(state: Any, name: str = "of displacements") -> Field:
+    """Of a `Field`, a result that has one as `.interior`, or nodal displacements; named in an error."""
     state = getattr(state, "interior", state)
-    return state if isinstance(state, Field) else Field(np.asarray(state, dtype=float))
+    return state if isinstance(state, Field) else Field(real_array("fields", repr(name), state, 2, "m"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +141,7 @@ def sample(
     refine : int
         Levels of open S-elements for each default one.
     """
-    states = {name: as_field(state) for name, state in fields.items()}
+    states = {name: as_field(state, name) for name, state in fields.items()}
     for name, state in states.items():
         if state.nodal.shape != model.part.coordinates.shape:
             raise ValueError(

@@ -103,3 +103,42 @@ def test_one_eigenproblem(monkeypatch):
     sb.periodic(model, load, 2000.0)
     sb.transient(model, sb.PointForce("A", fy=sb.Harmonic(1.0, 3000.0)), 1e-4)
     assert solved == [80]
+
+
+SCARCE = """
+import resource, sys
+import sbfem_petsc as sb
+from tests.systems import two_masses
+system = two_masses(0.02)
+calls = {
+    "transient": lambda: sb.transient(system, [sb.Harmonic(0.1, 0.1)], 10.0, 0.01),
+    "periodic": lambda: sb.periodic(system, [0.1], 0.092, steps=64),
+    "backbone": lambda: sb.backbone(system, 1, 1e-3, 2e-3, steps=64),
+}
+if sys.argv[1] == "loaded":
+    sb.transient, sb.periodic, sb.backbone
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + int(2e7), -1))
+for name, call in calls.items():
+    try:
+        call()
+    except (ImportError, RuntimeError) as error:
+        print(name, type(error).__name__, error)
+"""
+
+
+@pytest.mark.parametrize(
+    "when, kind, told",
+    [
+        ("loaded", "OutOfMemory", "raise it (ulimit -v)"),
+        pytest.param("new", "ImportError", "ulimit -v", marks=pytest.mark.long),
+    ],
+)
+def test_hardly_any_address_space(when, kind, told):
+    """A sentence from each analysis, where the compiler would end in errors of its own or the process."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-c", SCARCE, when]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=60)
+    lines = done.stdout.splitlines()
+    assert [line.split()[:2] for line in lines] == [[n, kind] for n in ("transient", "periodic", "backbone")]
+    assert all(told in line for line in lines) and done.returncode == 0, done.stderr

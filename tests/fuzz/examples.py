@@ -13,6 +13,10 @@ from mpi4py import MPI
 import meshing
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
+from sbfem_petsc import indicators, plot
+from sbfem_petsc.results.hdf5 import read_results, write_results
+from sbfem_petsc.results.vtu import write_vtu
+from tests.study.small_case import CASE
 from tests.systems import two_masses
 
 Arguments = dict[str, Any]
@@ -430,6 +434,255 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "indicators.frequency_shift": [lambda: {"cracked": [1.0, 2.0], "healthy": [1.0, 2.0]}],
 }
 
+
+@functools.cache
+def model_branch() -> sb.Branch:
+    return sb.frequency_response(model(), PUSH, 300.0, 300.1, steps=64, modes=6, points=10)
+
+
+@functools.cache
+def two_axes() -> sb.Basins:
+    axes = [sb.StartAxis([0.0, 0.01]), sb.StartAxis([0.0, 0.1], kind="velocity")]
+    return sb.basins(oscillator(), 100.0, 20.0, axes, orbits=[orbit()])
+
+
+def sideband_lines() -> indicators.Sidebands:
+    return indicators.sidebands(TIME, WAVE, 30.0, 4.0, order=1)
+
+
+LABELS = {"title": "t", "comm": MPI.COMM_WORLD}
+CALLS |= {
+    "plot.Panel": [
+        lambda: {
+            "quantity": "u (m)",
+            "curves": {"one": (TIME, WAVE)},
+            "scale": 1.0,
+            "window": (0.0, 1.0),
+            "title": "t",
+            "zero": True,
+        }
+    ],
+    "plot.animate_crack": [
+        lambda: {
+            "motion": motion(),
+            "path": "crack.gif",
+            "crack": 0,
+            "between": (0.0, 1e-5),
+            "frames": 2,
+            "seconds": 1.0,
+            "magnification": 1.0,
+            "colour": "displacement",
+        }
+    ],
+    "plot.plot_backbone": [lambda: {"backbones": backbone(), **LABELS}],
+    "plot.plot_basins": [lambda: {"basins": two_axes(), "title": "t"}],
+    "plot.plot_branches": [
+        lambda: {
+            "branches": {"a": branch()},
+            "point": "A",
+            "forces": {"a": 100.0},
+            "window": (20.0, 20.2),
+            "every": False,
+            **LABELS,
+        }
+    ],
+    "plot.plot_contact": [lambda: {"cases": static(), "crack": 0}],
+    "plot.plot_crack": [
+        lambda: {
+            "model": model(),
+            "fields": {"a": static()},
+            "crack": 0,
+            "colour": "displacement",
+            "magnification": 1.0,
+        }
+    ],
+    "plot.plot_detection": [
+        lambda: {
+            "depth": [1e-3, 2e-3, 1e-3, 2e-3],
+            "place": [0.1, 0.1, 0.2, 0.2],
+            "probability": {"a": [0.1, 0.5, 0.2, 0.9]},
+            "title": "t",
+        }
+    ],
+    "plot.plot_discretisation": [lambda: {"mesh": mesh(), "comm": MPI.COMM_WORLD}],
+    "plot.plot_harmonics": [
+        lambda: {
+            "orbits": {"a": orbit()},
+            "point": "A",
+            "direction": "y",
+            "count": 3,
+            "decades": 5.0,
+            "forces": {"a": 100.0},
+            **LABELS,
+        }
+    ],
+    "plot.plot_histories": [
+        lambda: {
+            "panels": [plot.Panel("u", {"one": (TIME, WAVE)})],
+            "comm": MPI.COMM_WORLD,
+        }
+    ],
+    "plot.plot_history": [lambda: {"motion": motion(), "point": "A", "window": (0.0, 1e-5), **LABELS}],
+    "plot.plot_loci": [lambda: {"loci": locus(), "unit": 100.0, "label": "force (N)", "title": "t"}],
+    "plot.plot_lines": [
+        lambda: {
+            "motions": quasi_periodic(),
+            "point": "A",
+            "direction": "y",
+            "order": 2,
+            "decades": 6.0,
+            **LABELS,
+        }
+    ],
+    "plot.plot_load_history": [
+        lambda: {"history": loads_in_time(), "point": "A", "crack": "crack1", **LABELS}
+    ],
+    "plot.plot_modes": [lambda: {"modal": modal(), "modes": [0], "columns": 1}],
+    "plot.plot_multipliers": [lambda: {"subject": orbit(), **LABELS}],
+    "plot.plot_orbit": [lambda: {"orbit": orbit(), "point": "A", "pairs": {"first": 0}, **LABELS}],
+    "plot.plot_sidebands": [lambda: {"sidebands": sideband_lines(), **LABELS}],
+    "plot.plot_spectra": [
+        lambda: {
+            "spectra": {"a": (np.arange(1.0, 99.0), WAVE[:98])},
+            "quantity": "u (m)",
+            "window": (1.0, 50.0),
+            "lines": {"tone": 5.0},
+            "decades": 6.0,
+            "harmonics": {"family": [5.0, 10.0]},
+            "comm": MPI.COMM_WORLD,
+        }
+    ],
+    "plot.plot_swept": [
+        lambda: {"branch": branch(), "swept": swept_response(), "point": "A", "least": 0.2, "title": "t"}
+    ],
+    "plot.save_picture": [lambda: {"drawing": None, "path": "picture.png"}],
+    "plot.save_pictures": [lambda: {"folder": "."}],
+    "results.write_results": [
+        lambda: {
+            "path": "results.h5",
+            "model": model(),
+            "modal": modal(),
+            "static": static(),
+            "loads": PUSH,
+        }
+    ],
+    "results.read_results": [lambda: {"path": "given/results.h5"}],
+    "results.write_vtu": [
+        lambda: {
+            "path": "fields.vtu",
+            "model": model(),
+            "fields": {"push": static()},
+            "stress": False,
+            "subdivisions": 1,
+        }
+    ],
+    "estimate": [
+        lambda: {
+            "model": model(),
+            "quantity": lambda model: float(model.boundary_unknowns),
+            "accuracy": 0.1,
+            "levels": 2,
+        },
+        lambda: {
+            "model": small,
+            "quantity": lambda model: float(model.boundary_unknowns),
+            "levels": 2,
+            "start": {"order": 1},
+            "continued_fraction": 0,
+            "tip_modes": 1,
+        },
+    ],
+    "sweep": [
+        lambda: {
+            "case": "given/small.toml",
+            "parameters": {"model.damping": [0.01]},
+            "output": "sweep",
+            "method": "grid",
+            "samples": None,
+            "seed": 0,
+            "analyses": ["push"],
+            "healthy": None,
+            "noise": None,
+            "ranks_per_row": 1,
+            "histories": False,
+            "comm": MPI.COMM_WORLD,
+            "replace": True,
+            "watch": None,
+        }
+    ],
+}
+
+
+def small(mesh: Arguments, **options: Any) -> sb.Model:
+    return sb.Model(Beam(0.1, 0.01).mesh(**{"order": 1, **mesh}), sb.Material(70e9, 0.3, 2700), **options)
+
+
+# Calls with a model that ranks share: for `tests/system/two_ranks.py`.
+SHARED: dict[str, list[Callable[[], Arguments]]] = {}
+SHARED["swept_response"] = [
+    lambda: {
+        "model": model(),
+        "load": PUSH,
+        "start": 300.0,
+        "stop": 301.0,
+        "duration": 0.02,
+        "steps": 64,
+        "modes": 6,
+    }
+]
+SHARED["basins"] = [
+    lambda: {
+        "model": model(),
+        "load": PUSH,
+        "frequency": 300.0,
+        "starts": [sb.StartAxis([0.0])],
+        "steps": 64,
+        "modes": 6,
+        "longest": 1,
+        "tolerance": 1e-3,
+        "limit": 4,
+    }
+]
+SHARED["backbone"] = [
+    lambda: {
+        "model": model(),
+        "mode": 1,
+        "start": 1e-4,
+        "stop": 1.1e-4,
+        "damping": False,
+        "modes": 6,
+        "steps": 64,
+        "points": 20,
+        "largest_step": 0.4,
+        "interactions": False,
+        "refine": False,
+        "stability": False,
+    }
+]
+SHARED["quasi_periodic"] = [
+    lambda: {
+        "model": model(),
+        "load": sb.PointForce("A", fy=sb.Harmonic(10.0, 6000.0) + sb.Harmonic(20.0, 565.0)),
+        "frequencies": (6000.0, 565.0),
+        "samples": 5,
+        "steps": 64,
+        "modes": 6,
+        "stability": False,
+    }
+]
+SHARED["grazing_points"] = [lambda: {"branch": model_branch(), "every": False}]
+SHARED["loci"] = [
+    lambda: {
+        "branch": model_branch(),
+        "start": 0.9,
+        "stop": 1.1,
+        "parameter": "load",
+        "kinds": ("fold",),
+        "points": 2,
+    }
+]
+
+
 # Objects whose public methods are called. They are results: their constructors are not a user's.
 OBJECTS: dict[str, Callable[[], Any]] = {
     "Modal": modal,
@@ -511,8 +764,7 @@ INTERNAL = {
 NOT_CALLED = {
     "SolveError", "UnknownName", "LoadWarning", "BandWarning", "MeshWarning",
     "RanksDiffer", "StepWarning", "BranchWarning",
-    "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "sweep", "__version__",
-    "estimate", "Estimate",  # a series of models: tests/analysis/test_estimate.py
+    "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "__version__", "Estimate",
 }  # fmt: skip
 
 
@@ -525,14 +777,18 @@ def write_files() -> None:
     sb.save_orbit(orbit(), "given/orbit.h5")
     sb.save_branch(branch(), "given/branch.h5")
     mesh().save("given/mesh.h5")
+    write_results("given/results.h5", model(), modal())
+    with open("given/small.toml", "w", encoding="utf-8") as file:
+        file.write(CASE)
 
 
 def public() -> dict[str, Any]:
     """Every public name and what it stands for."""
-    from sbfem_petsc import indicators
-
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
+    found |= {f"plot.{name}": getattr(plot, name) for name in plot.__all__}
+    for item in (write_results, read_results, write_vtu):
+        found[f"results.{item.__name__}"] = item
     for name, item in vars(indicators).items():
         if callable(item) and not isinstance(item, type) and name in indicators.__all__:
             found[f"indicators.{name}"] = item

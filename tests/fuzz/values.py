@@ -86,6 +86,30 @@ VALUES: dict[str, Any] = {
     "zeros((2, 2))": np.zeros((2, 2)),
 }
 
+# Those that what draws, or works through whole analyses, is given.
+FEW = (
+    "None",
+    "True",
+    "-1",
+    "0.5",
+    "nan",
+    "10**30",
+    "1j",
+    "''",
+    "'a'",
+    "'nul\\0byte'",
+    "b'x'",
+    "[]",
+    "[1]",
+    "{}",
+    "{'a': 1}",
+    "{1: 'a'}",
+    "object",
+    "failing function",
+    "array([1, nan])",
+)
+SLOW = ("plot.", "results.", "estimate", "sweep")
+
 # Kinds of parameters by what their annotation says, None and signals apart.
 NUMBER, WHOLE, FLAG, TEXT, PATH, OTHER = "number", "whole number", "flag", "text", "path", "other"
 

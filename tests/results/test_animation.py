@@ -4,18 +4,19 @@ faces, contact included.
 
 from __future__ import annotations
 
+import os
 import pathlib
 import xml.etree.ElementTree as xml
 
 import meshio
 import numpy as np
 import pytest
-from matplotlib.animation import FFMpegWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from PIL import Image
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.plot import animate_crack
+from sbfem_petsc.plot import animate_crack, animation
 from sbfem_petsc.plot.animation import _instants
 from sbfem_petsc.plot.crack import Window
 from sbfem_petsc.plot.drawing import figure
@@ -233,7 +234,7 @@ def test_lips_are_drawn_as_far_apart_as_the_gap_says(moved, orbit):
         ({"frames": 1}, ValueError, "frames = 1 must be between 2 and 1000"),
         ({"between": (1.0, 0.5)}, ValueError, "must be two times from 0 to"),
         ({"between": 3.0}, ValueError, "must be two times, s"),
-        ({"colour": "red"}, ValueError, 'use "von_mises" or "displacement"'),
+        ({"colour": "red"}, ValueError, "must be one of 'von_mises', 'displacement'"),
         ({"magnification": 0.0}, ValueError, "magnification = 0.0 must be finite and above 0"),
         ({"motion": 1}, TypeError, "neither a History nor an Orbit"),
     ],
@@ -244,3 +245,40 @@ def test_wrong_animations(orbit, tmp_path, monkeypatch, options, error, sentence
     with pytest.raises(error, match=sentence):
         animate_crack(given.pop("motion"), str(tmp_path / given.pop("path")), **given)
     assert not list(tmp_path.iterdir())
+
+
+class Stopping(PillowWriter):
+    """Fails at its second frame, as on a full disk, by a signal, or by a mistake in a picture."""
+
+    error: type[BaseException] = OSError
+
+    def grab_frame(self, **options):
+        if self._frames:
+            raise self.error("stopped")
+        super().grab_frame(**options)
+
+
+@pytest.mark.parametrize("error, told", [(OSError, ValueError), (KeyboardInterrupt, KeyboardInterrupt)])
+def test_a_film_that_is_not_ended(orbit, tmp_path, monkeypatch, error, told):
+    """The former film stays as it was, and nothing else is there."""
+    path = tmp_path / "crack.gif"
+    path.write_bytes(b"former")
+    monkeypatch.setattr(animation, "PillowWriter", Stopping)
+    monkeypatch.setattr(Stopping, "error", error)
+    with pytest.raises(told, match="stopped"):
+        animate_crack(orbit, str(path), frames=3)
+    assert path.read_bytes() == b"former" and list(tmp_path.iterdir()) == [path]
+
+
+def test_ffmpeg_that_fails(orbit, tmp_path, monkeypatch):
+    """Its own last words in one sentence; nothing is left behind."""
+    program = tmp_path / "bin" / "ffmpeg"
+    program.parent.mkdir()
+    program.write_text("#!/bin/sh\ncat > /dev/null\necho first >&2\necho 'unknown encoder' >&2\nexit 3\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with pytest.raises(sb.SolveError, match=r"ffmpeg ended with code 3 \(unknown encoder\)"):
+        animate_crack(orbit, str(folder / "crack.mp4"), frames=3)
+    assert not list(folder.iterdir())

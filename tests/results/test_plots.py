@@ -70,9 +70,9 @@ def test_colours_by_displacement_and_given_magnification(solved, tmp_path):
 
 def test_bad_requests(solved, tmp_path):
     mesh, model, modes, cases = solved
-    with pytest.raises(ValueError, match="modes = .* must be numbers from 0 to 3"):
+    with pytest.raises(ValueError, match=r"modes\[1\] = 9 must be between 0 and 3"):
         plot_modes(modes, [0, 9])
-    with pytest.raises(ValueError, match="colour = 'heat' is unknown"):
+    with pytest.raises(ValueError, match="colour = 'heat' must be one of"):
         plot_crack(model, {"u": cases["opening"].field}, colour="heat")
     with pytest.raises(ValueError, match="crack = 3 does not exist"):
         plot_contact(cases, crack=3)

@@ -1,11 +1,13 @@
 """Wrong cases: each is refused with file, line, item and remedy."""
 
+import os
 import re
 
 import pytest
 
-from sbfem_petsc.study import objects
-from sbfem_petsc.study.case import case_from_text
+import sbfem_petsc as sb
+from sbfem_petsc.study import objects, rows
+from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.problems import CaseError
 from tests.study.small_case import CASE, SWEEP
 
@@ -358,3 +360,40 @@ def test_binary_file(tmp_path):
     (tmp_path / "case.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CaseError, match=r"case\.toml: is no text in UTF-8"):
         read_case(tmp_path / "case.toml")
+
+
+@pytest.mark.parametrize("kind", ["a pipe", "a device", "a folder"])
+def test_what_is_no_file_is_not_waited_for(kind, tmp_path):
+    """Where a case, or what it names, should be: a pipe or a device may have no end."""
+    place = str(tmp_path / "place")
+    if kind == "a pipe":
+        os.mkfifo(place)
+    elif kind == "a folder":
+        os.mkdir(place)
+    else:
+        place = "/dev/zero"
+    told = "Is a directory" if kind == "a folder" else "no regular file"
+    with pytest.raises(CaseError, match=told):
+        read_case(place)
+    with pytest.raises(ValueError, match=told):
+        sb.Samples.from_csv(place)
+    named = CASE.replace("fy = 200.0", f'fy = {{ kind = "samples", file = "{place}" }}')
+    with pytest.raises(CaseError, match="does not exist in"):
+        case_from_text(named, "case.toml", str(tmp_path)).named_files()
+
+
+def test_endless_nesting():
+    with pytest.raises(CaseError, match="nested too deeply"):
+        case_from_text("a = " + 100_000 * "[", "case.toml", ".")
+
+
+def test_rows_that_no_sweep_has_written(tmp_path):
+    """Checksums that fit, and lengths beyond the end."""
+    path = tmp_path / "0.rows"
+    payload = b"no rows at all"
+    head = rows._HEAD.pack(rows._MARK, len(payload), rows.zlib.crc32(payload))
+    path.write_bytes(head + payload)
+    with pytest.raises(ValueError, match="are not what a sweep has written"):
+        rows.read(str(tmp_path))
+    path.write_bytes(rows._HEAD.pack(rows._MARK, 2**63, 0))
+    assert rows.count(str(tmp_path)) == 0 and rows.read(str(tmp_path)) == {}

@@ -306,3 +306,23 @@ def test_folder_that_takes_no_files(command, files, tmp_path):
     formats = ["--csv"] if command == "export" else []
     done = sbfem(command, source, *formats, "--output", "/proc/out")
     assert done.code == 2 and done.err.count("error:") == 1 and "/proc" in done.err
+
+
+COMMAND = "import sys; from sbfem_petsc.cli import main; main(sys.argv[1:])"
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="needs /proc, where not even root can write")
+@pytest.mark.parametrize("command", ["run", "sweep", "report", "export"])
+@pytest.mark.parametrize("place", ["/proc/out", "file/out"])
+def test_folder_that_takes_no_files_on_two_ranks(command, place, files, tmp_path):
+    """Both ranks end with one sentence, also below what is a file and no folder."""
+    source = written(tmp_path, CASE + SWEEP) if command in ("run", "sweep") else files["run"][0]
+    (tmp_path / "file").write_text("")
+    formats = ["--csv"] if command == "export" else []
+    where = place if place.startswith("/") else str(tmp_path / place)
+    given = (command, str(source), *formats, "--output", where)
+    done = on_ranks(2, COMMAND, *given, check=False, timeout=60)
+    assert done.returncode == 2 and "Traceback" not in done.stderr, done.stderr
+    assert done.stderr.count("error:") == 1 and where in done.stderr
+    assert (tmp_path / "file").read_text() == "" and not os.path.exists("/proc/out")

@@ -26,22 +26,30 @@ WORLD = MPI.COMM_WORLD
 SECONDS = 60
 # What may differ between the ranks: what is told to a person.
 OWN = {"progress"}
-# A rank on a communicator of its own is at another place of the program.
-LEFT_OUT = {"comm", "model"}
+# A rank on a communicator of its own, or with what has none, is at another place of the program.
+LEFT_OUT = {"comm", "model", "motion", "branch"}
 WRONG = "?"
 
 
 def cases() -> Iterator[tuple[str, dict[str, Any], str, str]]:
     """Owner, call, argument and kind of each case."""
-    for owner, calls in examples.CALLS.items():
-        if owner == "estimate_error":  # of a history of another model
+    for owner, calls in (*examples.CALLS.items(), *examples.SHARED.items()):
+        if owner in ("estimate_error", "estimate"):  # of a history of another model; a series of models
             continue
         for call in calls:
             given = call()
-            if isinstance(given.get("model"), sb.Model) or owner == "Model":
+            if _is_shared(given) or owner == "Model":
                 for name in given:
                     if name not in LEFT_OUT:
                         yield from ((owner, given, name, kind) for kind in ("other", "wrong"))
+
+
+def _is_shared(given: dict[str, Any]) -> bool:
+    """Whether a call is of a model that both ranks share, or of what was computed with it."""
+    subject = given.get("model", given.get("motion", given.get("branch")))
+    if isinstance(subject, (sb.Branch, sb.History, sb.Orbit)):
+        subject = subject.reduced and subject.reduced.model
+    return isinstance(subject, sb.Model)
 
 
 def other(value: Any) -> Any:
@@ -66,7 +74,7 @@ def other(value: Any) -> Any:
 def outcome(owner: str, given: dict[str, Any]) -> str:
     """The error's sentence, or the numbers of the result that all ranks have."""
     try:
-        result = getattr(sb, owner)(**given)
+        result = examples.public()[owner](**given)
     except (ValueError, TypeError, KeyError, RuntimeError) as error:
         return f"{type(error).__name__}: {error}"
     for name in ("frequencies", "amplitude", "displacement", "value", "unknowns"):

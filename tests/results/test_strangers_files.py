@@ -1,0 +1,207 @@
+"""Files that a stranger has made up, checksums and all: each is read as what it says, or refused in one
+sentence.
+"""
+
+from __future__ import annotations
+
+import shutil
+import warnings
+
+import h5py
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from sbfem_petsc.recording import hdf5
+from sbfem_petsc.results.branches import read_branch
+from sbfem_petsc.results.hdf5 import read_results, write_results
+from sbfem_petsc.results.orbits import read_orbit
+
+# Data that are told to a reader and nothing is computed from, or may be nan.
+TOLD = ("description", "unit", "path", "reason", "points/00", "stable", "format", "name")
+# What only the further run of a history looks at, which compares it with its own.
+COMPARED = ("running/A", "running/B", "running/recorded", "settings@", "reduced_model@loads")
+MAY_BE_NAN = ("multiplier_error", "step_error", "identity", "multiplier", "signal_checks")
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    """A small file of each kind and what reads it."""
+    folder = tmp_path_factory.mktemp("files")
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.001)]).mesh(order=1, face_edges=2)
+    model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), damping=0.02)
+    push, burst = sb.PointForce("A", fy=10.0), sb.PointForce("A", fy=sb.Harmonic(10.0, 700.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        for name, reduction in (("history", "modes"), ("unreduced", None)):
+            options = {"modes": 4, "reduction": reduction, "file": folder / f"{name}.h5"}
+            sb.transient(model, burst, 2e-4, 1e-5, **options)
+        orbit = sb.periodic(model, push, 700.0, modes=4, steps=64)
+        sb.save_orbit(orbit, folder / "orbit.h5")
+        branch = sb.frequency_response(model, push, 700.0, 702.0, modes=4, steps=64, points=4)
+        sb.save_branch(branch, folder / "branch.h5")
+        write_results(folder / "results.h5", model, sb.modal(model, 2), sb.static(model, push))
+    return {
+        "history": (folder / "history.h5", sb.read_history),
+        "unreduced": (folder / "unreduced.h5", sb.read_history),
+        "orbit": (folder / "orbit.h5", read_orbit),
+        "branch": (folder / "branch.h5", read_branch),
+        "results": (folder / "results.h5", read_results),
+    }
+
+
+def changed(path, copy, change):
+    """A copy with a change and with checksums that fit it."""
+    with open(path, "rb") as file:
+        data = file.read()
+    length = hdf5._END.unpack(data[-hdf5._END.size :])[0]
+    copy.write_bytes(data[: -hdf5._END.size - length])
+    with h5py.File(copy, "r+") as file:
+        change(file)
+        running = hdf5._running(file)
+    hdf5._seal(str(copy), running)
+    return copy
+
+
+def items(path):
+    """Names of all data sets, and (object, attribute) of all attributes."""
+    sets, attributes = [], []
+
+    def look(name, item):
+        if isinstance(item, h5py.Dataset):
+            sets.append(name)
+        attributes.extend((name, key) for key in item.attrs if key not in TOLD)
+
+    with h5py.File(path) as file:
+        look("/", file)
+        file.visititems(look)
+    assert len(sets) >= 15 and attributes
+    return sets, attributes
+
+
+def put(name, make):
+    """Replace a data set by another with the same attributes."""
+
+    def change(file):
+        former, attributes = file[name][()], dict(file[name].attrs)
+        del file[name]
+        file[name] = make(former)
+        file[name].attrs.update(attributes)
+
+    return change
+
+
+def nan_inside(name):
+    """The first number is no number."""
+
+    def change(file):
+        values = file[name][()]
+        values.reshape(-1)[:1] = np.nan
+        file[name][...] = values
+
+    return change
+
+
+def refused(read, copy):
+    """The sentence that a file ends in; None if it is read."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            repr(read(copy))
+    except ValueError as error:
+        assert "\n" not in str(error) and str(copy) in str(error) and len(str(error)) < 600, error
+        return str(error)
+    return None
+
+
+KINDS = ["history", "unreduced", "orbit", "branch", "results"]
+
+
+@pytest.mark.parametrize("part", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 6))])
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_part_in_turn(kind, part, files, tmp_path):
+    """Left out, of another type or shape, or not a number; whatever becomes of it, no error from below. In
+    the ordinary suite every sixth.
+    """
+    path, read = files[kind]
+    copy, (sets, attributes) = tmp_path / path.name, items(path)
+    accepted = []
+    for name in sets[part::6]:
+        with h5py.File(path) as file:
+            numeric, size = file[name].dtype.kind in "fc", file[name].size
+        ways = {
+            "left out": lambda file, name=name: file.__delitem__(name),
+            "text": put(name, lambda value: "a"),
+            "shape": put(name, lambda value: np.zeros((3, 1, 7, 1), dtype=getattr(value, "dtype", float))),
+        }
+        if numeric and size:
+            ways["nan"] = nan_inside(name)
+        for way, change in ways.items():
+            if refused(read, changed(path, copy, change)) is None:
+                accepted.append((name, way))
+    for name, key in attributes[part::6]:
+        for value in (-1, "a", np.nan, 10**12):
+            made = changed(path, copy, lambda file, n=name, k=key, v=value: file[n].attrs.__setitem__(k, v))
+            if refused(read, made) is None and value != 10**12:
+                accepted.append((f"{name}@{key}", value))
+    if kind != "results":  # which are handed on as they are, to be looked at
+        told = TOLD + MAY_BE_NAN + COMPARED
+        assert [entry for entry in accepted if not any(word in entry[0] for word in told)] == []
+
+
+def link(file):
+    file["more"] = h5py.ExternalLink("/etc/hostname", "/")
+
+
+def soft(file):
+    file["more"] = h5py.SoftLink("/")
+
+
+def elsewhere(file):
+    file.create_dataset("more", (8,), dtype="u1", external=[("/etc/hostname", 0, 8)])
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((8,), dtype="f8")
+    layout[:] = h5py.VirtualSource("/etc/hostname", "x", (8,))
+    file.create_virtual_dataset("more", layout)
+
+
+def endless(file):
+    file["round"] = file["/"]
+
+
+def bomb(file):
+    file.create_dataset("more", (1 << 40,), "f4", chunks=(1 << 20,), compression="gzip")
+
+
+def huge(file):
+    file.create_dataset("more", (1 << 40,), "f4", chunks=(1 << 20,))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_is_not_the_files_own(kind, files, tmp_path):
+    """Links, storage in other files, rings, and data that would fill the memory."""
+    path, read = files[kind]
+    for change in (link, soft, elsewhere, virtual, endless, bomb, huge):
+        told = refused(read, changed(path, tmp_path / "file.h5", change))
+        assert told is not None and "elsewhere" in told or "twice" in told or "larger than" in told
+
+
+def test_a_history_larger_than_the_memory(files, monkeypatch):
+    """Told with the way to read it all the same."""
+    from sbfem_petsc.results import history
+
+    path, read = files["history"]
+    monkeypatch.setattr(history, "available_memory", lambda: 1000)
+    with pytest.raises(ValueError, match="of memory, 900 bytes are free; read it with in_memory = False"):
+        read(path)
+    assert len(read(path, in_memory=False).time) == 21
+
+
+def test_a_copy_is_read(files, tmp_path):
+    for path, read in files.values():
+        shutil.copy(path, tmp_path / path.name)
+        assert refused(read, tmp_path / path.name) is None
+        assert refused(read, changed(path, tmp_path / path.name, lambda file: None)) is None
