@@ -19,6 +19,8 @@ PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
 # largest modulus.
 LARGEST, SUBSPACE = 6, 400
+# Angle (radian) that rounding gives the real eigenvalues of a product.
+TURNED = 1e-10
 
 
 class Multipliers:
@@ -82,6 +84,48 @@ def _directions(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
     # rounding may exchange values of one modulus, such as a conjugate pair
     distance = np.abs(values[:, None] - found[order])
     return vectors[:, order[optimize.linear_sum_assignment(distance)[1]]]
+
+
+def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
+    """Eigenvalues of F_n ... F_2 F_1 by falling modulus, without the product, in whose rounding the small
+    ones are lost.
+
+    They are the n-th powers of the eigenvalues of the cyclic matrix that has the factors as blocks (F_1 takes
+    part 1 to part 2 and so on, F_n part n to part 1), of which each comes n times, turned by 1 / n of a
+    circle. An n-th root is known to about 1e-16 of the largest factor's norm. Factors are multiplied only
+    where the matrix would be larger than 1200.
+
+    Parameters
+    ----------
+    factors : (n, s, s) array
+    """
+    blocks = list(np.asarray(factors))
+    size = len(blocks[0])
+    while len(blocks) > 1 and len(blocks) * size > WHOLE:
+        pairs = [second @ first for first, second in zip(blocks[::2], blocks[1::2])]
+        blocks = pairs + blocks[2 * len(pairs) :]
+    count = len(blocks)
+    cyclic = np.zeros((count * size, count * size))
+    for k, block in enumerate(blocks):
+        row = (k + 1) % count
+        cyclic[row * size : (row + 1) * size, k * size : (k + 1) * size] = block
+    roots = linalg.eigvals(cyclic, check_finite=False)
+    # one root of each: those in a sector whose bounds are as far as can be from any root
+    angles = np.sort((np.angle(roots) * count / (2.0 * np.pi)) % 1.0)
+    gaps = np.diff(np.append(angles, angles[0] + 1.0))
+    widest = int(np.argmax(gaps))
+    bound = (angles[widest] + 0.5 * gaps[widest]) / count
+    values = roots[(np.angle(roots) / (2.0 * np.pi) - bound) % 1.0 < 1.0 / count] ** count
+    if len(values) != size:
+        raise on_all_ranks(
+            SolveError(
+                f"Floquet multipliers: {len(values)} of {size} were told apart in the product of {count} "
+                "segments; take fewer segments"
+            )
+        )
+    # the factors are real, so is what rounding alone has turned
+    values = np.where(np.abs(values.imag) <= TURNED * np.abs(values), values.real, values)
+    return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multipliers:

@@ -61,6 +61,7 @@ def read_branch(path: str) -> Branch:
                 group["state"][()],
                 group["direction"][()],
                 int(group.attrs["after"]),
+                int(group.attrs["row"]) if "row" in group.attrs else None,
             )
             for group in groups
         )
