@@ -257,7 +257,7 @@ class _Bordered:
         unit = np.eye(len(mean))
         self.inverses = np.linalg.inv(mean - self.shift[:half, :, None] * unit)
         first = mean - self.shift[1] * unit
-        left, values, right = linalg.svd(first)
+        left, _, right = linalg.svd(first)
         bordered = np.zeros((len(mean) + 1, len(mean) + 1), dtype=complex)
         bordered[:-1, :-1] = first
         bordered[:-1, -1], bordered[-1, :-1] = left[:, -1], right[-1]

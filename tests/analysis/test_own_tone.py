@@ -115,6 +115,7 @@ def test_samples_and_start(system, tori):
     assert "its own" in repr(finer)
 
 
+@pytest.mark.long
 def test_over_the_load(system, tori):
     """At the frequency of a motion the branch over the load leads to it as well; its samples are at other
     phases, which 21 of them show in the fourth digit.
