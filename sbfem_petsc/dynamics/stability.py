@@ -110,19 +110,18 @@ def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
         row = (k + 1) % count
         cyclic[row * size : (row + 1) * size, k * size : (k + 1) * size] = block
     roots = linalg.eigvals(cyclic, check_finite=False)
-    # one root of each: those in a sector whose bounds are as far as can be from any root
-    angles = np.sort((np.angle(roots) * count / (2.0 * np.pi)) % 1.0)
-    gaps = np.diff(np.append(angles, angles[0] + 1.0))
-    widest = int(np.argmax(gaps))
-    bound = (angles[widest] + 0.5 * gaps[widest]) / count
-    values = roots[(np.angle(roots) / (2.0 * np.pi) - bound) % 1.0 < 1.0 / count] ** count
-    if len(values) != size:
-        raise on_all_ranks(
-            SolveError(
-                f"Floquet multipliers: {len(values)} of {size} were told apart in the product of {count} "
-                "segments; take fewer segments"
-            )
-        )
+    # the largest that is left and what is nearest to it turned by shares of a circle are those of one value
+    turns = np.exp(2j * np.pi * np.arange(1, count) / count)
+    values = np.zeros(size, dtype=complex)
+    for k in range(size):
+        family = [int(np.argmax(np.abs(roots)))]
+        one = roots[family[0]]
+        for turn in turns:
+            distance = np.abs(roots - turn * one)
+            distance[family] = np.inf
+            family.append(int(np.argmin(distance)))
+        values[k] = np.mean(roots[family] ** count)
+        roots = np.delete(roots, family)
     # the factors are real, so is what rounding alone has turned
     values = np.where(np.abs(values.imag) <= TURNED * np.abs(values), values.real, values)
     return values[np.argsort(-np.abs(values), kind="stable")]

@@ -64,6 +64,13 @@ def test_eigenvalues_of_a_product():
     assert product_eigenvalues(factors) == pytest.approx(values, rel=1e-12)
     lost = np.linalg.eigvals(np.linalg.multi_dot(factors[::-1]))
     assert np.abs(lost - -1e-12).min() > 1e-9
+    # many of nearly one modulus, in pairs at angles that leave no gap
+    random = np.random.default_rng(4)
+    many = random.normal(size=(4, 160, 160)) / np.sqrt(160.0)
+    direct = np.linalg.eigvals(np.linalg.multi_dot(many[::-1]))
+    found = product_eigenvalues(many)
+    assert len(found) == 160
+    assert np.abs(found[:, None] - direct).min(axis=0).max() < 1e-10 * np.abs(direct).max()
     # a pair of one modulus, and one factor alone
     turn = 1.1 * np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
     found = product_eigenvalues(np.array(5 * [turn]))
