@@ -1,15 +1,19 @@
-"""From a period doubling to the motions of twice the period that leave the branch there."""
+"""From a period doubling to the motions of twice the period that leave the branch there, and from a
+Neimark-Sacker point to quasi-periodic ones.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
-from ..checks import instance, positive
+from ..checks import instance, integer, positive
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
+from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
 from ..dynamics.shooting import shoot_along
+from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
 
@@ -17,28 +21,42 @@ from ..parallel import agree, collective
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
 # A motion found is of twice the period if its halves differ by at least this share of the size asked for.
 TRULY = 0.5
+# The same of quasi-periodic motions: a small curve is moved by the switches of pairs between steps of time.
+QUASI_PERIODIC_SIZES = (0.05, 0.1, 0.02, 0.2, 0.01)
+# Phases of a quasi-periodic motion's own tone.
+SAMPLES = 21
 
 
-def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | None = None) -> Orbit:
-    """A motion of twice the period near a period doubling.
+def switch_branch(
+    branch: Branch, bifurcation: Bifurcation, *, size: float | None = None, samples: int = SAMPLES
+) -> Orbit | QuasiPeriodic:
+    """A motion that leaves a branch at a bifurcation: of twice the period at a period doubling,
+    quasi-periodic with a tone of its own at a Neimark-Sacker point.
 
     It is looked for at a given distance from the branch along the critical Floquet direction, with the
-    branch's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows its branch.
+    branch's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows the branch
+    of an orbit, `quasi_periodic_response(motion, stop)` that of a quasi-periodic motion.
 
     Parameters
     ----------
     branch : Branch
     bifurcation : Bifurcation
-        One of the branch's, of kind "period doubling".
+        One of the branch's, of kind "period doubling" or "Neimark-Sacker".
     size : float, optional
         Distance relative to the state's norm. Default: several are tried, the first that is found counts.
+    samples : int
+        Phases of the motion's own tone, at a Neimark-Sacker point; odd.
+
+    Returns
+    -------
+    Orbit or QuasiPeriodic
 
     Raises
     ------
     ValueError
         If the bifurcation is of another kind.
     SolveError
-        If no motion of twice the period is found at any size.
+        If no such motion is found at any size.
     """
     instance("switch_branch", "branch", branch, Branch, "a Branch")
     comm = branch.reduced.comm
@@ -46,12 +64,49 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
         instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if size is not None:
             positive("switch_branch", "size", size, "relative")
-        if bifurcation.kind != "period doubling":
+        integer("switch_branch", "samples", samples, least=3)
+        if samples % 2 == 0:
+            raise ValueError(f"switch_branch: samples = {samples} must be odd")
+        if bifurcation.kind not in ("period doubling", "Neimark-Sacker"):
             raise ValueError(
-                f"switch_branch: {bifurcation!r} is no period doubling; motions of twice the period leave a "
-                "branch only there"
+                f"switch_branch: {bifurcation!r} is no period doubling and no Neimark-Sacker point; motions "
+                "of another period leave a branch only there"
             )
-    agree(comm, "switch_branch", branch=branch.value, bifurcation=bifurcation.value, size=size)
+    agree(
+        comm,
+        "switch_branch",
+        branch=branch.value,
+        bifurcation=bifurcation.value,
+        size=size,
+        samples=samples,
+    )
+    if bifurcation.kind == "Neimark-Sacker":
+        sizes = QUASI_PERIODIC_SIZES if size is None else (size,)
+        return _quasi_periodic(branch, bifurcation, sizes, samples)
+    return _doubled(branch, bifurcation, SIZES if size is None else (size,))
+
+
+def _quasi_periodic(
+    branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...], samples: int
+) -> QuasiPeriodic:
+    """On an invariant curve whose mean square distance from the periodic motion is given."""
+    own = OwnTone(branch.period, branch.parameter, branch.fixed_frequency, samples, branch.reduced.comm)
+    problem = ""
+    for share in sizes:
+        guess, plane = first_circle(own, bifurcation, share)
+        try:
+            return own_motion(own, own.solve(guess, plane, guess), stability=True)
+        except SolveError as error:
+            problem = str(error)
+    raise on_all_ranks(
+        SolveError(
+            f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "
+            f"({problem})"
+        )
+    )
+
+
+def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...]) -> Orbit:
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
@@ -60,7 +115,7 @@ def switch_branch(branch: Branch, bifurcation: Bifurcation, *, size: float | Non
     def conditions(value: float) -> tuple[float, float]:
         return branch.conditions(value)
 
-    for share in SIZES if size is None else (size,):
+    for share in sizes:
         target = direction @ bifurcation.state + share * norm
 
         def condition(state, change, target=target):

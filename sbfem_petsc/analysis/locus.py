@@ -109,7 +109,9 @@ def locus(
     )
     family = Family(branch.period, parameter, factor)
     if bifurcation.kind == "grazing":
-        row = grazing_row(branch.period, bifurcation.state, frequency, factor)
+        row = bifurcation.row
+        if row is None:  # of several that change within a step of the branch
+            row = grazing_row(branch.period, bifurcation.state, frequency, factor)
         family = OpenRowFamily(branch.period, row, parameter, factor)
     with progress_bar(comm, "locus", progress) as report:
         return follow_locus(

@@ -7,11 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, real
+from ..checks import flag, instance, integer, real
 from ..checks import frequency as check_frequency
 from ..dynamics.loading import communicator
+from ..dynamics.multiple_shooting import segmented_stability, shoot_segments
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
+from ..dynamics.period_map import Period
 from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, prepare
+from ..dynamics.states import ModalStates
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
@@ -39,6 +42,7 @@ def periodic(
     longest: int = LONGEST,
     tolerance: float | None = None,
     search: Search | None = None,
+    segments: int = 1,
 ) -> Orbit:
     """Find the periodic response to periodic loads by shooting.
 
@@ -78,6 +82,10 @@ def periodic(
 
     search : dynamics.steady.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
+    segments : int
+        More than 1: multiple shooting over so many parts of the period, from `start` or the linear response
+        alone, without a search; for periods in which disturbances grow by 1e6 or more, and for many periods
+        of a fast tone in one of a slow one. The steps are a multiple of it.
 
     Raises
     ------
@@ -98,6 +106,11 @@ def periodic(
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:
             real("periodic", "tolerance", tolerance, "relative", above=0.0, below=1.0)
+        integer("periodic", "segments", segments, least=1, most=10**4)
+        if segments > 1 and (search is not None or jacobian != "auto" or reduction is None):
+            raise ValueError(
+                f"periodic: segments = {segments} takes neither search nor jacobian nor reduction = None"
+            )
         if reduction is None:
             _check_unreduced(model, settings, start, tolerance)
     agree(
@@ -107,11 +120,12 @@ def periodic(
         stability=stability,
         tolerance=tolerance,
         search=search,
+        segments=segments,
     )
     if reduction is None:
         assert isinstance(model, Model)
         return unreduced_periodic(model, load, frequency, settings=settings)
-    task = _Task(model, load, frequency, stability, search if contact else NEWTON_ALONE)
+    task = _Task(model, load, frequency, stability, search if contact else NEWTON_ALONE, segments)
     if tolerance is not None:
         return _refined(task, settings, start, tolerance)
     return _shot(task, settings, start)
@@ -126,11 +140,14 @@ class _Task:
     frequency: float
     stability: bool
     search: Search | None
+    segments: int
 
 
 def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
     """The orbit at given steps."""
     period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, first=start)
+    if task.segments > 1:
+        return _in_segments(task, period, start)
     guess = period.at(task.frequency).linear_state if start is None else start.state
     fixed, path = find_steady_state(
         period,
@@ -143,6 +160,47 @@ def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, path)
     return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
+
+
+def _in_segments(task: _Task, period: Period, start: Orbit | None) -> Orbit:
+    """The orbit by multiple shooting."""
+    if period.steps % task.segments:
+        raise on_all_ranks(
+            ValueError(
+                f"periodic: {period.steps} steps are no multiple of segments = {task.segments}; give another "
+                "number of either"
+            )
+        )
+    guess = None if start is None else _at_segments(start, period, task)
+    fixed, segmented, motions = shoot_segments(period, task.frequency, task.segments, guess)
+    if not task.stability:
+        return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
+    return make_orbit(fixed, *segmented_stability(segmented, motions), "multiple shooting")
+
+
+def _at_segments(start: Orbit, period: Period, task: _Task) -> np.ndarray:
+    """(segments, 2 m): a motion at the segments' beginnings, in differences to the linear response; one under
+    a multiple of the frequency is repeated as often as it takes.
+    """
+    driven = period.at(task.frequency)
+    instants = np.arange(task.segments) * (period.steps // task.segments)
+    # in forcing periods: motions under neighbouring frequencies keep their phase
+    times = max(1, round(start.frequency / task.frequency))
+    places = times * instants * period.excitation.periods / period.steps / start.periods * len(start.time)
+    assert isinstance(start.states, ModalStates)  # of the same reduced model
+    states = np.concatenate([period.weights * start.states.q, start.states.v], axis=1)
+    before = np.floor(places + 1e-9).astype(int)
+    share = (places - before)[:, None]
+    states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
+    phases = period.phases[instants]
+    linear = np.concatenate(
+        [
+            period.weights * (phases @ driven.amplitudes).real,
+            (phases @ (driven.speeds * driven.amplitudes)).real,
+        ],
+        axis=1,
+    )
+    return states - linear
 
 
 def _refined(task: _Task, settings: PeriodSettings, start: Orbit | None, tolerance: float) -> Orbit:

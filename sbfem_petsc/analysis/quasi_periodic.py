@@ -1,5 +1,5 @@
-"""Steady states under two tones whose frequencies need no common multiple: vibro-acoustic modulation as it is
-measured.
+"""Steady states of two tones whose frequencies need no common multiple: vibro-acoustic modulation as it is
+measured, and motions whose second tone is their own.
 """
 
 from __future__ import annotations
@@ -7,18 +7,25 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
 from ..capacity import require_compiler, require_memory
-from ..checks import flag, instance, integer, numbers_of
+from ..checks import flag, instance, integer, numbers_of, real
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
-from ..dynamics.orbit import axis_number
-from ..dynamics.preparation import CONTACT_STEP, period_memory
-from ..dynamics.torus import RESTART, Curve, Torus
-from ..errors import SolveError, at_point, on_all_ranks
+from ..dynamics.own_tone import Circle, OwnTone
+from ..dynamics.preparation import CONTACT_STEP, PeriodSettings, period_memory, prepare
+from ..dynamics.tones import (
+    EXPONENTS,
+    TURNS,
+    QuasiPeriodic,
+    own_circle,
+    own_motion,
+    tone_lines,
+)
+from ..dynamics.torus import RESTART, Torus
+from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
@@ -28,110 +35,18 @@ from ..system.model import Model
 STEPS, SAMPLES = 512, 21
 # Most steps, samples or modes: more is a slip.
 MOST = 10**5
+_OTHER = (
+    "quasi_periodic: start belongs to another model or number of modes ({}, not {}); give one of the same "
+    "model"
+)
 # Multiples of a tone that a load may have, and the relative distance from one that rounding explains.
 MULTIPLES, SAME = 16, 1e-9
-# Multiples of the first tone of which lines are kept.
-LINES = 20
-# Lyapunov exponents that are followed, and turns of the map they are averaged over.
-EXPONENTS, TURNS = 4, 400
-
-
-@dataclass(frozen=True, eq=False)
-class QuasiPeriodic:
-    """A steady state under two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
-
-    Attributes
-    ----------
-    frequencies : (float, float)
-        f1, f2, Hz.
-    samples : int
-        Phases of the slower tone.
-    steps : int
-        In a period of the faster one.
-    reduced : ReducedModel
-    states : (samples, 2 m) array
-        Differences (Omega q, q') to the linear response at the beginning of a period of the faster tone.
-    residuals : tuple of float
-        Of Newton's method, relative to the linear response.
-    exponents : (k,) array
-        Largest Lyapunov exponents, 1/s; empty if they were not asked for. The one along the second tone's
-        phase, zero, is not among them.
-    contact_peak : float
-        Largest contact resultant, N.
-    """
-
-    frequencies: tuple[float, float]
-    samples: int
-    steps: int
-    reduced: ReducedModel
-    states: np.ndarray
-    residuals: tuple[float, ...]
-    exponents: np.ndarray
-    contact_peak: float
-    _lines: np.ndarray = field(repr=False)
-    _swapped: bool = field(repr=False)
-
-    @property
-    def stable(self) -> bool | None:
-        """Whether disturbances die out; None if the exponents were not asked for."""
-        return bool(self.exponents[0] < 0.0) if len(self.exponents) else None
-
-    @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
-
-    @property
-    def orders(self) -> np.ndarray:
-        """(k,): multiples of the slower tone in `harmonics`."""
-        return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
-
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
-        """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
-        the slower one, m.
-        """
-        index = at_point({name: k for k, name in enumerate(self.points)}, point)
-        return self._lines[:, :, index, axis_number(direction)]
-
-    def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
-        """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
-
-        Raises
-        ------
-        ValueError
-            If the line is beyond what the samples and steps resolve.
-        """
-        m, n = integer("line", "m", m), integer("line", "n", n)
-        fast, slow = (n, m) if self._swapped else (m, n)
-        lines = self.harmonics(point, direction)
-        if fast < 0 or (fast == 0 and slow < 0):
-            return np.conj(self.line(-m, -n, point, direction))
-        middle = lines.shape[1] // 2
-        if fast >= len(lines) or abs(slow) > middle:
-            raise ValueError(
-                f"line ({m}, {n}) is not resolved: {self.samples} samples and {self.steps} steps give "
-                f"multiples up to {len(lines) - 1} of the faster tone and {middle} of the slower one"
-            )
-        return complex(lines[fast, middle + slow])
-
-    def modulation_index(self, point: str, direction: str = "y") -> float:
-        """(|c_1,1| + |c_1,-1|) / |c_1,0|: sidebands of the first tone over itself."""
-        sidebands = sum(abs(self.line(1, n, point, direction)) for n in (1, -1))
-        return sidebands / abs(self.line(1, 0, point, direction))
-
-    def __repr__(self) -> str:
-        verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
-        return (
-            f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz, {self.samples} "
-            f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
-            f"Newton iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
-        )
 
 
 def quasi_periodic(
     model: Model | ReducedModel,
     load,
-    frequencies: tuple[float, float],
+    frequencies: tuple[float, float | None],
     *,
     samples: int = SAMPLES,
     steps: int | None = None,
@@ -139,7 +54,8 @@ def quasi_periodic(
     start: QuasiPeriodic | None = None,
     stability: bool = True,
 ) -> QuasiPeriodic:
-    """Find the steady response to two tones of any frequencies by shooting of an invariant curve.
+    """Find the steady response to two tones of any frequencies by shooting of an invariant curve; or to one,
+    with a second tone that is the motion's own.
 
     The trajectories from the samples are shared by the model's ranks.
 
@@ -147,9 +63,11 @@ def quasi_periodic(
     ----------
     model : Model or ReducedModel
     load : PointForce, EdgeLoad, a sum or a sequence of them; for a ReducedModel a signal for each unit load
-        Made of `Harmonic` signals at f1, f2 or multiples of either; `Constant` signals are preloads.
-    frequencies : (float, float)
-        f1, f2, Hz; in the usual words the probe and the pump.
+        Made of `Harmonic` signals at f1, f2 or multiples of either; `Constant` signals are preloads. With one
+        tone as for `periodic`.
+    frequencies : (float, float or None)
+        f1, f2, Hz; in the usual words the probe and the pump. None: the second tone is the motion's own, of
+        unknown frequency; such a motion leaves a branch at a Neimark-Sacker point (`switch_branch`).
     samples : int
         Phases of the slower tone: multiples up to half as many are resolved.
     steps : int, optional
@@ -158,7 +76,8 @@ def quasi_periodic(
     modes : int, optional
         Default: as for `periodic`.
     start : QuasiPeriodic, optional
-        First guess, of the same model and number of modes. Default: the linear response.
+        First guess, of the same model and number of modes. Default: the linear response. Where the second
+        tone is the motion's own: one of that kind, with f1 near its.
     stability : bool
         Compute the largest Lyapunov exponents.
 
@@ -172,10 +91,13 @@ def quasi_periodic(
     """
     comm = communicator(model)
     with collective(comm):
-        frequencies = _checked(frequencies, samples, steps, modes)
+        asked = _checked(frequencies, samples, steps, modes, start)
         flag("quasi_periodic", "stability", stability)
-        if start is not None:
-            instance("quasi_periodic", "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
+    if isinstance(asked, float):
+        assert start is not None  # checked
+        return _with_own_tone(model, load, asked, start, samples, steps, modes, stability)
+    frequencies = asked
+    with collective(comm):
         loads = loading("quasi_periodic", model, load, _tone)
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
@@ -210,7 +132,8 @@ def quasi_periodic(
     exponents = (
         torus.exponents(torus.derivatives(curve.motions), EXPONENTS, TURNS) if stability else np.zeros(0)
     )
-    lines, peak = _lines(torus, curve)
+    linear = tuple(zip(drives, (torus.base.amplitudes, torus.pumped)))
+    lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
     return QuasiPeriodic(
         frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
     )
@@ -247,16 +170,74 @@ def _tone(value) -> Signal:
     return as_signal(value)
 
 
-def _checked(frequencies, samples, steps, modes) -> tuple[float, float]:
-    wanted = "two numbers, (f1, f2), Hz"
-    pair = numbers_of("quasi_periodic", "frequencies", frequencies, 2, wanted, above=0.0)
-    if pair[0] == pair[1]:
-        raise ValueError(f"quasi_periodic: both frequencies are {pair[0]:g} Hz; use periodic for one tone")
+def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] | float:
+    """Both frequencies, or the first one where the second is the motion's own."""
+    what = "quasi_periodic"
+    if start is not None:
+        instance(what, "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
     for name, value, least in (("samples", samples, 3), ("steps", steps, 48), ("modes", modes, 1)):
         if value is None and name != "samples":
             continue
-        integer("quasi_periodic", name, value, least=least, most=MOST)
+        integer(what, name, value, least=least, most=MOST)
+    if isinstance(frequencies, (list, tuple)) and len(frequencies) == 2 and frequencies[1] is None:
+        first = real(what, "frequencies[0]", frequencies[0], above=0.0)
+        if start is None or start.own is None:
+            raise ValueError(
+                f"{what}: a motion with a tone of its own, frequencies = ({first:g}, None), needs one to "
+                "start from, start = switch_branch(branch, bifurcation) at a Neimark-Sacker point"
+            )
+        if samples % 2 == 0:
+            raise ValueError(
+                f"{what}: samples = {samples} must be odd where the second tone is the motion's own"
+            )
+        return first
+    pair = numbers_of(what, "frequencies", frequencies, 2, "two numbers, (f1, f2), Hz", above=0.0)
+    if pair[0] == pair[1]:
+        raise ValueError(f"{what}: both frequencies are {pair[0]:g} Hz; use periodic for one tone")
+    if start is not None and start.own is not None:
+        raise ValueError(
+            f"{what}: start has a tone of its own; give frequencies = ({pair[0]:g}, None), or another start"
+        )
     return pair[0], pair[1]
+
+
+def _with_own_tone(
+    model: Model | ReducedModel,
+    load,
+    first: float,
+    start: QuasiPeriodic,
+    samples: int,
+    steps: int | None,
+    modes: int | None,
+    stability: bool,
+) -> QuasiPeriodic:
+    """The motion with a tone of its own near another one."""
+    assert start.own is not None  # the caller has asked
+    comm, old = communicator(model), start.own.period
+    periods = old.excitation.periods
+    agree(
+        comm,
+        "quasi_periodic",
+        first=first,
+        samples=samples,
+        start=(start.frequencies, start.samples),
+        stability=stability,
+    )
+    if modes is None and isinstance(model, Model):
+        modes = start.states.shape[1] // 2
+    settings = PeriodSettings(periods, old.steps // periods if steps is None else steps, modes)
+    period = prepare("quasi_periodic", model, load, first * periods, settings=settings)
+    with collective(comm):
+        if 2 * period.modes != start.states.shape[1]:
+            raise ValueError(_OTHER.format(start.states.shape[1] // 2, period.modes))
+    own = OwnTone(period, "frequency", None, samples, comm)
+    known = own_circle(start)
+    guess = Circle(own.resampled(known.states), known.rotation, first * periods)
+    plane = np.eye(1, guess.states.size + 2, guess.states.size + 1)[0]
+    try:
+        return own_motion(own, own.solve(guess, plane, guess), stability)
+    except SolveError as error:
+        raise on_all_ranks(error) from None
 
 
 def _drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
@@ -311,48 +292,9 @@ def _guess(start, samples: int, reduced: ReducedModel, rotation: float) -> np.nd
     modes = len(reduced.omega)
     same = start.reduced is reduced or (reduced.model is not None and start.reduced.model is reduced.model)
     if not same or start.states.shape[1] != 2 * modes:
-        raise ValueError(
-            "quasi_periodic: start belongs to another model or number of modes "
-            f"({start.states.shape[1] // 2}, not {modes}); give one of the same model"
-        )
+        raise ValueError(_OTHER.format(start.states.shape[1] // 2, modes))
     harmonics = np.fft.rfft(start.states, axis=0) / start.samples
     kept = np.zeros((samples // 2 + 1, 2 * modes), dtype=complex)
     common = min(len(harmonics), len(kept))
     kept[:common] = harmonics[:common]
     return np.fft.irfft(kept * samples, samples, axis=0)
-
-
-def _lines(torus: Torus, curve: Curve) -> tuple[np.ndarray, float]:
-    """(21, k, points, 2) lines of all named points, m, and the largest contact resultant, N."""
-    r, p = torus.reduced, torus.period
-    steps, samples, half = p.steps, torus.samples, torus.samples // 2
-    lines = min(LINES, steps // 2 - 1)
-    forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * np.arange(steps) / steps) / steps
-    orders = np.arange(-half, half + 1)
-    found = np.zeros((lines + 1, len(orders), len(r.points.names), 2), dtype=complex)
-    peak = 0.0
-    for i in torus.mine:
-        motion = curve.motions[i]
-        assert motion is not None  # this rank's
-        forces = motion.forces[:-1]
-        peak = max(peak, float(forces.sum(axis=1).max(initial=0.0)))
-        u = np.einsum("pim,nm->npi", r.points.modes, motion.states[:-1], optimize=True)
-        u += np.einsum("pic,nc->npi", r.points.contact[..., : p.pairs], forces, optimize=True)
-        theta = i / samples + torus.rotation * np.arange(steps) / steps
-        for j, order in enumerate(orders):
-            turned = np.exp(-2j * np.pi * order * theta)[:, None] * u.reshape(steps, -1)
-            found[:, j] += (forward @ turned).reshape(lines + 1, len(r.points.names), 2) / samples
-    torus.comm.Allreduce(MPI.IN_PLACE, found)
-    peak = torus.comm.allreduce(peak, MPI.MAX)
-    found *= 2.0
-    found[0, half] *= 0.5
-    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
-        found[:, [0, -1]] *= 0.5
-    for tone, (drive, amplitudes) in enumerate(zip(torus.drives, (torus.base.amplitudes, torus.pumped))):
-        linear = np.einsum("pim,km->kpi", r.points.modes, amplitudes)
-        linear += np.einsum("pil,kl->kpi", r.points.loads, drive.amplitudes)
-        for order, value in zip(drive.orders, linear):
-            place = (order, half) if tone == 0 else (0, half + order)
-            if place[0] <= lines and place[1] < len(orders):
-                found[place] += value
-    return found, peak

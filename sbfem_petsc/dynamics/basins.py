@@ -101,11 +101,12 @@ class Basins:
         return np.array([np.mean(self.reached == k) for k in range(len(self.orbits))])
 
     def integrity(self, k: int) -> float:
-        """Energy of the least disturbance of the k-th orbit at t = 0 that leads elsewhere, J: half the square
-        of the distance, in (Omega q, q'), to the nearest of these initial states that does; inf if none does.
+        """Energy of the least disturbance of the k-th orbit at t = 0 that leads to another one, J: half the
+        square of the distance, in (Omega q, q'), to the nearest of these initial states that does; inf if
+        none does. Of histories that have not settled it is not known where they lead: they do not count.
         """
         k = index_of("integrity", "k", k, len(self.orbits))
-        elsewhere = self.states[self.reached != k]
+        elsewhere = self.states[(self.reached != k) & (self.reached >= 0)]
         if not len(elsewhere):
             return math.inf
         return 0.5 * float(((elsewhere - self.orbits[k].state) ** 2).sum(axis=-1).min())

@@ -38,6 +38,8 @@ class Bifurcation:
         Its Floquet direction.
     after : int
         Index of the point of the branch behind it.
+    row : int or None
+        Contact row that begins or ceases to touch, where a grazing point knows it.
     """
 
     kind: str
@@ -46,6 +48,7 @@ class Bifurcation:
     state: np.ndarray
     direction: np.ndarray
     after: int
+    row: int | None = None
 
     def __repr__(self) -> str:
         return f"Bifurcation({self.kind} at {self.value:.7g}, multiplier {self.multiplier:.6g})"
@@ -221,7 +224,9 @@ def _crossing(
         if value.real < 0.0
         else "branch point"
     )
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k)
+    rows = np.flatnonzero(_touching(one) != _touching(other))
+    row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k, row)
 
 
 def _root(

@@ -119,6 +119,8 @@ def follow(
             BranchWarning,
             stacklevel=4,
         )
+    elif continuation.reason.startswith("back"):
+        warnings.warn(f"{what}: the curve is {continuation.reason}", BranchWarning, stacklevel=4)
     elif parameter.holds(float(result.value[-1])):
         error = SolveError(
             f"{what}: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "

@@ -26,9 +26,14 @@ TURN, TOO_SHARP = 0.35, 1.0
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
 CORNER = 5e-3
+# Of the state: how near the last point is to the first one if it is the same motion.
+SAME = 1e-6
 # Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
 # that has been gone through.
 BACK = 0.999
+# The same of a branch that bends there: a point this near, of its distance from the last one, to the parabola
+# through the last three.
+ALONG = 0.05
 
 
 @dataclass(frozen=True)
@@ -196,12 +201,26 @@ class Continuation:
             yield point
             if not self.parameter.holds(point.value):
                 self.reason = f"end of the range at {point.value:.8g}"
+                if self._back_at_its_beginning():
+                    furthest = max((p.value for p in self.points), key=lambda v: abs(v - point.value))
+                    self.reason = (
+                        f"back at its beginning at {point.value:.8g}: it has turned about near "
+                        f"{furthest:.8g} and run back along itself; take more steps a period"
+                    )
                 return
 
     def forget(self) -> None:
         """Let go of the motions of the points that no further step looks at."""
         if len(self.points) > 2:
             self.points[-3].fixed.forget()
+
+    def _back_at_its_beginning(self) -> bool:
+        """Whether the last point is the first one, where the branch cannot come to the end of its range in
+        the direction in which it began.
+        """
+        first, last = self.points[0], self.points[-1]
+        apart = np.linalg.norm(last.fixed.state - first.fixed.state)
+        return last.value == first.value and bool(apart < SAME * self.metric()[0])
 
     # ------------------------------------------------------------------ one step
     def metric(self) -> tuple[float, float]:
@@ -264,6 +283,21 @@ class Continuation:
         if len(self.points) > 1:
             near = self._secant(*self.points[-2:])
         return self._tangent(last.derivative(self.parameter.name), near)
+
+    def _gone_through(self, point: ContinuationPoint) -> bool:
+        """Whether a point is on the part of the branch between its last three points."""
+        if len(self.points) < 3:
+            return False
+        size, unit = self.metric()
+        known = np.array(
+            [np.append(p.fixed.state / size, p.value / unit) for p in (*self.points[-3:], point)]
+        )
+        one, two, last, here = known - known[2]
+        arc = np.array([-np.linalg.norm(one - two) - np.linalg.norm(two), -np.linalg.norm(two), 0.0])
+        places = np.linspace(1.5 * arc[0], 0.0, 301)
+        weights = np.polynomial.polynomial.polyfit(arc, np.eye(3), 2)
+        curve = np.polynomial.polynomial.polyval(places, weights).T @ np.array([one, two, last])
+        return bool(np.linalg.norm(curve - here, axis=1).min() < ALONG * np.linalg.norm(here))
 
     def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
         """How far the branch is off its tangent after a step, by the parabola through the point before;
@@ -349,7 +383,7 @@ class Continuation:
             )
             return None
         chord = self._secant(last, point)
-        if behind is not None and chord @ behind > BACK:
+        if behind is not None and (chord @ behind > BACK or self._gone_through(point)):
             return None
         onward = self._tangent(point.derivative(self.parameter.name), chord)
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))

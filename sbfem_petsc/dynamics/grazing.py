@@ -190,4 +190,5 @@ def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
             "largest_step"
         )
     state = found[float(root)].state
-    return Bifurcation("grazing", float(root), complex(np.nan), state, np.zeros(len(state), complex), k)
+    direction = np.zeros(len(state), complex)
+    return Bifurcation("grazing", float(root), complex(np.nan), state, direction, k, row)

@@ -43,7 +43,8 @@ class Orbit(Motion):
         Norm of x(T) - x(0) at each Newton iterate.
     path : str
         How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
-        "ramp of the damping", "neighbouring frequency", "point of a curve" or "period doubling".
+        "ramp of the damping", "neighbouring frequency", "multiple shooting", "point of a curve" or "period
+        doubling".
     converged : bool
     products : int
         Linearised periods integrated for the linear solves of an unreduced model.

@@ -74,6 +74,12 @@ class Period:
         result._load(excitation)
         return result
 
+    def of(self, steps: int) -> Period:
+        """The map over so many steps, for parts of the period (`DrivenPeriod.part`)."""
+        result = copy.copy(self)
+        result.steps, result._lengths = steps, {}
+        return result
+
     def _load(self, excitation: Excitation) -> None:
         self.excitation, self.phases = excitation, excitation.phases(self.steps)
         self._cosines, self._sines = self.phases.real.copy(), self.phases.imag.copy()
@@ -152,6 +158,16 @@ class DrivenPeriod:
 
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
+
+    def part(self, short: Period, begin: int) -> DrivenPeriod:
+        """The map over the steps of `short` from the instant `begin` on, of states that are differences to
+        the linear steady state.
+        """
+        result = copy.copy(self)
+        result.period, result._kept = short, None
+        result.free_gap = self.free_gap[begin : begin + short.steps + 1]
+        result.linear_state = np.zeros_like(self.linear_state)
+        return result
 
     def run(self, state: np.ndarray) -> PeriodMotion:
         """Integrate one period from a state x."""

@@ -9,6 +9,7 @@ harmonic. The unknowns are differences to the linear response to both tones, whi
 from __future__ import annotations
 
 import copy
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,7 @@ from ..errors import SolveError
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
-from .period_map import Period, PeriodMotion
+from .period_map import DrivenPeriod, Period, PeriodMotion
 
 # Newton's method: closing error relative to the linear response, and iterations.
 CLOSED, ITERATIONS = 1e-11, 15
@@ -102,7 +103,7 @@ class Torus:
             1e-300,
         )
 
-    def driven(self, theta: float):
+    def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
         result = copy.copy(self.base)
         phases = self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
@@ -117,30 +118,14 @@ class Torus:
 
     def images(self, states: np.ndarray) -> tuple[np.ndarray, list[PeriodMotion | None]]:
         """(N, 2 m): where the map takes each sample, and the motions of this rank's."""
-        ends = np.zeros_like(states)
-        motions: list[PeriodMotion | None] = [None] * self.samples
-        failed = None
-        for i in self.mine:
-            try:
-                motion = self.driven(i / self.samples).run(states[i])
-            except SolveError as error:
-                failed = error
-                break
-            motions[i], ends[i] = motion, states[i] + motion.residual
-        failures = [item for item in self.comm.allgather(failed) if item is not None]
-        if failures:
-            raise failures[0]
-        self.comm.Allreduce(MPI.IN_PLACE, ends)
-        return ends, motions
+        return images(self.comm, self._at, states)
 
     def derivatives(self, motions: list) -> np.ndarray:
         """(N, 2 m, 2 m): of the map at each sample."""
-        size = 2 * self.period.modes
-        result, unit = np.zeros((self.samples, size, size)), np.eye(size)
-        for i in self.mine:
-            result[i] = self.driven(i / self.samples).carried(motions[i], unit)
-        self.comm.Allreduce(MPI.IN_PLACE, result)
-        return result
+        return derivatives(self.comm, self._at, motions)
+
+    def _at(self, i: int) -> DrivenPeriod:
+        return self.driven(i / self.samples)
 
     # ------------------------------------------------------------------ Newton's method
     def solve(self, states: np.ndarray | None = None) -> Curve:
@@ -191,36 +176,119 @@ class Torus:
         )
 
     def exponents(self, derivatives: np.ndarray, count: int, turns: int) -> np.ndarray:
-        """The `count` largest Lyapunov exponents, 1/s, by falling value; fewer by one where that would part a
-        pair.
+        """The largest Lyapunov exponents, 1/s; see `exponents`."""
+        return exponents(derivatives, self.rotation, count, turns) * self.frequencies[0]
 
-        Mean growth of an orthonormal frame carried along the curve (QR); the map's derivative between samples
-        is its trigonometric interpolant. Directions turn as they are carried, which leaves about 1 / turns of
-        uncertainty in the growth a turn.
-        """
-        size = derivatives.shape[1]
-        coefficients = np.fft.fft(np.eye(self.samples), axis=0) / self.samples
-        flat = derivatives.reshape(self.samples * size, size)
-        mean = derivatives.mean(axis=0)
-        # the frame begins where the mean derivative says that disturbances last longest, not at random: with
-        # little damping directions part too slowly to be notes apart by their growth
-        values, vectors = np.linalg.eig(mean)
-        longest = np.argsort(-np.abs(values), kind="stable")[:count]
-        upper = values[longest].imag >= 0.0
-        turning = longest[values[longest].imag > 0.0]
-        columns = [vectors[:, longest[upper]].real, vectors[:, turning].imag]
-        frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
-        count = frame.shape[1]
-        growth, counted, theta = np.zeros(count), 0, 0.0
-        for turn in range(turns):
-            weights = (np.exp(2j * np.pi * self.orders * theta) @ coefficients).real
-            image = np.tensordot(weights, (flat @ frame).reshape(self.samples, size, count), 1)
-            frame, upper = np.linalg.qr(image)
-            if turn >= turns // 4:
-                growth += np.log(np.maximum(np.abs(np.diag(upper)), 1e-300))
-                counted += 1
-            theta = (theta + self.rotation) % 1.0
-        return np.sort(growth / counted * self.frequencies[0])[::-1]
+
+def images(
+    comm: MPI.Comm, driven: Callable[[int], DrivenPeriod], states: np.ndarray
+) -> tuple[np.ndarray, list[PeriodMotion | None]]:
+    """(N, 2 m): where maps take samples (N, 2 m), and the motions of this rank's. Collective.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+        Ranks that share the samples: each takes those from its own number on in steps of their count.
+    driven : callable
+        The map of a sample's index.
+    states : (N, 2 m) array
+
+    Raises
+    ------
+    SolveError
+        On all ranks, where one of the maps fails.
+    """
+    ends = np.zeros_like(states)
+    motions: list[PeriodMotion | None] = [None] * len(states)
+    failed = None
+    for i in range(comm.rank, len(states), comm.size):
+        try:
+            motion = driven(i).run(states[i])
+        except SolveError as error:
+            failed = error
+            break
+        motions[i], ends[i] = motion, states[i] + motion.residual
+    failures = [item for item in comm.allgather(failed) if item is not None]
+    if failures:
+        raise failures[0]
+    comm.Allreduce(MPI.IN_PLACE, ends)
+    return ends, motions
+
+
+def derivatives(
+    comm: MPI.Comm,
+    driven: Callable[[int], DrivenPeriod],
+    motions: Sequence[PeriodMotion | None],
+    parameters: tuple[str, ...] = (),
+) -> np.ndarray:
+    """(N, 2 m, 2 m + p): of the maps at each sample, along the state and named parameters. Collective."""
+    size = 2 * driven(0).period.modes
+    result, unit = np.zeros((len(motions), size, size + len(parameters))), np.eye(size)
+    for i in range(comm.rank, len(motions), comm.size):
+        motion = motions[i]
+        assert motion is not None  # this rank's
+        result[i] = driven(i).carried(motion, unit, parameters)
+    comm.Allreduce(MPI.IN_PLACE, result)
+    return result
+
+
+def exponents(
+    derivatives: np.ndarray,
+    rotation: float,
+    count: int,
+    turns: int,
+    tangents: np.ndarray | None = None,
+) -> np.ndarray:
+    """The largest Lyapunov exponents, per application of the map, by falling value.
+
+    Mean growth of an orthonormal frame carried along the curve (QR); the map's derivative between samples is
+    its trigonometric interpolant. Directions turn as they are carried, which leaves about 1 / turns of
+    uncertainty in the growth a turn.
+
+    Parameters
+    ----------
+    derivatives : (N, 2 m, 2 m) array
+    rotation : float
+        Turns of the curve's phase in the map.
+    count : int
+        How many; fewer by one where that would part a pair.
+    turns : int
+        Applications of the map over which growth is averaged.
+    tangents : (N, 2 m) array, optional
+        Of a curve whose phase is free: their direction, which neither grows nor decays, is not among the
+        exponents.
+    """
+    samples, size = derivatives.shape[:2]
+    orders = np.fft.fftfreq(samples, 1.0 / samples)
+    coefficients = np.fft.fft(np.eye(samples), axis=0) / samples
+    flat = derivatives.reshape(samples * size, size)
+
+    def weights(theta: float) -> np.ndarray:
+        """Of the samples in the interpolant at a phase."""
+        return (np.exp(2j * np.pi * orders * theta) @ coefficients).real
+
+    # the frame begins where the mean derivative says that disturbances last longest, not at random: with
+    # little damping directions part too slowly to be notes apart by their growth
+    values, vectors = np.linalg.eig(derivatives.mean(axis=0))
+    longest = np.argsort(-np.abs(values), kind="stable")[:count]
+    upper = values[longest].imag >= 0.0
+    turning = longest[values[longest].imag > 0.0]
+    columns = [vectors[:, longest[upper]].real, vectors[:, turning].imag]
+    known = 0 if tangents is None else 1
+    if tangents is not None:
+        columns.insert(0, (weights(0.0) @ tangents)[:, None])
+    frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
+    growth, counted, theta = np.zeros(frame.shape[1] - known), 0, 0.0
+    for turn in range(turns):
+        image = np.tensordot(weights(theta), (flat @ frame).reshape(samples, size, frame.shape[1]), 1)
+        theta = (theta + rotation) % 1.0
+        if tangents is not None:  # where it leads is known better than what it has been carried to
+            image[:, 0] = weights(theta) @ tangents
+        frame, upper = np.linalg.qr(image)
+        if turn >= turns // 4:
+            growth += np.log(np.maximum(np.abs(np.diag(upper)[known:]), 1e-300))
+            counted += 1
+    return np.sort(growth / counted)[::-1]
 
 
 class _Linear:

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.backbone import Backbone
-from ..analysis.quasi_periodic import QuasiPeriodic
+from ..dynamics.tones import QuasiPeriodic
 from ..indicators import Sidebands
 from ..parallel import on_root
 from ..petsc import MPI

@@ -80,6 +80,8 @@ def write_branch(
             group.attrs.update(
                 {"kind": item.kind, "value": item.value, "multiplier": item.multiplier, "after": item.after}
             )
+            if item.row is not None:
+                group.attrs["row"] = item.row
             put(group, "state", item.state, "m sqrt(kg)/s", "(Omega q, q') at t = 0")
             put(group, "direction", item.direction, "m sqrt(kg)/s", "Floquet direction")
 

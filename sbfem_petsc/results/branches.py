@@ -60,6 +60,7 @@ def read_branch(path: str) -> Branch:
                 numbers(group, "state", size),
                 numbers(group, "direction", size, kinds="fc"),
                 whole(group, "after", most=count),
+                whole(group, "row") if "row" in group.attrs else None,
             )
             for group in groups
         )

@@ -125,6 +125,11 @@ class PeriodicAnalysis(Table):
     tolerance: float | None = item(
         None, text="double the steps until displacements change by less (relative)", gt=0, lt=1
     )
+    segments: int = item(
+        1,
+        text="multiple shooting over so many parts of a long period, of which the steps are a multiple",
+        ge=1,
+    )
     reduced: bool = item(True, text="false: the unreduced model")
 
 

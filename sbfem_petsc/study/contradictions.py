@@ -188,6 +188,10 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 yield Problem(
                     (*path, "scheme"), '= "paper" integrates the unreduced model; leave reduced = true out'
                 )
+        if analysis.kind == "periodic" and analysis.segments > 1 and not analysis.reduced:
+            yield Problem(
+                (*path, "segments"), "is for the reduced model; leave out reduced = false or segments"
+            )
         if analysis.kind == "periodic" and analysis.tolerance is not None and not analysis.reduced:
             yield Problem(
                 (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"

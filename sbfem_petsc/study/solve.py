@@ -136,6 +136,7 @@ class Structure:
             reduction="modes" if table.reduced else None,
             stability=table.stability,
             tolerance=table.tolerance,
+            segments=table.segments,
         )
 
     def _modulation(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:

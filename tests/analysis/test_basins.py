@@ -94,6 +94,12 @@ def test_the_unstable_orbit_is_on_the_boundary(orbits, grid):
     # the nearest of these that leaves an orbit is what its integrity says
     distance = np.linalg.norm(states[found.reached != 0] - low.state, axis=1).min()
     assert found.integrity(0) == pytest.approx(0.5 * distance**2, rel=1e-12)
+    # a history that has not settled leads nowhere that is known
+    nearest = np.argmin(np.where(found.reached == 0, np.inf, np.linalg.norm(states - low.state, axis=1)))
+    unsettled = dataclasses.replace(found, reached=np.where(np.arange(3) == nearest, -1, found.reached))
+    further = np.linalg.norm(states[unsettled.reached > 0] - low.state, axis=1).min()
+    assert further > distance and unsettled.integrity(0) == pytest.approx(0.5 * further**2, rel=1e-12)
+    assert dataclasses.replace(found, reached=np.full(3, -1)).integrity(0) == np.inf
 
 
 def test_an_impulse_upon_a_steady_state(orbits):

@@ -209,12 +209,22 @@ import json
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
+from sbfem_petsc.dynamics.own_tone import OwnTone, first_circle
+from sbfem_petsc.dynamics.tones import own_motion
 from tests.reference import paper_beam
+from tests.systems import two_masses
 model = sb.Model(paper_beam(opening=0.06).mesh(order=3), sb.Material(70e9, 0.3, 2700), damping=0.005)
 pump = 400.0 * np.sqrt(2.0)
 load = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0) + sb.Harmonic(100.0, pump))
 found = sb.quasi_periodic(model, load, (3000.0, pump), modes=16, steps=256, samples=11)
 lines = [abs(found.line(*k, "A")) for k in ((1, 0), (0, 1), (1, 1), (1, -1))]
+system = two_masses(0.02, compliance=0.1)
+curve = sb.frequency_response(system, [0.1], 0.0962, 0.0959, steps=128)
+own = OwnTone(curve.period, "frequency", None, 11, MPI.COMM_WORLD)
+guess, plane = first_circle(own, curve.bifurcations[0], 0.05)
+circle = own.solve(guess, plane, guess)
+assert sum(motion is not None for motion in circle.motions) <= 11 // MPI.COMM_WORLD.size + 1
+lines += [circle.value, circle.rotation, abs(own_motion(own, circle, False).line(0, 1, "1"))]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"lines": lines, "exponent": float(found.exponents[0]), "peak": found.contact_peak}))
 """
@@ -222,7 +232,7 @@ if MPI.COMM_WORLD.rank == 0:
 
 @pytest.mark.long
 def test_ranks():
-    """Two ranks share the samples: the same motion."""
+    """Two ranks share the samples: the same motion, also with a tone of its own."""
     one, two = answer(on_ranks(1, RANKS)), answer(on_ranks(2, RANKS))
     for name in one:
         assert two[name] == pytest.approx(one[name], rel=1e-6)

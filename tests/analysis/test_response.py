@@ -2,12 +2,19 @@
 refusals.
 """
 
+import copy
+import itertools
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import continuation
+from sbfem_petsc.dynamics.bifurcations import between
 from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.dynamics.period_map import Period
+from sbfem_petsc.dynamics.shooting import shoot
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import answer, on_ranks
 from tests.systems import case_p, two_masses
@@ -136,6 +143,49 @@ def test_load_response_from_nothing():
     assert curve.amplitude("x")[-1] == pytest.approx(orbit.amplitude("x"), rel=1e-8) and orbit.iterations <= 1
     back = sb.load_response(r, [3.0], omega / TURN, start=1.0, stop=0.0, first=orbit)
     assert back.value[-1] == 0.0 and back.amplitude("x")[-1] < 1e-9 * orbit.amplitude("x")
+
+
+@pytest.fixture(scope="module")
+def stepped():
+    """A continuation with some points, and two beyond them."""
+    system = two_masses()
+    driven = Period(system, Excitation.of([sb.Harmonic(0.1, 0.1)], 0.1, 1, 1), 256)
+    first = shoot(driven, driven.at(0.105).linear_state, 0.105)
+    parameter = continuation.ParameterRange("frequency", 0.105, 0.112)
+    found = continuation.Continuation(driven, continuation.ContinuationPoint(first, 0.105), parameter)
+    assert len(list(itertools.islice(found, 5))) == 5
+    return found
+
+
+def test_points_on_the_part_that_has_been_gone_through(stepped):
+    """Beyond a corner a point between the last three is one of them again, the next one is none; nor is a
+    point aside of them.
+    """
+    points = stepped.points
+    behind = [between(stepped, points[k], points[k + 1], 0.5) for k in (2, 3)]
+    ahead = points.pop()
+    stepped.points = points[:5]
+    assert all(stepped._gone_through(point) for point in behind)
+    assert not stepped._gone_through(ahead)
+    aside = copy.copy(behind[1])
+    aside.value = behind[1].value + 0.5 * (points[4].value - points[3].value)
+    assert not stepped._gone_through(aside)
+
+
+@pytest.mark.long
+def test_a_corner_where_a_branch_turned_about(monkeypatch):
+    """A stop fifty times as stiff as the spring, at 256 steps: the curve has teeth as high as what a step of
+    time lets its contact change by. At one of them it went back along itself to where it began, which is
+    told; with a look at where it has been it comes to its end.
+    """
+    stiff = with_a_stop(zeta=0.01, compliance=0.02)
+    options = {"steps": 256, "stability": False}
+    curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
+    assert curve.complete and curve.contact_peak[-1] > 25.0
+    monkeypatch.setattr(continuation.Continuation, "_gone_through", lambda self, point: False)
+    with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
+        other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
+    assert not other.complete and "run back along itself" in other.reason
 
 
 @pytest.mark.long

@@ -119,6 +119,19 @@ def quasi_periodic() -> sb.QuasiPeriodic:
 
 
 @functools.cache
+def with_own_tone() -> sb.QuasiPeriodic:
+    """Behind a Neimark-Sacker point of a smooth part of a branch."""
+    system = two_masses(0.02, compliance=0.1)
+    branch = sb.frequency_response(system, [0.1], 0.0962, 0.0959, steps=128, points=40)
+    return sb.switch_branch(branch, branch.bifurcations[0], samples=5)
+
+
+@functools.cache
+def quasi_periodic_branch() -> sb.QuasiPeriodicBranch:
+    return sb.quasi_periodic_response(with_own_tone(), 0.095, points=2, stability=False, progress=None)
+
+
+@functools.cache
 def loads_in_time() -> sb.LoadHistory:
     return sb.load_history(model(), PUSH, [0.0, 1.0])
 
@@ -210,6 +223,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "longest": 8,
             "tolerance": None,
             "search": None,
+            "segments": 1,
         },
         lambda: {"model": model(), "load": PUSH, "frequency": 300.0, "steps": 64, "modes": 6},
     ],
@@ -275,7 +289,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "stability": False,
         },
     ],
-    "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1}],
+    "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1, "samples": 5}],
     "locus": [
         lambda: {
             "branch": with_bifurcation(),
@@ -342,6 +356,16 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "modes": None,
             "start": None,
             "stability": False,
+        },
+    ],
+    "quasi_periodic_response": [
+        lambda: {
+            "first": with_own_tone(),
+            "stop": 0.095,
+            "points": 2,
+            "largest_step": 1.0,
+            "stability": False,
+            "progress": None,
         },
     ],
     "reduce": [
@@ -696,6 +720,7 @@ OBJECTS: dict[str, Callable[[], Any]] = {
     "SweptResponse": swept_response,
     "Basins": basins,
     "QuasiPeriodic": quasi_periodic,
+    "QuasiPeriodicBranch": quasi_periodic_branch,
     "ReducedModel": oscillator,
     "Model": model,
     "BoundaryMesh": mesh,
@@ -731,6 +756,7 @@ ARGUMENTS: Arguments = {
     "Branch.orbit.k": 0,
     "Branch.orbit.index": 0,
     "QuasiPeriodic.line.m": 1,
+    "QuasiPeriodicBranch.line.point": "1",
 }
 
 # Public for their own modules' sake only: they take what other rooms have checked.

@@ -1,0 +1,93 @@
+"""Curves of quasi-periodic motions with a tone of their own, over the branch's parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..checks import flag, instance, integer, positive, real
+from ..checks import progress as check_progress
+from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
+from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
+from ..errors import SolveError, on_all_ranks
+from ..parallel import agree, collective
+from ..progress import progress_bar
+
+# A parameter is the same to this relative difference.
+SAME = 1e-12
+
+
+def quasi_periodic_response(
+    first: QuasiPeriodic,
+    stop: float,
+    *,
+    points: int = 60,
+    largest_step: float = math.inf,
+    stability: bool = True,
+    progress: Callable[[float], None] | str | None = "auto",
+) -> QuasiPeriodicBranch:
+    """Follow quasi-periodic motions with a tone of their own from one of them on.
+
+    The parameter is that of the branch they have left. The curve first goes where the motion's own tone
+    grows; it ends at `stop`, where the motion shrinks onto a periodic one, or where no further invariant
+    curve is found: `reason` says which.
+
+    Parameters
+    ----------
+    first : QuasiPeriodic
+        From `switch_branch` at a Neimark-Sacker point, or of such a curve.
+    stop : float
+        Forcing frequency (Hz) or load factor.
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the parameter from a point to the next one.
+    stability : bool
+        Compute the largest Lyapunov exponents.
+    progress : callable, "auto" or None
+        As for `transient`.
+
+    Raises
+    ------
+    ValueError, TypeError
+        For input that makes no sense.
+    SolveError
+        If the first motion cannot be found again.
+    """
+    what = "quasi_periodic_response"
+    instance(what, "first", first, QuasiPeriodic, "a QuasiPeriodic")
+    own = first.own
+    if own is None:
+        raise ValueError(
+            f"{what}: first = {first!r} has no tone of its own; give one that switch_branch has found at a "
+            "Neimark-Sacker point"
+        )
+    with collective(own.comm):
+        stop = real(what, "stop", stop, above=0.0, most=1e15)
+        integer(what, "points", points, least=2)
+        if not (isinstance(largest_step, float) and largest_step == math.inf):
+            positive(what, "largest_step", largest_step)
+        flag(what, "stability", stability)
+        check_progress(what, progress)
+        known = own_circle(first)
+        if abs(stop - known.value) <= SAME * stop:
+            raise ValueError(f"{what}: stop = {stop:g} is where the first motion is; give another end")
+    agree(own.comm, what, first=first.frequencies, stop=stop, points=points, largest_step=largest_step)
+    plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
+    try:
+        begin = own.solve(known, plane, known)
+    except SolveError as error:
+        raise on_all_ranks(error) from None
+    with progress_bar(own.comm, "quasi-periodic response", progress) as report:
+        found, reason = follow_circles(
+            own, begin, stop, points=points, largest_step=float(largest_step), report=report
+        )
+    return QuasiPeriodicBranch(
+        own.parameter,
+        np.array([circle.value for circle in found]),
+        tuple(own_motion(own, circle, stability) for circle in found),
+        reason,
+        found[-1].value == stop,
+    )

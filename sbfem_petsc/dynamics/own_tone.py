@@ -1,0 +1,293 @@
+"""Quasi-periodic motions with a tone of their own, which leave a branch of periodic motions at a
+Neimark-Sacker point.
+
+At multiples of the period T of the loads the state runs round a closed curve z(theta), which the period map
+takes to itself: P(z(theta)) = z(theta + rho). The rotation rho is unknown, the curve's beginning theta = 0
+is free. Newton's unknowns are the curve's N samples, rho and the branch's parameter; a phase condition and a
+plane that the point lies in close the system.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import linalg
+from scipy.sparse.linalg import LinearOperator, gmres
+
+from ..errors import SolveError
+from ..petsc import MPI
+from .bifurcations import Bifurcation
+from .period_map import DrivenPeriod, Period, PeriodMotion
+from .torus import derivatives, exponents, images
+
+# Newton's method: closing error relative to the curve's size, iterations, and the gain with which the
+# derivative is kept for another one.
+CLOSED, ITERATIONS, KEPT = 1e-10, 14, 0.05
+# The linear systems: relative residual, and iterations of GMRES.
+LINEAR, RESTART = 1e-10, 150
+# The parameter's unit is this share of its value.
+UNIT = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Circle:
+    """An invariant curve with the rotation and the parameter it belongs to.
+
+    Attributes
+    ----------
+    states : (N, 2 m) array
+        (Omega q, q') at the phases i / N.
+    rotation : float
+        Turns in one application of the map.
+    value : float
+        Of the parameter: forcing frequency, Hz, or factor on the oscillating loads.
+    motions : list of PeriodMotion or None
+        From each of them, this rank's; empty for a guess.
+    residuals : tuple of float
+        Closing errors at each Newton iterate, relative to the states.
+    """
+
+    states: np.ndarray
+    rotation: float
+    value: float
+    motions: tuple[PeriodMotion | None, ...] = ()
+    residuals: tuple[float, ...] = ()
+
+    @property
+    def swing(self) -> float:
+        """Root mean square distance of the curve from its middle."""
+        return float(np.linalg.norm(self.states - self.states.mean(axis=0))) / np.sqrt(len(self.states))
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTone:
+    """The map of one period of the loads, over a parameter, at N points of a curve.
+
+    Attributes
+    ----------
+    period : Period
+    parameter : {"frequency", "load"}
+    frequency : float or None
+        Forcing frequency, Hz, where the load is the parameter.
+    samples : int
+        Odd.
+    comm : MPI.Comm
+        Ranks that share the samples.
+    """
+
+    period: Period
+    parameter: str
+    frequency: float | None
+    samples: int
+    comm: MPI.Comm
+
+    def conditions(self, value: float) -> tuple[float, float]:
+        """Forcing frequency (Hz) and load factor of a value of the parameter."""
+        return (value, 1.0) if self.frequency is None else (self.frequency, value)
+
+    def driven(self, value: float) -> DrivenPeriod:
+        """The map at a value of the parameter."""
+        if not value > 0.0:
+            raise SolveError(f"quasi_periodic: the {self.parameter} has become {value:.6g}")
+        return self.period.at(*self.conditions(value))
+
+    @functools.cached_property
+    def orders(self) -> np.ndarray:
+        """(N,) harmonics of the curve, in the order of the discrete Fourier transform."""
+        return np.fft.fftfreq(self.samples, 1.0 / self.samples)
+
+    def turned(self, states: np.ndarray, turns: float) -> np.ndarray:
+        """The curve's samples at phases further on."""
+        return self._filtered(np.exp(2j * np.pi * self.orders * turns), states)
+
+    def tangents(self, states: np.ndarray, turns: float = 0.0) -> np.ndarray:
+        """Derivative of the curve with its phase in turns, at phases further on."""
+        return self._filtered(2j * np.pi * self.orders * np.exp(2j * np.pi * self.orders * turns), states)
+
+    def _filtered(self, factor: np.ndarray, states: np.ndarray) -> np.ndarray:
+        return np.fft.ifft(factor[:, None] * np.fft.fft(states, axis=0), axis=0).real
+
+    def resampled(self, states: np.ndarray) -> np.ndarray:
+        """A curve of another odd number of samples at this one's phases."""
+        harmonics = np.fft.rfft(states, axis=0, norm="forward")
+        kept = np.zeros((self.samples // 2 + 1, states.shape[1]), dtype=complex)
+        common = min(len(harmonics), len(kept))
+        kept[:common] = harmonics[:common]
+        return np.fft.irfft(kept, self.samples, axis=0, norm="forward")
+
+    def _images(self, driven: DrivenPeriod, states: np.ndarray):
+        return images(self.comm, lambda _: driven, states)
+
+    def _derivatives(self, driven: DrivenPeriod, motions, parameters: tuple[str, ...] = ()) -> np.ndarray:
+        return derivatives(self.comm, lambda _: driven, motions, parameters)
+
+    # ------------------------------------------------------------------ scaled unknowns
+    def units(self, circle: Circle) -> tuple[float, float]:
+        """Units of the samples, in which a curve is a vector of length one, and of the parameter."""
+        return max(float(np.linalg.norm(circle.states)), 1e-300), UNIT * circle.value
+
+    def packed(self, circle: Circle, units: tuple[float, float]) -> np.ndarray:
+        """Samples, rotation and parameter in their units, one vector."""
+        return np.concatenate([circle.states.ravel() / units[0], [circle.rotation, circle.value / units[1]]])
+
+    def unpacked(self, vector: np.ndarray, units: tuple[float, float]) -> Circle:
+        """The curve of such a vector."""
+        states = vector[:-2].reshape(self.samples, -1) * units[0]
+        return Circle(states, float(vector[-2]), float(vector[-1] * units[1]))
+
+    # ------------------------------------------------------------------ Newton's method
+    def solve(self, guess: Circle, plane: np.ndarray, reference: Circle) -> Circle:
+        """The invariant curve in the plane through a guess across a direction.
+
+        Parameters
+        ----------
+        guess : Circle
+        plane : (N 2 m + 2,) array
+            In the reference's units.
+        reference : Circle
+            Whose phase the curve takes, and units.
+
+        Raises
+        ------
+        SolveError
+            If Newton's method does not converge.
+        """
+        units = self.units(reference)
+        begin = self.packed(guess, units)
+        phase = np.zeros(len(begin))
+        phase[:-2] = self.tangents(reference.states).ravel()
+        phase /= np.linalg.norm(phase)
+        along = phase @ self.packed(reference, units)
+        point, residuals = guess, []
+        system: _Bordered | None = None
+        for _ in range(ITERATIONS + 1):
+            driven = self.driven(point.value)
+            ends, motions = self._images(driven, point.states)
+            vector = self.packed(point, units)
+            missed = (ends - self.turned(point.states, point.rotation)).ravel() / units[0]
+            residual = np.concatenate([missed, [phase @ vector - along, plane @ (vector - begin)]])
+            residuals.append(float(np.linalg.norm(residual)))
+            if residuals[-1] < CLOSED:
+                return replace(point, motions=tuple(motions), residuals=tuple(residuals))
+            if not np.isfinite(residuals[-1]) or residuals[-1] > 1e3 * residuals[0]:
+                break
+            if system is None or residuals[-1] > KEPT * residuals[-2]:
+                made = self._derivatives(driven, motions, (self.parameter,))
+                system = _Bordered(self, point, made, (phase, plane), units)
+            point = self.unpacked(vector - system.solve(residual), units)
+        raise SolveError(
+            f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
+            f"curve misses itself by {residuals[-1]:.1e} of its size, from {residuals[0]:.1e}; take more "
+            "samples or steps, or a motion nearer to the one that is known"
+        )
+
+    def heading(self, circle: Circle, near: np.ndarray) -> np.ndarray:
+        """Direction of unit length, in the curve's units, in which invariant curves follow one another;
+        `near` is one not across it.
+        """
+        units = self.units(circle)
+        phase = np.zeros(len(near))
+        phase[:-2] = self.tangents(circle.states).ravel()
+        phase /= np.linalg.norm(phase)
+        driven = self.driven(circle.value)
+        made = self._derivatives(driven, circle.motions, (self.parameter,))
+        right = np.zeros(len(near))
+        right[-1] = 1.0
+        found = _Bordered(self, circle, made, (phase, near), units).solve(right)
+        return found / np.linalg.norm(found)
+
+    def exponents(self, circle: Circle, count: int, turns: int) -> np.ndarray:
+        """The largest Lyapunov exponents, 1/s, without that along the curve, which is zero."""
+        driven = self.driven(circle.value)
+        made = self._derivatives(driven, circle.motions)
+        found = exponents(made, circle.rotation, count, turns, self.tangents(circle.states))
+        return found / driven.duration
+
+
+def first_circle(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[Circle, np.ndarray]:
+    """A small curve about the periodic motion of a Neimark-Sacker point, and the plane of curves of its size.
+
+    Parameters
+    ----------
+    own : OwnTone
+    bifurcation : Bifurcation
+    share : float
+        Root mean square of the curve's distance from the periodic motion, relative to that.
+    """
+    direction, multiplier = bifurcation.direction, bifurcation.multiplier
+    if multiplier.imag < 0.0:
+        direction, multiplier = np.conj(direction), multiplier.conjugate()
+    turns = np.exp(2j * np.pi * np.arange(own.samples) / own.samples)
+    wave = (turns[:, None] * direction).real
+    wave *= np.sqrt(own.samples) / np.linalg.norm(wave)
+    states = bifurcation.state + share * np.linalg.norm(bifurcation.state) * wave
+    rotation = float(np.angle(multiplier)) / (2.0 * np.pi)
+    plane = np.append(wave.ravel() / np.linalg.norm(wave), [0.0, 0.0])
+    return Circle(states, rotation, bifurcation.value), plane
+
+
+class _Bordered:
+    """Newton's linear system by GMRES.
+
+    The preconditioner replaces the derivatives by their mean, which leaves a system for each harmonic of the
+    curve. That of the first one is almost singular where the curve is small, so it is bordered by its own
+    singular vectors, and the two conditions give their amplitude and phase.
+    """
+
+    def __init__(
+        self,
+        own: OwnTone,
+        at: Circle,
+        made: np.ndarray,
+        rows: tuple[np.ndarray, np.ndarray],
+        units: tuple[float, float],
+    ):
+        self.own, self.rows = own, np.array(rows)
+        size = made.shape[1]
+        self.maps, self.root = made[:, :, :size], np.sqrt(own.samples)
+        self.shift = np.exp(2j * np.pi * own.orders * at.rotation)[:, None]
+        self.by_rotation = -own.tangents(at.states, at.rotation) / units[0]
+        self.by_value = made[:, :, size] * (units[1] / units[0])
+        self._prepare()
+
+    def _prepare(self) -> None:
+        mean, half = self.maps.mean(axis=0), self.own.samples // 2 + 1
+        unit = np.eye(len(mean))
+        self.inverses = np.linalg.inv(mean - self.shift[:half, :, None] * unit)
+        first = mean - self.shift[1] * unit
+        left, _, right = linalg.svd(first)
+        bordered = np.zeros((len(mean) + 1, len(mean) + 1), dtype=complex)
+        bordered[:-1, :-1] = first
+        bordered[:-1, -1], bordered[-1, :-1] = left[:, -1], right[-1]
+        self.first = np.linalg.inv(bordered)
+
+    def _apply(self, vector: np.ndarray) -> np.ndarray:
+        states = vector[:-2].reshape(self.own.samples, -1)
+        image = np.matmul(self.maps, states[:, :, None])[:, :, 0]
+        image -= np.fft.ifft(self.shift * np.fft.fft(states, axis=0), axis=0).real
+        image += vector[-2] * self.by_rotation + vector[-1] * self.by_value
+        return np.concatenate([image.ravel(), self.rows @ vector])
+
+    def _precondition(self, vector: np.ndarray) -> np.ndarray:
+        harmonics = self.root * np.fft.rfft(vector[:-2].reshape(self.own.samples, -1), axis=0, norm="forward")
+        found = np.matmul(self.inverses, harmonics[:, :, None])[:, :, 0]
+        first = self.first @ np.append(harmonics[1], complex(vector[-1], vector[-2]))
+        found[1] = first[:-1]
+        states = np.fft.irfft(found / self.root, self.own.samples, axis=0, norm="forward")
+        return np.concatenate([states.ravel(), [first[-1].imag, first[-1].real]])
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        length = len(right)
+        product = LinearOperator(
+            (length, length), matvec=lambda v: self._apply(self._precondition(v)), dtype=float
+        )
+        size = np.linalg.norm(right)
+        found, failed = gmres(product, right / size, rtol=LINEAR, atol=0.0, restart=RESTART, maxiter=3)
+        if failed:
+            raise SolveError(
+                f"quasi_periodic: GMRES did not solve Newton's linear system in {3 * RESTART} iterations; "
+                "take more samples"
+            )
+        return size * self._precondition(found)

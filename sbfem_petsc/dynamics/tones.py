@@ -1,0 +1,208 @@
+"""Steady states of two tones and their lines."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..checks import integer
+from ..errors import at_point
+from ..petsc import MPI
+from ..reduction.reduced_model import ReducedModel
+from .excitation import Excitation
+from .orbit import axis_number
+from .own_tone import Circle, OwnTone
+from .period_map import Period, PeriodMotion
+
+# Multiples of the first tone of which lines are kept.
+LINES = 20
+# Lyapunov exponents that are followed, and turns of the map they are averaged over.
+EXPONENTS, TURNS = 4, 400
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiPeriodic:
+    """A steady state of two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
+
+    Attributes
+    ----------
+    frequencies : (float, float)
+        f1, f2, Hz; where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, and
+        f2 is below f1.
+    samples : int
+        Phases of the slower tone.
+    steps : int
+        In a period of the faster one.
+    reduced : ReducedModel
+    states : (samples, 2 m) array
+        Differences (Omega q, q') to the linear response at the beginning of a period of the faster tone.
+    residuals : tuple of float
+        Of Newton's method, relative to the linear response.
+    exponents : (k,) array
+        Largest Lyapunov exponents, 1/s; empty if they were not asked for. The one along the second tone's
+        phase, zero, is not among them.
+    contact_peak : float
+        Largest contact resultant, N.
+    load_factor : float
+        On the oscillating loads.
+    own : OwnTone or None
+        The map whose invariant curve this is, where the second tone is the motion's own.
+    """
+
+    frequencies: tuple[float, float]
+    samples: int
+    steps: int
+    reduced: ReducedModel
+    states: np.ndarray
+    residuals: tuple[float, ...]
+    exponents: np.ndarray
+    contact_peak: float
+    _lines: np.ndarray = field(repr=False)
+    _swapped: bool = field(default=False, repr=False)
+    load_factor: float = 1.0
+    own: OwnTone | None = field(default=None, repr=False)
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether disturbances die out; None if the exponents were not asked for."""
+        return bool(self.exponents[0] < 0.0) if len(self.exponents) else None
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def orders(self) -> np.ndarray:
+        """(k,): multiples of the slower tone in `harmonics`."""
+        return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
+
+    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
+        the slower one, m.
+        """
+        index = at_point({name: k for k, name in enumerate(self.points)}, point)
+        return self._lines[:, :, index, axis_number(direction)]
+
+    def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
+        """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
+
+        Raises
+        ------
+        ValueError
+            If the line is beyond what the samples and steps resolve.
+        """
+        m, n = integer("line", "m", m), integer("line", "n", n)
+        fast, slow = (n, m) if self._swapped else (m, n)
+        lines = self.harmonics(point, direction)
+        if fast < 0 or (fast == 0 and slow < 0):
+            return np.conj(self.line(-m, -n, point, direction))
+        middle = lines.shape[1] // 2
+        if fast >= len(lines) or abs(slow) > middle:
+            raise ValueError(
+                f"line ({m}, {n}) is not resolved: {self.samples} samples and {self.steps} steps give "
+                f"multiples up to {len(lines) - 1} of the faster tone and {middle} of the slower one"
+            )
+        return complex(lines[fast, middle + slow])
+
+    def modulation_index(self, point: str, direction: str = "y") -> float:
+        """(|c_1,1| + |c_1,-1|) / |c_1,0|: sidebands of the first tone over itself."""
+        sidebands = sum(abs(self.line(1, n, point, direction)) for n in (1, -1))
+        return sidebands / abs(self.line(1, 0, point, direction))
+
+    def __repr__(self) -> str:
+        verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
+        born = " (its own)" if self.own is not None else ""
+        return (
+            f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
+            f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
+            f"Newton iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
+        )
+
+
+def tone_lines(
+    period: Period,
+    motions: Sequence[PeriodMotion | None],
+    rotation: float,
+    linear: Sequence[tuple[Excitation, np.ndarray]],
+    comm: MPI.Comm,
+) -> tuple[np.ndarray, float]:
+    """(21, k, points, 2) lines of all named points, m, and the largest contact resultant, N. Collective.
+
+    Parameters
+    ----------
+    period : Period
+        Of the faster tone.
+    motions : sequence of PeriodMotion or None
+        From each of the samples; this rank's.
+    rotation : float
+        Turns of the slower tone in a period of the faster one.
+    linear : sequence of (Excitation, (k, m) array)
+        Loads of the faster tone, and of the slower one, with the modal amplitudes of the linear response.
+    comm : MPI.Comm
+        Ranks that share the samples.
+    """
+    r, p, samples = period.reduced, period, len(motions)
+    steps, half = p.steps, samples // 2
+    lines = min(LINES, steps // 2 - 1)
+    forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * np.arange(steps) / steps) / steps
+    orders = np.arange(-half, half + 1)
+    found = np.zeros((lines + 1, len(orders), len(r.points.names), 2), dtype=complex)
+    peak = 0.0
+    for i, motion in enumerate(motions):
+        if motion is None:  # another rank's
+            continue
+        forces = motion.forces[:-1]
+        peak = max(peak, float(forces.sum(axis=1).max(initial=0.0)))
+        u = np.einsum("pim,nm->npi", r.points.modes, motion.states[:-1], optimize=True)
+        u += np.einsum("pic,nc->npi", r.points.contact[..., : p.pairs], forces, optimize=True)
+        theta = i / samples + rotation * np.arange(steps) / steps
+        for j, order in enumerate(orders):
+            turned = np.exp(-2j * np.pi * order * theta)[:, None] * u.reshape(steps, -1)
+            found[:, j] += (forward @ turned).reshape(lines + 1, len(r.points.names), 2) / samples
+    comm.Allreduce(MPI.IN_PLACE, found)
+    peak = comm.allreduce(peak, MPI.MAX)
+    found *= 2.0
+    found[0, half] *= 0.5
+    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
+        found[:, [0, -1]] *= 0.5
+    for tone, (drive, amplitudes) in enumerate(linear):
+        response = np.einsum("pim,km->kpi", r.points.modes, amplitudes)
+        response += np.einsum("pil,kl->kpi", r.points.loads, drive.amplitudes)
+        for order, value in zip(drive.orders, response):
+            place = (order, half) if tone == 0 else (0, half + order)
+            if place[0] <= lines and place[1] < len(orders):
+                found[place] += value
+    return found, peak
+
+
+def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:
+    """The motion of an invariant curve with a tone of its own. Collective."""
+    driven = own.driven(circle.value)
+    linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
+    lines, peak = tone_lines(own.period, circle.motions, circle.rotation, linear, own.comm)
+    first = 1.0 / driven.duration
+    return QuasiPeriodic(
+        (first, circle.rotation * first),
+        own.samples,
+        own.period.steps,
+        own.period.reduced,
+        circle.states - driven.linear_state,
+        circle.residuals,
+        own.exponents(circle, EXPONENTS, TURNS) if stability else np.zeros(0),
+        peak,
+        lines,
+        load_factor=driven.factor,
+        own=own,
+    )
+
+
+def own_circle(motion: QuasiPeriodic) -> Circle:
+    """The invariant curve of a motion with a tone of its own, without its trajectories."""
+    own, first = motion.own, motion.frequencies[0]
+    assert own is not None  # the caller has asked
+    value = first * own.period.excitation.periods if own.frequency is None else motion.load_factor
+    states = motion.states + own.driven(value).linear_state
+    return Circle(states, motion.frequencies[1] / first, value)

@@ -1,0 +1,165 @@
+"""Multiple shooting: single shooting where both work, powers of known multipliers, an independent integration
+of each segment, and products of matrices whose eigenvalues are given.
+"""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import sbfem_petsc as sb
+from sbfem_petsc.dynamics.multiple_shooting import condensed
+from sbfem_petsc.dynamics.stability import product_eigenvalues
+from sbfem_petsc.dynamics.steady import NEWTON_ALONE
+from tests.systems import two_masses
+
+TURN = 2.0 * np.pi
+DAMPING, STEPS = 0.02, 64
+# twice the frequency of a mass whose spring is four times as stiff on one side
+FAST = 2.0 * (4.0 / 3.0) / TURN
+
+
+@pytest.fixture(scope="module")
+def mass():
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[1.0]]),
+        np.zeros(1),
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
+        damping=DAMPING,
+        compliance=np.array([1.0 / 3.0]),
+    )
+
+
+@pytest.fixture(scope="module")
+def fast(mass):
+    """The motion of one period, which is unstable."""
+    return sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=1)
+
+
+def given(values, count, seed=0):
+    """Factors of a product with given real eigenvalues, from one well conditioned basis to the next."""
+    random, size = np.random.default_rng(seed), len(values)
+
+    def turned():
+        return np.linalg.qr(random.normal(size=(size, size)))[0]
+
+    bases = [turned() @ np.diag(random.uniform(0.5, 2.0, size)) @ turned() for _ in range(count)]
+    growth = np.abs(values) ** (1.0 / count)
+    return np.array(
+        [
+            bases[(k + 1) % count]
+            @ np.diag(growth * (np.sign(values) if k == 0 else 1.0))
+            @ np.linalg.inv(bases[k])
+            for k in range(count)
+        ]
+    )
+
+
+def test_eigenvalues_of_a_product():
+    """From 1e12 to 1e-12, of either sign: to 1e-12, where the product itself loses those below 1."""
+    values = np.array([1e12, -1e6, 3.0, -0.5, 1e-6, -1e-12])
+    factors = given(values, 8)
+    assert product_eigenvalues(factors) == pytest.approx(values, rel=1e-12)
+    lost = np.linalg.eigvals(np.linalg.multi_dot(factors[::-1]))
+    assert np.abs(lost - -1e-12).min() > 1e-9
+    # many of nearly one modulus, in pairs at angles that leave no gap
+    random = np.random.default_rng(4)
+    many = random.normal(size=(4, 160, 160)) / np.sqrt(160.0)
+    direct = np.linalg.eigvals(np.linalg.multi_dot(many[::-1]))
+    found = product_eigenvalues(many)
+    assert len(found) == 160
+    assert np.abs(found[:, None] - direct).min(axis=0).max() < 1e-10 * np.abs(direct).max()
+    # a pair of one modulus, and one factor alone
+    turn = 1.1 * np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
+    found = product_eigenvalues(np.array(5 * [turn]))
+    assert np.sort_complex(found) == pytest.approx(np.sort_complex(1.1**5 * np.exp([-5j, 5j])), rel=1e-13)
+    assert product_eigenvalues(factors[:1]) == pytest.approx(
+        sorted(np.linalg.eigvals(factors[0]), key=lambda v: -abs(v)), rel=1e-10
+    )
+
+
+def test_cyclic_systems():
+    """The condensed solution satisfies the equations, whose product grows by 1e12, to rounding."""
+    factors = given(np.array([1e12, 1e6, 3.0, 1e-12]), 8, seed=1)
+    missed = np.random.default_rng(2).normal(size=(8, 4))
+    changes = condensed(factors, missed)
+    left = np.einsum("kij,kj->ki", factors, changes) - np.roll(changes, -1, axis=0) + missed
+    assert np.abs(left).max() < 1e-12 * np.abs(factors).max()
+
+
+@pytest.mark.parametrize("segments", [2, 8])
+def test_single_shooting(mass, fast, segments):
+    """The same steps: the same motion and multipliers, from the linear response."""
+    found = sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=1, segments=segments)
+    u = fast.displacement("x")
+    assert np.abs(found.displacement("x") - u).max() < 1e-8 * np.abs(u).max() and found.iterations > 0
+    assert found.multipliers == pytest.approx(fast.multipliers, rel=1e-8)
+    assert found.multiplier_error == pytest.approx(fast.multiplier_error, rel=1e-4)
+    assert found.path == "multiple shooting"
+
+
+def test_several_contact_rows_and_modes():
+    """Two masses against a stiff stop, in contact."""
+    system = two_masses()
+    one = sb.periodic(system, [0.1], 0.65 / TURN, steps=256)
+    many = sb.periodic(system, [0.1], 0.65 / TURN, steps=256, segments=4, start=one)
+    assert one.contact_force.max() > 0.0 and many.iterations == 0
+    # the order within a pair is rounding's
+    assert np.abs(many.multipliers) == pytest.approx(np.abs(one.multipliers), rel=1e-8)
+    assert np.sort(many.multipliers.imag) == pytest.approx(np.sort(one.multipliers.imag), rel=1e-8)
+    # from a neighbour
+    near = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, segments=4, start=one)
+    again = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, start=one)
+    assert near.iterations > 1 and np.abs(near.state - again.state).max() < 1e-8 * np.abs(again.state).max()
+
+
+def test_powers_of_multipliers(mass, fast):
+    """64 periods of an unstable motion: its multipliers to the power of 64, 6e17 and 4e-21."""
+    found = sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=64, segments=64, start=fast)
+    assert np.abs(fast.multipliers[0]) ** 64 > 1e17
+    assert found.multipliers == pytest.approx(fast.multipliers**64, rel=1e-10)
+
+
+def test_a_fast_tone_on_a_slow_one(mass):
+    """A thirty-second of the frequency beside it: disturbances grow by 3e8 in the slow period. Each of its
+    parts agrees with an independent integration, as the steps allow; single shooting from the same guess ends
+    on another motion.
+    """
+    ratio = 32
+    slow, load = FAST / ratio, [sb.Harmonic(1.0, FAST) + sb.Harmonic(0.1, FAST / ratio)]
+    found = sb.periodic(mass, load, slow, steps=STEPS * ratio, segments=ratio)
+    assert np.abs(found.multipliers[0]) > 1e8 and found.iterations <= 5
+    # Liouville's formula, as far as located switches keep volumes
+    assert np.prod(found.multipliers) == pytest.approx(np.exp(-2.0 * DAMPING / slow), rel=2e-3)
+    states = np.concatenate([found.states.q, found.states.v], axis=1)
+
+    def rates(t, state):
+        x, v = state
+        force = np.sin(TURN * FAST * t) + 0.1 * np.sin(TURN * slow * t)
+        return [v, force - 2.0 * DAMPING * v - x + 3.0 * max(-x, 0.0)]
+
+    for k in (0, 5, 20):
+        begin = k * STEPS
+        span = found.time[begin], found.time[begin] + 1.0 / FAST
+        end = solve_ivp(rates, span, states[begin], rtol=1e-9, atol=1e-12).y[:, -1]
+        assert np.abs(end - states[(begin + STEPS) % len(states)]).max() < 1e-3 * np.abs(states).max()
+    try:
+        single = sb.periodic(mass, load, slow, steps=STEPS * ratio, search=NEWTON_ALONE)
+    except sb.SolveError:
+        return
+    assert np.abs(single.displacement("x") - found.displacement("x")).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        ({"segments": 7}, "64 steps are no multiple of segments = 7"),
+        ({"segments": 0}, "segments"),
+        ({"segments": 4, "jacobian": "dense"}, "segments = 4 takes neither search nor jacobian"),
+    ],
+)
+def test_bad_requests(mass, options, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=1, **options)

@@ -1,0 +1,180 @@
+"""Quasi-periodic motions behind a Neimark-Sacker point, whose second tone is their own: onset, an independent
+integration, both parameters, and what is refused.
+"""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import minimize_scalar
+
+import sbfem_petsc as sb
+from tests.systems import two_masses
+
+TURN = 2.0 * np.pi
+STEPS = 1024
+# rad/s; the motion is stable above 0.6034
+ABOVE, BELOW, HERE = 0.607, 0.602, 0.603
+
+
+@pytest.fixture(scope="module")
+def system():
+    return two_masses(0.02, compliance=0.1)
+
+
+@pytest.fixture(scope="module")
+def curve(system):
+    return sb.frequency_response(system, [0.1], ABOVE / TURN, BELOW / TURN, steps=STEPS)
+
+
+@pytest.fixture(scope="module")
+def point(curve):
+    (found,) = (item for item in curve.bifurcations if item.kind == "Neimark-Sacker")
+    return found
+
+
+@pytest.fixture(scope="module")
+def tori(curve, point):
+    return sb.quasi_periodic_response(sb.switch_branch(curve, point), HERE / TURN, progress=None)
+
+
+@pytest.mark.slow
+def test_onset(system):
+    """The tone begins with the frequency of the multiplier's angle, and the square of its amplitude with the
+    distance from the point: both are smooth functions of that square, whose limits are the point's. 2048
+    steps locate the point to 3e-6 (1024 and 2048 differ by 5e-6).
+    """
+    fine = sb.frequency_response(system, [0.1], ABOVE / TURN, BELOW / TURN, steps=2048)
+    onset = next(item for item in fine.bifurcations if item.kind == "Neimark-Sacker")
+    small = [sb.switch_branch(fine, onset, size=size, samples=11) for size in (0.04, 0.07, 0.1)]
+    amplitude = np.array([abs(motion.line(0, 1, "1")) for motion in small])
+    frequencies = np.array([motion.frequencies for motion in small])
+    rotations = frequencies[:, 1] / frequencies[:, 0]
+    assert rotations == pytest.approx(abs(np.angle(onset.multiplier)) / TURN, rel=0.01)
+    for values, limit, tolerance in (
+        (frequencies[:, 0], onset.value, 5e-6),
+        (rotations, abs(np.angle(onset.multiplier)) / TURN, 2e-4),
+    ):
+        assert np.polyfit(amplitude**2, values, 2)[-1] == pytest.approx(limit, rel=tolerance)
+    # 0.16 rad/s per square, to what the next power adds: no other power of the amplitude leaves that constant
+    distance = (onset.value - frequencies[:, 0]) * TURN
+    assert distance / amplitude**2 == pytest.approx(0.18, rel=0.2) and (distance > 0.0).all()
+
+
+def test_a_settled_history(system, point, tori):
+    """160 periods by SciPy from a disturbed motion: the last 100 are the lines m f1 + n f2, with f2 and the
+    amplitudes as found, to 1e-3 of the largest.
+    """
+    found = tori.motions[-1]
+    first, own = found.frequencies
+    assert tori.complete and found.stable and TURN * first == pytest.approx(HERE, rel=1e-12)
+
+    def rates(t, state):
+        x, y, v, w = state
+        one, two = x + 0.02 * v, y + 0.02 * w
+        stop = 10.0 * (x - 1.0) if x > 1.0 else 0.0
+        return v, w, two - one - stop, 0.1 * math.sin(HERE * t) + one - 2.0 * two
+
+    r, modes = system, len(system.omega)
+    shapes = r.points.modes[:, 1, :]
+    start = np.concatenate([shapes @ (1.1 * point.state[:modes] / r.omega), shapes @ point.state[modes:]])
+    time = (60.0 + np.arange(100 * 16) / 16.0) / first
+    u = solve_ivp(rates, (0.0, time[-1]), start, "DOP853", time, rtol=1e-7, atol=1e-9).y[0]
+    order = [(m, n) for m in range(5) for n in range(-4, 5) if m or n > 0]
+
+    def fitted(second):
+        turns = np.exp(2j * np.pi * np.outer(time, [m * first + n * second for m, n in order]))
+        columns = np.column_stack([np.ones(len(time)), turns.real, -turns.imag])
+        answer = np.linalg.lstsq(columns, u, rcond=None)[0]
+        return answer, float(np.linalg.norm(columns @ answer - u))
+
+    span = 0.4 / (time[-1] - time[0])
+    second = minimize_scalar(
+        lambda f: fitted(f)[1], bounds=(own - span, own + span), method="bounded", options={"xatol": 1e-7}
+    ).x
+    answer, _ = fitted(second)
+    lines = np.hypot(*answer[1:].reshape(2, -1))
+    mine = np.array([abs(found.line(m, n, "1")) for m, n in order])
+    print(second / own - 1, np.abs(lines - mine).max() / mine.max())
+    assert second == pytest.approx(own, rel=4e-4)
+    assert np.abs(lines - mine).max() < 1e-3 * mine.max() < 0.03 * mine[order.index((0, 1))]
+    assert abs(found.line(0, 0, "1")) == pytest.approx(abs(answer[0]), abs=1e-3 * mine.max())
+
+
+def test_samples_and_start(system, tori):
+    """More samples, fewer modes of the curve the same: from a motion that is known, at its frequency."""
+    known = tori.motions[-1]
+    finer = sb.quasi_periodic(
+        system, [0.1], (known.frequencies[0], None), start=known, samples=41, stability=False, steps=STEPS
+    )
+    assert finer.samples == 41 and finer.steps == STEPS and finer.own is not None
+    assert finer.frequencies[1] == pytest.approx(known.frequencies[1], rel=2e-4)
+    for line in ((1, 0), (0, 1), (1, -1)):
+        assert abs(finer.line(*line, "1")) == pytest.approx(abs(known.line(*line, "1")), rel=2e-3)
+    assert "its own" in repr(finer)
+
+
+@pytest.mark.long
+def test_over_the_load(system, tori):
+    """At the frequency of a motion the branch over the load leads to it as well; its samples are at other
+    phases, which 21 of them show in the fourth digit.
+    """
+    known = min(tori.motions, key=lambda motion: abs(motion.frequencies[0] * TURN - 0.6034))
+    frequency = known.frequencies[0]
+    first = sb.periodic(system, [0.1], frequency, steps=STEPS)
+    curve = sb.load_response(system, [0.1], frequency, 1.0, stop=1.4, first=first)
+    points = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
+    motion = sb.switch_branch(curve, points[0])
+    other = sb.quasi_periodic_response(motion, 1.0, stability=False, progress=None)
+    assert other.parameter == "load" and other.complete
+    assert other.motions[-1].frequencies == pytest.approx(known.frequencies, rel=2e-4)
+    for line in ((1, 0), (0, 1), (1, -1)):
+        assert abs(other.motions[-1].line(*line, "1")) == pytest.approx(abs(known.line(*line, "1")), rel=2e-3)
+
+
+def test_its_own_branch(curve, tori, tmp_path):
+    """The tone grows from the point on; a branch that goes back shrinks onto the periodic motion."""
+    amplitude = np.abs(tori.line(0, 1, "1"))
+    assert (np.diff(amplitude[:6]) > 0.0).all() and len(tori) == len(tori.value) == len(tori.frequencies)
+    tori.to_csv(str(tmp_path / "tori.csv"), ("1",))
+    table = np.genfromtxt(tmp_path / "tori.csv", delimiter=",", names=True)
+    np.testing.assert_allclose(table["f2_y_1_m"], amplitude, rtol=1e-12)
+
+
+def test_bad_requests(system, curve, point, tori):
+    known, load = tori.motions[-1], [sb.Harmonic(0.1, 0.0959)]
+    two = sb.quasi_periodic(
+        system, [sb.Harmonic(0.1, 0.05) + sb.Harmonic(0.1, 0.021)], (0.05, 0.021), steps=64
+    )
+    for error, sentence, call in (
+        (ValueError, "samples = 20 must be odd", lambda: sb.switch_branch(curve, point, samples=20)),
+        (ValueError, "has no tone of its own", lambda: sb.quasi_periodic_response(two, 0.09)),
+        (TypeError, "first", lambda: sb.quasi_periodic_response(curve, 0.09)),
+        (ValueError, "is where the first motion is", lambda: sb.quasi_periodic_response(known, HERE / TURN)),
+        (ValueError, "needs one to start from", lambda: sb.quasi_periodic(system, load, (0.0959, None))),
+        (
+            ValueError,
+            "start has a tone of its own",
+            lambda: sb.quasi_periodic(system, load, (0.0959, 0.02), start=known),
+        ),
+        (
+            ValueError,
+            "must be odd",
+            lambda: sb.quasi_periodic(system, load, (0.0959, None), start=known, samples=6),
+        ),
+        (
+            ValueError,
+            "another model or number of modes .2, not 1.",
+            lambda: sb.quasi_periodic(one_mass(), [0.1], (0.0959, None), start=known),
+        ),
+    ):
+        with pytest.raises(error, match=sentence):
+            call()
+
+
+def one_mass():
+    one = np.ones((1, 1))
+    return sb.reduce_matrices(
+        one, one, one, np.ones(1), loads=one, sensors={"1": 0}, damping=0.01, compliance=np.ones(1)
+    )
