@@ -15,7 +15,7 @@ import numpy as np
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, configure, free, solving
+from ..petsc import PETSc, configure, free, solving, stage
 from ..signals import Harmonic
 from ..system.model import Model
 from ..system.modes import lowest_modes
@@ -90,6 +90,7 @@ class _UnreducedPeriod:
         self.products, self.residuals = 0, list[float]()
         self.key: np.ndarray | None = None
 
+    @stage("Steps")
     def run(self, state: np.ndarray, record: bool = False):
         """x(T) of x(0) = (weight u, v), this rank's part; the pairs that touch in each step; with `record`
         also displacements of the points, forces and gaps.
@@ -106,6 +107,7 @@ class _UnreducedPeriod:
         march.settle()
         return self._get(), sets, rows
 
+    @stage("Steps")
     def linearised(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
         """dx(T) along dx(0)."""
         self._set(vector)

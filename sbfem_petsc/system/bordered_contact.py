@@ -16,7 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from ..contact.complementarity import Complementarity
-from ..petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
+from ..petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp, stage
 from .assembly import from_rows
 
 # From about so many rows on a few factorisations cost less than a solve for each row.
@@ -31,6 +31,7 @@ _CLOSE, _BLOCK = 128, 64
 _TRUSTED = 1e-9
 
 
+@stage("Contact")
 def solve_bordered(model, free_gap: np.ndarray) -> Complementarity | None:
     """Primal-dual active set of the model's contact rows. Collective.
 

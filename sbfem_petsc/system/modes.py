@@ -11,7 +11,7 @@ import numpy as np
 from ..capacity import require_memory
 from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
-from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving
+from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving, stage
 from ..writing import write_table
 from .element_stiffness import NEEDED
 from .pencil import CondensedSolve, Pencil, top_of_band
@@ -288,7 +288,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         inner.setType(PETSc.PC.Type.PYTHON)
         inner.setPythonContext(solve)
         configure(eps)
-        with solving("modal"):
+        with stage("Modes"), solving("modal"):
             eps.solve()
         converged = eps.getConverged()
         if converged < count:
@@ -365,7 +365,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     round_off = (
         1e3
         * np.finfo(float).eps
-        * pencil.stiffness.norm(PETSc.NormType.NORM_INFINITY)
+        * model.stiffness.norm(PETSc.NormType.NORM_INFINITY)
         * np.sqrt(sums[3])
         / sizes
     )

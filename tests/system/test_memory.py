@@ -135,3 +135,34 @@ def test_memory_is_flat_on_other_paths(name):
 @pytest.mark.timeout(900)
 def test_memory_is_flat_on_two_ranks():
     assert growth("modal,static,transient", 2, 20, 50) < LIMIT
+
+
+SHARE = """
+import json, tracemalloc, warnings
+import sbfem_petsc as sb
+from mpi4py import MPI
+from meshing import CrackLine, Plate
+warnings.simplefilter("ignore")
+comm = MPI.COMM_WORLD
+body = Plate([(0, 0), (1, 0), (1, 1), (0, 1)], cracks=[CrackLine([(0.4, 0.45), (0.6, 0.55)])])
+mesh = sb.on_root(comm, lambda: body.mesh(order=2, size=0.025, face_edges=4))
+steel = sb.Material(206e9, 0.3, 7850)
+tracemalloc.start()
+model = sb.Model(mesh, steel, clamped="edge1")
+sb.static(model, sb.EdgeLoad("edge3", pressure=1e6, tx=8e5))
+sb.modal(model, 3)
+peaks = comm.gather(tracemalloc.get_traced_memory()[1])
+if comm.rank == 0:
+    print(json.dumps({"unknowns": model.boundary_unknowns, "peaks": peaks}))
+"""
+
+
+@pytest.mark.slow
+def test_memory_a_rank_falls_with_the_ranks():
+    """The peak of what Python and NumPy hold, from the mesh on to the modes: no array of global size on any
+    rank but the mesh on the first one and what cuts it into parts.
+    """
+    one, four = (answer(on_ranks(ranks, SHARE)) for ranks in (1, 4))
+    assert four["unknowns"] == one["unknowns"]
+    assert max(four["peaks"][1:]) < 0.4 * one["peaks"][0]
+    assert four["peaks"][0] < 0.75 * one["peaks"][0]
