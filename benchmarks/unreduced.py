@@ -48,9 +48,7 @@ def main() -> None:
     size = math.sqrt(18.0 / own.unknowns)
     make = lambda: plate(own.cracks, 0, 0).mesh(size=size, points={"P": (1.0, 1.0)})
     mesh = stages("mesh", lambda: sb.on_root(comm, make))
-    model = stages(
-        "model", lambda: sb.Model(mesh, MATERIAL, clamped="edge1", rayleigh=(100.0, 2e-6))
-    )
+    model = stages("model", lambda: sb.Model(mesh, MATERIAL, clamped="edge1", rayleigh=(100.0, 2e-6)))
     load = sb.EdgeLoad("edge3", ty=sb.Harmonic(1e6, own.frequency), tx=sb.Harmonic(2e5, own.frequency))
     reduced = stages("reduction", lambda: sb.reduce(model, load, modes=own.modes))
     step = 1.0 / own.frequency / own.steps

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import math
 import os
 import resource
@@ -16,6 +17,8 @@ from .petsc import MPI
 KEPT = 1_000_000_000
 # Share of the free memory or disk that a run may take: others want some too.
 SHARE = 0.9
+# Unknowns from which freed factors are worth a look at the heap.
+_MUCH = 50_000
 
 
 def default_decimation(count: int, row: int) -> int:
@@ -41,6 +44,15 @@ def available_memory() -> int:
             with open("/proc/self/statm", encoding="ascii") as file:
                 free.append(soft - int(file.read().split()[0]) * os.sysconf("SC_PAGE_SIZE"))
     return max(0, min(free))
+
+
+def give_back(unknowns: int) -> None:
+    """Give what has been freed back to the system, of which the C library keeps gigabytes after the factor of
+    a large matrix; where it has a way to (glibc).
+    """
+    if unknowns >= _MUCH:
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def require_memory(

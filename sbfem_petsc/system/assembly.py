@@ -89,12 +89,14 @@ def assemble(
 
 
 @stage("Assembly")
-def assemble_by_ranks(comm: MPI.Comm, ranges: np.ndarray, blocks: list[ElementBlocks]) -> PETSc.Mat:
+def assemble_by_ranks(
+    comm: MPI.Comm, ranges: np.ndarray, blocks: list[ElementBlocks], block_size: int = 1
+) -> PETSc.Mat:
     """The same sum kept apart by ranks, a MATIS: what domain decomposition (PCBDDC) works with. Collective.
 
     Parameters
     ----------
-    comm, ranges, blocks
+    comm, ranges, blocks, block_size
         See `assemble`; rows and columns alike.
     """
     touched = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(b.rows.ravel() for b in blocks)]))
@@ -105,10 +107,14 @@ def assemble_by_ranks(comm: MPI.Comm, ranges: np.ndarray, blocks: list[ElementBl
 
     own = [ElementBlocks(local(block.rows), local(block.columns), block.values) for block in blocks]
     sizes = _sizes(comm, ranges, ranges)
-    numbers = PETSc.LGMap().create(touched.astype(PETSc.IntType), comm=comm)
+    nodes = (touched[::block_size] // block_size).astype(PETSc.IntType)
+    numbers = PETSc.LGMap().create(nodes, bsize=block_size, comm=comm)
     with solving("assembly"):
-        matrix = PETSc.Mat().createIS(sizes, lgmapr=numbers, lgmapc=numbers, comm=comm)
-        part = assemble(MPI.COMM_SELF, np.array([0, len(touched)]), own)
+        matrix = PETSc.Mat().create(comm)
+        matrix.setType(PETSc.Mat.Type.IS)
+        matrix.setSizes(sizes, bsize=block_size)
+        matrix.setLGMap(numbers)
+        part = assemble(MPI.COMM_SELF, np.array([0, len(touched)]), own, block_size=block_size)
         matrix.setISLocalMat(part)
         matrix.assemble()
     part.destroy()

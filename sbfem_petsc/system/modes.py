@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import require_memory
+from ..capacity import give_back, require_memory
 from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
 from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving, stage
@@ -156,9 +156,10 @@ def _require_memory(model: Structure, count: int) -> None:
     unknowns, matrix = model.boundary_unknowns, model.stiffness
     entries = matrix.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"]
     factor = FACTOR_BYTES * unknowns * math.log2(unknowns + 1)
-    # the pencil's two matrices and what they are made from, the factor and that of the count; the basis, the
+    # the mass and the matrix of the count, one factor at a time beside that of statics; the basis, the
     # eigenvectors and their products
-    needed = 3 * 12 * entries + 2 * factor + 8 * unknowns * (_basis(count, 0) + 4 * count)
+    needed = 2 * 12 * entries + factor + 8 * unknowns * (_basis(count, 0) + 4 * count)
+    give_back(unknowns)
     require_memory(
         "modal",
         model.comm,

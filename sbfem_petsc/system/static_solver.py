@@ -60,13 +60,13 @@ class StaticSolver:
         if self.direct:
             if unknowns > _LARGE:
                 told = (
-                    "a factorisation takes much memory, and gains little from many ranks; try -static_ksp_type cg "
-                    "-static_pc_type gamg -static_pc_gamg_threshold 0.02"
+                    "a factorisation takes much memory, and gains little from many ranks; try "
+                    "-static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05"
                 )
         elif self._most > _SUITED:
             told = (
-                f"{self._most} iterations a solve are many, as of slender structures and steeply graded meshes; "
-                "the direct solver, without -static_ksp_type and -static_pc_type, does not mind"
+                f"{self._most} iterations a solve are many, as of slender structures and steeply graded "
+                "meshes; the direct solver, without -static_ksp_type and -static_pc_type, does not mind"
             )
         elif unknowns < _SMALL:
             told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"

@@ -144,7 +144,11 @@ class Structure:
 
     def stiffness_by_ranks(self) -> PETSc.Mat:
         """K as a MATIS, each rank's S-elements apart; a new one, the caller's. Collective."""
-        return assemble_by_ranks(self.comm, self.ranges, self._all_blocks())
+        size = self.stiffness.getBlockSize()
+        matrix = assemble_by_ranks(self.comm, self.ranges, self._all_blocks(), size)
+        if size == 2:
+            matrix.setNearNullSpace(self.stiffness.getNearNullSpace())
+        return matrix
 
     def _all_blocks(self) -> list[ElementBlocks]:
         return [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()

@@ -24,7 +24,7 @@ from mpi4py import MPI
 from meshing import CrackLine, Plate
 comm, options = MPI.COMM_WORLD, PETSc.Options()
 body = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0.03, 0.045), (0.07, 0.055)])])
-mesh = sb.on_root(comm, lambda: body.mesh(order=3, size=0.01, face_edges=4))
+mesh = sb.on_root(comm, lambda: body.mesh(order=3, size=0.012, face_edges=2, tip_element=False))
 found = {}
 for name, chosen in [("direct", ""), *json.loads(sys.argv[1]).items()]:
     options.insertString(chosen)
