@@ -1,14 +1,13 @@
 """Times and memory on many ranks, predicted from tables that `plate.py --file` wrote.
 
-    python benchmarks/performance_model.py one_rank_small.json one_rank_large.json two_ranks_large.json
+    python benchmarks/performance_model.py small.json large.json one_rank.json two_ranks.json
 
 The first two tables, of one rank, give each stage's constant and exponent of growth with the unknowns, the
-third, of two ranks and the size of the second, what a doubling of the ranks gains. Assumed is that a stage
-goes on growing with its exponent, and that every further doubling of the ranks gains as much as the first;
-that the mesh is made on one rank; and that memory a rank is what the program takes by itself (the smallest
-table's share that does not grow) and, of the rest, the same share of the doubling. Messages over a network,
-which two ranks of one machine do not have, cost a latency for each level of a tree over the ranks in each
-product of vectors (`LATENCY`, `PRODUCTS`).
+other two, of one size, what a doubling of the ranks gains. Assumed is that a stage goes on growing with its
+exponent, and that every further doubling of the ranks gains as much as the first; that the mesh is made on
+one rank; and that memory a rank is what the program takes by itself and, of the rest, the same share with
+each doubling. Messages over a network, which two ranks of one machine do not have, cost a latency for each
+level of a tree over the ranks in each product of vectors (`LATENCY`, `PRODUCTS`).
 """
 
 from __future__ import annotations
@@ -33,14 +32,14 @@ def read(name: str) -> dict:
 class Stage:
     """One stage's time over unknowns and ranks."""
 
-    def __init__(self, name: str, small: dict, large: dict, two: dict):
+    def __init__(self, name: str, small: dict, large: dict, *, one: dict, two: dict):
         self.name = name
         self.size = large["boundary_unknowns"]
-        first, second, shared = (table["stages"][name]["cpu_s"] for table in (small, large, two))
+        first, second, whole, shared = (table["stages"][name]["cpu_s"] for table in (small, large, one, two))
         growth = math.log(self.size / small["boundary_unknowns"])
         self.seconds = second
         self.exponent = max(1.0, math.log(second / first) / growth)
-        self.gain = 1.0 if name == "mesh" else min(2.0, max(1.0, second / shared))
+        self.gain = 1.0 if name == "mesh" else min(2.0, max(1.0, whole / shared))
 
     def __call__(self, unknowns: float, ranks: int) -> float:
         """s."""
@@ -49,32 +48,29 @@ class Stage:
         return alone / self.gain**doublings + PRODUCTS.get(self.name, 20) * LATENCY * doublings
 
 
-def memory(small: dict, large: dict, two: dict) -> tuple[float, float, float]:
+def memory(small: dict, large: dict, one: dict, two: dict) -> tuple[float, float, float]:
     """MB that a program takes by itself, MB an unknown, and what a doubling of the ranks leaves of them."""
     peaks = [
         max(row["peak_MB_a_rank"] for name, row in table["stages"].items() if name != "mesh")
-        for table in (small, large, two)
+        for table in (small, large, one, two)
     ]
     sizes = [table["boundary_unknowns"] for table in (small, large)]
     each = (peaks[1] - peaks[0]) / (sizes[1] - sizes[0])
     base = max(0.0, peaks[0] - each * sizes[0])
-    return base, each, max(0.5, (peaks[2] - base) / (peaks[1] - base))
+    return base, each, max(0.5, (peaks[3] - base) / (peaks[2] - base))
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
-    parser.add_argument("tables", nargs=3)
-    small, large, two = map(read, parser.parse_args().tables)
-    stages = [
-        Stage(name, small, large, two)
-        for name in large["stages"]
-        if name in small["stages"] and name in two["stages"]
-    ]
+    parser.add_argument("tables", nargs=4, metavar="FILE")
+    small, large, one, two = map(read, parser.parse_args().tables)
+    common = set.intersection(*(set(table["stages"]) for table in (small, large, one, two)))
+    stages = [Stage(name, small, large, one=one, two=two) for name in large["stages"] if name in common]
     print(f"| stage | s at {large['boundary_unknowns']:,d} | exponent | gain of two ranks |")
     print("|---|---|---|---|")
     for stage in stages:
         print(f"| {stage.name} | {stage.seconds:.1f} | {stage.exponent:.2f} | {stage.gain:.2f} |")
-    base, each, share = memory(small, large, two)
+    base, each, share = memory(small, large, one, two)
     print(f"\nMemory: {base:.0f} MB and {1e3 * each:.2f} kB an unknown; of that {share:.2f} on two ranks\n")
     print("| unknowns | ranks | " + " | ".join(f"{stage.name}, s" for stage in stages) + " | GB a rank |")
     print("|---" * (len(stages) + 3) + "|")

@@ -139,6 +139,7 @@ def lowest_modes(
             found = _solve_lowest(pencil, count, verify)
         finally:
             pencil.destroy()
+            give_back(model.boundary_unknowns)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
