@@ -158,7 +158,7 @@ if comm.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_memory_a_rank_falls_with_the_ranks():
     """The peak of what Python and NumPy hold from the mesh on to the modes: no array of global size on any
     rank. Measured: 0.28 of that of one rank.
