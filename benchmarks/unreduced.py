@@ -27,7 +27,7 @@ from sbfem_petsc.petsc import MPI, version_line
 
 def difference(first: np.ndarray, second: np.ndarray) -> float:
     """Largest difference, relative to the largest value of the second."""
-    return float(np.abs(first - second).max() / np.abs(second).max())
+    return float(np.abs(first - second).max() / max(np.abs(second).max(), np.finfo(float).tiny))
 
 
 def main() -> None:
