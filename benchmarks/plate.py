@@ -3,16 +3,19 @@
     python benchmarks/plate.py --unknowns 100000 --cracks 10 --holes 2 --modes 20 --file plate.json
     mpiexec -n 2 python benchmarks/plate.py --unknowns 100000 --cracks 10
     python benchmarks/plate.py --notches 100
+    python benchmarks/plate.py --compare before.json after.json
 
 Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
-rank after it. `--file` writes the table as JSON, to compare two versions. Options of PETSc may follow, after
-`--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
--static_pc_gamg_threshold 0.02`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
+rank during it and what it leaves (where /proc tells). `--file` writes the table as JSON, `--compare` sets two
+of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. Options of PETSc
+may follow, after `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
+-static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
 """
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import resource
@@ -29,7 +32,7 @@ petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
 
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
-from sbfem_petsc.petsc import MPI, version_line
+from sbfem_petsc.petsc import MPI, PETSc, version_line
 
 MATERIAL = sb.Material(70e9, 0.33, 2700)
 
@@ -47,7 +50,7 @@ def plate(cracks: int, holes: int, seed: int) -> Plate:
             along = half * np.array([math.cos(angle), math.sin(angle)])
             lines.append(CrackLine([tuple(centre - along), tuple(centre + along)]))
         else:
-            circles.append(Hole(*centre, diameter=generator.uniform(0.2, 0.4) / side))
+            circles.append(Hole(centre[0], centre[1], generator.uniform(0.2, 0.4) / side))
     return Plate([(0, 0), (1, 0), (1, 1), (0, 1)], holes=circles, cracks=lines)
 
 
@@ -74,20 +77,40 @@ class Stages:
     """Times of the stages on all ranks of a communicator."""
 
     def __init__(self, comm: MPI.Comm):
-        self.comm, self.rows = comm, []
+        self.comm = comm
+        self.rows: list[dict[str, Any]] = []
 
     def __call__(self, name: str, work: Callable[[], Any]) -> Any:
         """`work()`, timed."""
+        forget_peak()
         self.comm.Barrier()
         wall, cpu = time.perf_counter(), time.process_time()
         result = work()
         spent = (time.perf_counter() - wall, time.process_time() - cpu)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        wall, cpu, peak = (self.comm.allreduce(value, MPI.MAX) for value in (*spent, peak))
-        self.rows.append({"stage": name, "wall_s": wall, "cpu_s": cpu, "peak_MB_a_rank": peak})
+        wall, cpu, peak, left = (self.comm.allreduce(value, MPI.MAX) for value in (*spent, *memory()))
+        row = {"stage": name, "wall_s": wall, "cpu_s": cpu, "peak_MB_a_rank": peak, "left_MB_a_rank": left}
+        self.rows.append(row)
         if self.comm.rank == 0:
-            print(f"{name:14s} {wall:9.2f} {cpu:9.2f} {peak:9.0f}", flush=True)
+            print(f"{name:14s} {wall:9.2f} {cpu:9.2f} {peak:9.0f} {left:9.0f}", flush=True)
         return result
+
+
+def forget_peak() -> None:
+    """Let the peak of this process's resident memory begin anew, where the system lets it."""
+    with contextlib.suppress(OSError), open("/proc/self/clear_refs", "w") as file:
+        file.write("5")
+
+
+def memory() -> tuple[float, float]:
+    """Peak and present resident memory of this process, MB."""
+    try:
+        with open("/proc/self/status", encoding="ascii") as file:
+            table = dict(line.split(":", 1) for line in file)
+        peak, present = (float(table[name].split()[0]) / 1024 for name in ("VmHWM", "VmRSS"))
+        return peak, present
+    except OSError:
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        return peak, peak
 
 
 def run(arguments: argparse.Namespace) -> dict[str, Any]:
@@ -95,7 +118,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
     comm = MPI.COMM_WORLD
     stages = Stages(comm)
     if comm.rank == 0:
-        print(f"{'stage':14s} {'wall s':>9s} {'CPU s':>9s} {'peak MB':>9s}")
+        print(f"{'stage':14s} {'wall s':>9s} {'CPU s':>9s} {'peak MB':>9s} {'left MB':>9s}")
 
     def make() -> BoundaryMesh:
         if arguments.notches:
@@ -135,8 +158,42 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "contact_resultant_N": solved.contact_resultant,
         "solver": solved.solver,
         "linear_iterations": model.solver.ksp.getIterationNumber(),
+        "matrix_entries": model.stiffness.getInfo(PETSc.Mat.InfoType.GLOBAL_SUM)["nz_used"],
+        "factor_entries": factor_entries(model),
         "stages": stages.rows,
     }
+
+
+def factor_entries(model: sb.Model) -> float | None:
+    """Of MUMPS's factor."""
+    if not model.solver.direct or model.solver.ksp.getPC().getFactorSolverType() != "mumps":
+        return None
+    count = model.solver.ksp.getPC().getFactorMatrix().getMumpsInfog(9)
+    return float(count if count >= 0 else -1e6 * count)  # in millions where it is large
+
+
+def compare(first: str, second: str) -> None:
+    """Print two tables side by side."""
+    tables = []
+    for name in (first, second):
+        with open(name, encoding="utf-8") as file:
+            tables.append(json.load(file))
+    for name in ("versions", "ranks", "boundary_unknowns", "pairs", "solver"):
+        print(f"{name:20s} {tables[0][name]!s:>30s} {tables[1][name]!s:>30s}")
+    growth = math.log(tables[1]["boundary_unknowns"] / tables[0]["boundary_unknowns"])
+    print("stage" + "CPU s".rjust(31) + "ratio".rjust(8) + "exponent".rjust(9) + "peak MB".rjust(16))
+    others = {row["stage"]: row for row in tables[1]["stages"]}
+    for row in tables[0]["stages"]:
+        other = others.get(row["stage"])
+        if other is None:
+            continue
+        ratio = other["cpu_s"] / max(row["cpu_s"], 1e-9)
+        exponent = f"{math.log(ratio) / growth:9.2f}" if abs(growth) > 0.1 and ratio > 0 else f"{'':9s}"
+        memories = [r["peak_MB_a_rank"] for r in (row, other)]
+        print(
+            f"{row['stage']:16s}{row['cpu_s']:10.2f}{other['cpu_s']:10.2f}{ratio:8.2f}{exponent}"
+            f"{memories[0]:8.0f}{memories[1]:8.0f}{memories[1] / memories[0]:8.2f}"
+        )
 
 
 def main() -> None:
@@ -150,7 +207,10 @@ def main() -> None:
     parser.add_argument("--modes", type=int, default=0)
     parser.add_argument("--flexibility", action="store_true", help="also all contact rows' flexibility")
     parser.add_argument("--file")
+    parser.add_argument("--compare", nargs=2, metavar="FILE", help="set two tables side by side, and end")
     arguments = parser.parse_args(sys.argv[1:_SPLIT])
+    if arguments.compare:
+        return compare(*arguments.compare)
     result = run(arguments)
     if MPI.COMM_WORLD.rank == 0:
         print({name: value for name, value in result.items() if name != "stages"})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import ctypes
 import math
 import os
 import resource
@@ -19,6 +20,8 @@ KEPT = 1_000_000_000
 SHARE = 0.9
 # Bytes of address space that the compiler of the time steps may need, which ends the process if it has none.
 COMPILER = 200_000_000
+# Unknowns from which freed factors are worth a look at the heap.
+_MUCH = 50_000
 
 
 def default_decimation(count: int, row: int) -> int:
@@ -66,6 +69,15 @@ def require_compiler(owner: str, comm: MPI.Comm) -> None:
                 f"{owner}: the limit of this process leaves {in_bytes(max(left, 0.0))} of address space, and "
                 f"to compile the time steps takes up to {in_bytes(COMPILER)}; raise it (ulimit -v)"
             )
+
+
+def give_back(unknowns: int) -> None:
+    """Give what has been freed back to the system, of which the C library keeps gigabytes after the factor of
+    a large matrix; where it has a way to (glibc).
+    """
+    if unknowns >= _MUCH:
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).malloc_trim(0)
 
 
 def require_memory(

@@ -36,6 +36,10 @@ class RoundOffWarning(UserWarning):
     """Round-off limits the digits of a result to less than is usual."""
 
 
+class SolverWarning(UserWarning):
+    """Another linear solver suits the size or the shape of the structure better."""
+
+
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -45,16 +45,32 @@ __all__ = [
     "make_ksp",
     "solver_name",
     "solving",
+    "stage",
     "version_line",
 ]
 
 OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
+# Stages of -log_view, registered in one order on all ranks.
+STAGES = ("Mesh", "S-elements", "Inertia", "Assembly", "Factorisation", "Contact", "Modes", "Steps")
 
 if PETSc.Sys.getVersion() < (3, 18, 0):  # pragma: no cover - depends on the machine
     raise ImportError(f"petsc4py {petsc4py.__version__} is too old: 3.18 or newer is needed")
 
 if MPI.COMM_WORLD.size > 1:
     abort.install()
+
+
+_LOGGED = {name: PETSc.Log.Stage(f"sbfem: {name}") for name in STAGES}
+
+
+@contextlib.contextmanager
+def stage(name: str) -> Iterator[None]:
+    """Context whose work -log_view shows as a stage of `STAGES`; one inside another counts by itself."""
+    _LOGGED[name].push()
+    try:
+        yield
+    finally:
+        _LOGGED[name].pop()
 
 
 def version_line() -> str:
@@ -83,11 +99,17 @@ def direct_solver(comm: MPI.Comm, positive_definite: bool = True) -> tuple[str, 
     return ("cholesky" if positive_definite else "lu"), "petsc"
 
 
-def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> PETSc.KSP:
+def make_ksp(
+    matrix: PETSc.Mat,
+    prefix: str,
+    positive_definite: bool = True,
+    *,
+    by_ranks: Callable[[], PETSc.Mat] | None = None,
+) -> PETSc.KSP:
     """Linear solver for a symmetric matrix: direct by default, all of it an option under `prefix`.
 
     An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told
-    otherwise.
+    otherwise. `by_ranks` makes the matrix kept apart by ranks, a MATIS, that PCBDDC works with.
     """
     factorisation, package = direct_solver(matrix.comm.tompi4py(), positive_definite)
     ksp = PETSc.KSP().create(matrix.comm)
@@ -99,7 +121,11 @@ def make_ksp(matrix: PETSc.Mat, prefix: str, positive_definite: bool = True) -> 
     pc.setType(factorisation)
     pc.setFactorSolverType(package)
     configure(ksp)
-    with solving(prefix.rstrip("_")):
+    if pc.getType() == PETSc.PC.Type.BDDC and by_ranks is not None:
+        apart = by_ranks()
+        ksp.setOperators(matrix, apart)
+        apart.destroy()
+    with stage("Factorisation"), solving(prefix.rstrip("_")):
         ksp.setUp()
     return ksp
 

@@ -68,6 +68,8 @@ def static(
     MeshWarning
         If faces touch next to a tip over less than its S-element resolves; if the accuracy asked for is not
         reached.
+    SolverWarning
+        If the linear solver chosen by PETSc's options is a poor one for the structure.
     """
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {shown(model)} is not a Model")
@@ -144,6 +146,7 @@ def _solved(model: Model, load, contact: bool, solve) -> Static:
     found = equilibrium(model, columns, contact, solve)
     _judge(found.residual)
     model.refinement.judge("static")
+    model.solver.judge("static")
     return Static(
         model.at_points(found.owned),
         found.force[: model.gap_operator.pairs],

@@ -22,6 +22,7 @@ import numpy as np
 
 from ..loads import Load
 from ..parallel import collective
+from ..petsc import stage
 from ..signals import Signal
 from ..system.demand import require_steps
 from ..system.equilibrium import equilibrium
@@ -101,6 +102,7 @@ class UnreducedIntegrator:
         gap = gap + march.own_flexibility @ self.force
         return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
 
+    @stage("Steps")
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
         """Take some steps, that end with a settled state; the rows of those that are kept."""
         march, kept = self.march, []

@@ -16,7 +16,7 @@ from ..capacity import require_compiler, require_memory
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, configure, free, solving
+from ..petsc import PETSc, configure, free, solving, stage
 from ..signals import Harmonic
 from ..system.demand import require_steps
 from ..system.model import Model
@@ -114,6 +114,7 @@ class _UnreducedPeriod:
         self.products, self.residuals = 0, list[float]()
         self.key: np.ndarray | None = None
 
+    @stage("Steps")
     def run(self, state: np.ndarray, record: bool = False):
         """x(T) of x(0) = (weight u, v), this rank's part; the pairs that touch in each step; with `record`
         also displacements of the points, forces and gaps.
@@ -130,6 +131,7 @@ class _UnreducedPeriod:
         march.settle()
         return self._get(), sets, rows
 
+    @stage("Steps")
     def linearised(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
         """dx(T) along dx(0)."""
         self._set(vector)

@@ -15,7 +15,7 @@ from ..petsc import MPI
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.modes import Modal
-from ..system.static_solver import BLOCK
+from ..system.static_solver import block_width
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
 
@@ -112,8 +112,9 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
     for k, unit in enumerate(units):
         if isinstance(unit, SupportMotion):  # the auxiliary unknowns have a share in it
             load_modes[:, k] = -translation @ np.array([unit.ax, unit.ay])
+    width = block_width(model)
     solved = np.concatenate(
-        [model.solver.columns(forces[:, k : k + BLOCK], "reduction") for k in range(0, len(units), BLOCK)]
+        [model.solver.columns(forces[:, k : k + width], "reduction") for k in range(0, len(units), width)]
         or [forces],
         axis=1,
     )

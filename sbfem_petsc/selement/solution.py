@@ -43,8 +43,6 @@ class SElement:
         Whether mirror symmetries of the outline are used.
     stiffness : (n, n) array
         K, symmetric.
-    radial : (n, n) array
-        A = E0^-1 (K - E1^T): static displacements along the radius are u(xi) = xi^A u(1).
     riccati_residual, asymmetry, rigid_body_residual : float
         Relative; asymmetry before the symmetrisation.
     density : (edges,) array or None
@@ -58,12 +56,29 @@ class SElement:
     elasticity: np.ndarray
     isotropic: bool
     stiffness: np.ndarray
-    radial: np.ndarray
     riccati_residual: float
     asymmetry: float
     rigid_body_residual: float
     density: np.ndarray | None = None
     dynamics: Inertia | None = None
+
+    @property
+    def radial(self) -> np.ndarray:
+        """(n, n): A = E0^-1 (K - E1^T); static displacements along the radius are u(xi) = xi^A u(1).
+
+        Computed each time: of many S-elements it would take as much memory as their stiffness.
+        """
+        coefficients, bases, factors = self._equations()
+        return _radial(self.stiffness, coefficients, factors, bases)
+
+    def _equations(self) -> tuple[Coefficients, _Bases, list[np.ndarray]]:
+        """Coefficient matrices, invariant subspaces and the factors of E0 there."""
+        coefficients = coefficient_matrices(
+            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
+        )
+        mirrored = self.isotropic and _uniform(self.elasticity, self.density)
+        bases = _bases(self.coordinates, self.order, self.closed, mirrored)
+        return coefficients, bases, _factors(coefficients, bases)
 
     @property
     def mass(self) -> np.ndarray:
@@ -101,18 +116,9 @@ class SElement:
         SElementError
             If a matrix that is positive definite in exact arithmetic is not.
         """
-        coefficients = coefficient_matrices(
-            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
-        )
-        bases = _bases(
-            self.coordinates,
-            self.order,
-            self.closed,
-            self.isotropic and _uniform(self.elasticity, self.density),
-        )
-        return replace(
-            self, dynamics=_dynamics(coefficients, _factors(coefficients, bases), self.radial, bases, terms)
-        )
+        coefficients, bases, factors = self._equations()
+        radial = _radial(self.stiffness, coefficients, factors, bases)
+        return replace(self, dynamics=_dynamics(coefficients, factors, radial, bases, terms))
 
 
 def solve_selement(
@@ -160,9 +166,9 @@ def solve_selement(
         _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
         for basis, factor in zip(bases, factors)
     ]
-    stiffness = _whole([part[0] for part in parts], bases)
-    radial = _whole([part[1] for part in parts], bases)
-    asymmetry = max(part[2] for part in parts)
+    stiffness = symmetric(_whole([part[0] for part in parts], bases))
+    radial = _radial(stiffness, coefficients, factors, bases)
+    asymmetry = max(part[1] for part in parts)
     scale = largest(stiffness)
     riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(
         largest(coefficients.e2), scale
@@ -184,8 +190,7 @@ def solve_selement(
         closed,
         elasticity,
         isotropic,
-        symmetric(stiffness),
-        radial,
+        stiffness,
         riccati,
         asymmetry,
         rigid,
@@ -233,8 +238,8 @@ def _solve_subspace(
     translations: np.ndarray,
     basis: np.ndarray | None,
     method: str | None,
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """K, A and the asymmetry of K in a subspace that E0, E1 and E2 leave invariant."""
+) -> tuple[np.ndarray, float]:
+    """K and its asymmetry in a subspace that E0, E1 and E2 leave invariant."""
     if basis is not None:
         e0, e1, e2 = (_restricted(m, basis) for m in (coefficients.e0, coefficients.e1, coefficients.e2))
         coefficients = Coefficients(e0, e1, e2, coefficients.m0)
@@ -244,7 +249,15 @@ def _solve_subspace(
     # is wrong
     shifted = stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
     cholesky(shifted, "stiffness")
-    return stiffness, cholesky_solve(factor, stiffness - coefficients.e1.T), asymmetry
+    return stiffness, asymmetry
+
+
+def _radial(
+    stiffness: np.ndarray, coefficients: Coefficients, factors: list[np.ndarray], bases: _Bases
+) -> np.ndarray:
+    """A from K."""
+    right = stiffness - coefficients.e1.T
+    return _whole([cholesky_solve(f, _restricted(right, basis)) for f, basis in zip(factors, bases)], bases)
 
 
 def _dynamics(

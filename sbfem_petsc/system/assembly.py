@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from ..petsc import MPI, PETSc, solving
+from ..petsc import MPI, PETSc, solving, stage
 
 Triples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
@@ -40,6 +40,7 @@ class ElementBlocks:
             yield slice(first, min(first + length, len(self.rows)))
 
 
+@stage("Assembly")
 def assemble(
     comm: MPI.Comm,
     ranges: np.ndarray,
@@ -84,6 +85,41 @@ def assemble(
                 matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
         matrix.assemble()
     _mark(matrix, symmetric)
+    return matrix
+
+
+@stage("Assembly")
+def assemble_by_ranks(
+    comm: MPI.Comm, ranges: np.ndarray, blocks: list[ElementBlocks], block_size: int = 1
+) -> PETSc.Mat:
+    """The same sum kept apart by ranks, a MATIS: what domain decomposition (PCBDDC) works with. Collective.
+
+    Parameters
+    ----------
+    comm, ranges, blocks, block_size
+        See `assemble`; rows and columns alike.
+    """
+    touched = np.unique(np.concatenate([np.empty(0, dtype=np.int64), *(b.rows.ravel() for b in blocks)]))
+    touched = touched[touched >= 0]
+
+    def local(numbers: np.ndarray) -> np.ndarray:
+        return np.where(numbers >= 0, np.searchsorted(touched, numbers), -1)
+
+    own = [ElementBlocks(local(block.rows), local(block.columns), block.values) for block in blocks]
+    sizes = _sizes(comm, ranges, ranges)
+    nodes = (touched[::block_size] // block_size).astype(PETSc.IntType)
+    numbers = PETSc.LGMap().create(nodes, bsize=block_size, comm=comm)
+    with solving("assembly"):
+        matrix = PETSc.Mat().create(comm)
+        matrix.setType(PETSc.Mat.Type.IS)
+        matrix.setSizes(sizes, bsize=block_size)
+        matrix.setLGMap(numbers)
+        part = assemble(MPI.COMM_SELF, np.array([0, len(touched)]), own, block_size=block_size)
+        matrix.setISLocalMat(part)
+        matrix.assemble()
+    part.destroy()
+    numbers.destroy()
+    _mark(matrix, True)
     return matrix
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from ..capacity import require_memory
+from ..capacity import give_back, require_memory
 from ..petsc import PETSc
 
 # Of a matrix, bytes an entry: a value and the number of its column.
@@ -69,12 +69,13 @@ def require_modes(model: Any, count: int, basis: int, whole: bool = False) -> No
     ------
     ValueError
     """
-    # the pencil's two matrices and what they are made of, the factor and that of the count; the basis, the
+    # the mass and the matrix of the count, one factor at a time beside that of statics; the basis, the
     # eigenvectors and their products
     unknowns = model.unknowns if whole else model.boundary_unknowns
     mass = matrix_entries(model, model.continued_fraction if whole else 0)
     pencil = ENTRY * (matrix_entries(model) + mass)
-    needed = pencil + 2 * factor_memory(model) + 8 * unknowns * (basis + 4 * count)
+    needed = pencil + factor_memory(model) + 8 * unknowns * (basis + 4 * count)
+    give_back(unknowns)
     require_memory(
         "modal",
         model.comm,

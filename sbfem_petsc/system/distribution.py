@@ -12,7 +12,7 @@ from meshing.boundary_mesh import BoundaryMesh, ContactPairs
 from ..checks import shown
 from ..errors import UnknownName, listed
 from ..parallel import agree, collective
-from ..petsc import MPI
+from ..petsc import MPI, stage
 from ..supports import Support
 from . import partition
 
@@ -73,6 +73,7 @@ def declared_clamp(comm: MPI.Comm, mesh) -> str | None:
     return next((name for name in comm.allgather(getattr(mesh, "clamped", None)) if name is not None), None)
 
 
+@stage("Mesh")
 def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Support, ...]) -> Distribution:
     """Number the unknowns and give each rank its part of a mesh.
 
@@ -91,7 +92,8 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
     everywhere = all(comm.allgather(mesh is not None))
     if everywhere:
         agree(comm, "Model", mesh=mesh)
-    parts: list = []
+    facts: dict[str, Any] = {}
+    parts: partition.Parts | None = None
     with collective(comm):
         if mesh is not None and not isinstance(mesh, BoundaryMesh):
             raise TypeError(
@@ -101,12 +103,22 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
             raise ValueError("Model: mesh is None on rank 0; give the mesh on rank 0 at least")
         if mesh is not None and (everywhere or comm.rank == 0):
             numbering = partition.number_unknowns(mesh, _fixed(mesh, supports), comm.size)
-            facts = _facts(mesh, numbering)
-            wanted = [comm.rank] if everywhere else range(comm.size)
-            parts = [(facts, partition.extract(mesh, numbering, rank)) for rank in wanted]
-    sent: Any = parts if comm.rank == 0 else None
-    facts, part = parts[0] if everywhere else comm.scatter(sent)
+            facts, parts = _facts(mesh, numbering), partition.Parts(mesh, numbering)
+    if everywhere:
+        assert parts is not None  # made on every rank
+        part = parts.of(comm.rank)
+    else:
+        facts, part = comm.bcast(facts), _handed_out(comm, parts)
     return Distribution(**facts, part=part)
+
+
+def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part:
+    """Each rank's part from rank 0, which makes and sends one after the other. Collective."""
+    if parts is None:
+        return comm.recv(source=0)
+    for rank in range(1, comm.size):
+        comm.send(parts.of(rank), dest=rank)
+    return parts.of(0)
 
 
 def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from ..capacity import give_back
 from ..checks import integer
 from ..errors import SolveError, at_point, on_all_ranks
-from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving
+from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving, stage
 from ..writing import write_table
 from .demand import require_modes
 from .element_stiffness import NEEDED
@@ -138,6 +139,7 @@ def lowest_modes(
             found = _solve_lowest(pencil, count, verify)
         finally:
             pencil.destroy()
+            give_back(model.boundary_unknowns)
         reached = 2.0 * math.pi * float(found.frequencies[-1])
         if reached <= highest:
             return found
@@ -267,7 +269,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         inner.setType(PETSc.PC.Type.PYTHON)
         inner.setPythonContext(solve)
         configure(eps)
-        with solving("modal"):
+        with stage("Modes"), solving("modal"):
             eps.solve()
         converged = eps.getConverged()
         if converged < count:
@@ -344,7 +346,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     round_off = (
         1e3
         * np.finfo(float).eps
-        * pencil.stiffness.norm(PETSc.NormType.NORM_INFINITY)
+        * model.stiffness.norm(PETSc.NormType.NORM_INFINITY)
         * np.sqrt(sums[3])
         / sizes
     )

@@ -143,41 +143,53 @@ def compositions(mesh) -> tuple[tuple[int, ...], ...]:
     return tuple(sorted({tuple(part.tolist()) for part in mesh.sector_materials.values()}))
 
 
-def extract(mesh, numbering: Numbering, rank: int) -> Part:
-    """The part of a boundary mesh that `rank` holds."""
-    elements = np.flatnonzero(numbering.assignment == rank)
-    chains = [mesh.element_nodes(e) for e in elements]
-    nodes = np.unique(np.concatenate(chains)) if chains else np.empty(0, dtype=int)
-    local = np.full(len(mesh.nodes), -1)
-    local[nodes] = np.arange(len(nodes))
-    owner = np.full(len(mesh.edges), -1)
-    backwards = np.zeros(len(mesh.edges), dtype=bool)
-    element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
-    # An edge inside a set on an interface belongs to the lowest of its elements, which is written last.
-    held = np.flatnonzero(numbering.assignment[element_of] == rank)[::-1]
-    owner[mesh.element_edges[held]] = element_of[held]
-    backwards[mesh.element_edges[held]] = mesh.element_reversed[held]
-    lowest = np.full(len(mesh.edges), mesh.elements)
-    np.minimum.at(lowest, mesh.element_edges, element_of)
-    sets = {}
-    for name, members in mesh.edge_sets.items():
-        mine = np.asarray(members, dtype=int)
-        mine = mine[(owner[mine] >= 0) & (owner[mine] == lowest[mine])]
-        nodes_of = mesh.edges[mine]
-        nodes_of = np.where(backwards[mine][:, None], nodes_of[:, ::-1], nodes_of)
-        sets[name] = local[nodes_of]
-    materials = mesh.materials.copy()
-    for element, sectors in mesh.sector_materials.items():
-        materials[element] = len(mesh.material_names) + compositions(mesh).index(tuple(sectors.tolist()))
-    return Part(
-        nodes,
-        mesh.nodes[nodes],
-        bodies(mesh)[nodes],
-        numbering.unknowns[nodes],
-        elements,
-        [local[c] for c in chains],
-        mesh.scaling_centres[elements],
-        mesh.closed[elements],
-        materials[elements],
-        sets,
-    )
+class Parts:
+    """Cuts a boundary mesh into the parts of the ranks.
+
+    Parameters
+    ----------
+    mesh : BoundaryMesh
+    numbering : Numbering
+    """
+
+    def __init__(self, mesh, numbering: Numbering):
+        self._mesh, self._numbering, self._bodies = mesh, numbering, bodies(mesh)
+        self._order = np.argsort(numbering.assignment, kind="stable")
+        element_of = np.repeat(np.arange(mesh.elements), np.diff(mesh.element_start))
+        # An edge of a set on an interface belongs to the lowest of its elements, which is written last.
+        lowest = np.full(len(mesh.edges), -1)
+        self._backwards = np.zeros(len(mesh.edges), dtype=bool)
+        lowest[mesh.element_edges[::-1]] = element_of[::-1]
+        self._backwards[mesh.element_edges[::-1]] = mesh.element_reversed[::-1]
+        self._rank_of_edge = np.where(lowest >= 0, numbering.assignment[lowest], -1)
+        self._materials = mesh.materials.copy()
+        known = compositions(mesh)
+        for element, sectors in mesh.sector_materials.items():
+            self._materials[element] = len(mesh.material_names) + known.index(tuple(sectors.tolist()))
+
+    def of(self, rank: int) -> Part:
+        """The part that a rank holds."""
+        mesh, assignment = self._mesh, self._numbering.assignment
+        first, last = np.searchsorted(assignment, (rank, rank + 1), sorter=self._order)
+        elements = self._order[first:last]
+        chains = [mesh.element_nodes(e) for e in elements]
+        nodes, flat = np.unique(np.concatenate([*chains, np.empty(0, dtype=int)]), return_inverse=True)
+        sets = {}
+        for name, members in mesh.edge_sets.items():
+            mine = np.asarray(members, dtype=int)
+            mine = mine[self._rank_of_edge[mine] == rank]
+            nodes_of = mesh.edges[mine]
+            nodes_of = np.where(self._backwards[mine][:, None], nodes_of[:, ::-1], nodes_of)
+            sets[name] = np.searchsorted(nodes, nodes_of)
+        return Part(
+            nodes,
+            mesh.nodes[nodes],
+            self._bodies[nodes],
+            self._numbering.unknowns[nodes],
+            elements,
+            np.split(flat, np.cumsum([len(c) for c in chains])[:-1]) if chains else [],
+            mesh.scaling_centres[elements],
+            mesh.closed[elements],
+            self._materials[elements],
+            sets,
+        )

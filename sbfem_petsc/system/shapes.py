@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import zlib
+import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..parallel import collective
-from ..petsc import MPI
+from ..petsc import MPI, stage
 from ..selement.coefficients import SElementError
 from ..selement.congruence import placements, same_shape, shape_key
 from ..selement.inertia import Inertia
@@ -92,6 +92,7 @@ class _Request:
     label: str
 
 
+@stage("S-elements")
 def solve_groups(comm: MPI.Comm, part: Part, order: int, materials) -> tuple[list[Group], Solutions]:
     """Group the rank's S-elements by shape and compute the stiffness of each shape once on one of the ranks.
 
@@ -159,7 +160,7 @@ def _similar(part: Part, order: int, materials) -> list[list]:
 
 
 class Solutions:
-    """Different shapes over the ranks of a communicator, each solved by the rank that its key points to.
+    """Different shapes over the ranks of a communicator, each solved once, by a rank that has it.
 
     Parameters
     ----------
@@ -177,11 +178,11 @@ class Solutions:
 
     def __init__(self, comm: MPI.Comm, requests: list[_Request], order: int, materials):
         self.comm, self.order, self.materials = comm, order, materials
-        self._owners = [zlib.crc32(request.key) % comm.size for request in requests]
+        self._owners = _solvers(comm, [request.key for request in requests])
         outgoing: list[list[_Request]] = [[] for _ in range(comm.size)]
         for request, owner in zip(requests, self._owners):
             outgoing[owner].append(request)
-        incoming = comm.alltoall(outgoing) if comm.size > 1 else outgoing
+        incoming = _exchanged(comm, outgoing)
         # the different shapes that this rank solves, and which of them each rank has asked for
         self._shapes: list[_Request] = []
         self._solved: list[SElement] = []
@@ -218,6 +219,7 @@ class Solutions:
         self._solved = self._each(solve)
         return self._sent_back(self._solved)
 
+    @stage("Inertia")
     def inertia(self, terms: int) -> list[Inertia]:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
@@ -242,5 +244,39 @@ class Solutions:
     def _sent_back(self, found: list) -> list:
         """Answers to this rank's requests, from what each rank has found for its own shapes."""
         answers = [[found[number] for number in batch] for batch in self._asked]
-        queues = [iter(batch) for batch in (self.comm.alltoall(answers) if self.comm.size > 1 else answers)]
+        queues = [iter(batch) for batch in _exchanged(self.comm, answers)]
         return [next(queues[owner]) for owner in self._owners]
+
+
+def _solvers(comm: MPI.Comm, keys: list[bytes]) -> list[int]:
+    """Rank that solves each of this rank's shapes: itself, or one of the ranks that have a shape like it.
+    Collective.
+
+    Digests alone travel, each to the rank that it points to, which knows all who have it. Where two shapes
+    share one, the rank that solves them tells them apart.
+    """
+    if comm.size == 1:
+        return [0] * len(keys)
+    made = [int.from_bytes(hashlib.blake2b(key, digest_size=8).digest(), "little") >> 1 for key in keys]
+    digests = np.array(made, dtype=np.int64)
+    order = np.argsort(digests % comm.size, kind="stable")
+    sent = np.split(digests[order], np.searchsorted(digests[order] % comm.size, np.arange(1, comm.size)))
+    received = comm.alltoall(sent)
+    asked, lengths = np.concatenate(received), [len(part) for part in received]
+    askers = np.repeat(np.arange(comm.size), lengths)
+    distinct, which, counts = np.unique(asked, return_inverse=True, return_counts=True)
+    by_digest = np.argsort(which, kind="stable")
+    first = np.cumsum(counts) - counts
+    chosen = askers[by_digest[first + distinct // comm.size % counts]]
+    answers = np.split(chosen[which], np.cumsum(lengths)[:-1])
+    solvers = np.empty(len(keys), dtype=int)
+    solvers[order] = np.concatenate(comm.alltoall(answers))
+    return solvers.tolist()
+
+
+def _exchanged(comm: MPI.Comm, outgoing: list[list]) -> list[list]:
+    """What each rank has for this one; its own as it is, without a copy. Collective."""
+    own, outgoing[comm.rank] = outgoing[comm.rank], []
+    incoming = comm.alltoall(outgoing) if comm.size > 1 else [[]]
+    incoming[comm.rank] = own
+    return incoming

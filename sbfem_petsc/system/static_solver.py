@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..petsc import PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name
+from ..errors import SolverWarning
+from ..petsc import PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name, stage
 from .rows import Rows
 
-# Right-hand sides that are solved for at a time.
-BLOCK = 256
+# Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
+# fewer would not use what MUMPS gains by blocks.
+_BLOCK_BYTES, _LEAST, _MOST = 2**27, 64, 256
+
+# Unknowns below which a factorisation costs less than multigrid, and above which its memory and its gain by
+# more ranks become poor; iterations of a solve that multigrid stays below on structures that suit it.
+_SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
+
+
+def block_width(model) -> int:
+    """Right-hand sides that are solved for at a time."""
+    column = 8 * max(1, model.boundary_unknowns // model.comm.size)
+    return min(max(_BLOCK_BYTES // column, _LEAST), _MOST)
 
 
 class StaticSolver:
@@ -29,11 +42,38 @@ class StaticSolver:
     def __init__(self, model):
         self.matrix, self.refinement = model.stiffness, model.refinement
         self._comm = self.matrix.comm.tompi4py()
-        self.ksp = make_ksp(self.matrix, "static_")
+        self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
         self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
-        self._checked = False
+        self._checked, self._most = False, 0
+
+    def judge(self, owner: str) -> None:
+        """Warn if another solver suits the structure better.
+
+        Warns
+        -----
+        SolverWarning
+        """
+        unknowns = self.matrix.getSize()[0]
+        told = None
+        if self.direct:
+            if unknowns > _LARGE:
+                told = (
+                    "a factorisation takes much memory, and gains little from many ranks; try "
+                    "-static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05"
+                )
+        elif self._most > _SUITED:
+            told = (
+                f"{self._most} iterations a solve are many, as of slender structures and steeply graded "
+                "meshes; the direct solver, without -static_ksp_type and -static_pc_type, does not mind"
+            )
+        elif unknowns < _SMALL:
+            told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"
+        if told is not None:
+            warnings.warn(
+                f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}", SolverWarning, stacklevel=4
+            )
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """solution = K^-1 right; `what` names the solve in its error."""
@@ -57,6 +97,7 @@ class StaticSolver:
     def _solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         self.ksp.solve(right, solution)
         check_ksp(self.ksp, what)
+        self._most = max(self._most, self.ksp.getIterationNumber())
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """K^-1 of (owned, k) columns, (owned, k)."""
@@ -151,13 +192,15 @@ class Compliance:
     tips: np.ndarray
 
 
+@stage("Contact")
 def compliance(model) -> Compliance:
     """Solve for every contact row, a block of them at a time."""
     gap = model.gap_operator
     outputs = (gap.rows, model.point_rows, model.tips.rows)
     found = [np.empty((len(rows), len(gap))) for rows in outputs]
-    for first in range(0, len(gap), BLOCK):
-        block = slice(first, min(first + BLOCK, len(gap)))
+    width = block_width(model)
+    for first in range(0, len(gap), width):
+        block = slice(first, min(first + width, len(gap)))
         solved = model.solver.of_rows(gap.rows, block, "static contact")
         for target, rows in zip(found, outputs):
             target[:, block] = rows(solved)

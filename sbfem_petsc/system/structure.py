@@ -18,7 +18,7 @@ from ..material import AnyMaterial, SectorMaterials
 from ..parallel import alone, collective
 from ..petsc import MPI, PETSc
 from ..supports import Support
-from .assembly import ElementBlocks, assemble
+from .assembly import ElementBlocks, assemble, assemble_by_ranks
 from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, spring_blocks
 from .distribution import distribute
 from .element_stiffness import Refinement
@@ -137,11 +137,21 @@ class Structure:
             raise SolveError("Model: it has been destroyed; make it again, or use it inside its `with` block")
         free = self.part.unknowns >= 0
         blocks = all(self.comm.allgather(bool((free[:, 0] == free[:, 1]).all())))
-        elements = [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()
-        matrix = assemble(self.comm, self.ranges, elements, block_size=2 if blocks else 1)
+        matrix = assemble(self.comm, self.ranges, self._all_blocks(), block_size=2 if blocks else 1)
         if blocks:
             self._attach_rigid_motions(matrix, free)
         return matrix
+
+    def stiffness_by_ranks(self) -> PETSc.Mat:
+        """K as a MATIS, each rank's S-elements apart; a new one, the caller's. Collective."""
+        size = self.stiffness.getBlockSize()
+        matrix = assemble_by_ranks(self.comm, self.ranges, self._all_blocks(), size)
+        if size == 2:
+            matrix.setNearNullSpace(self.stiffness.getNearNullSpace())
+        return matrix
+
+    def _all_blocks(self) -> list[ElementBlocks]:
+        return [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()
 
     def _stiffness_blocks(self, group: Group) -> ElementBlocks:
         unknowns, scale = self.unknowns_of(group), self.scales(group)[0]
