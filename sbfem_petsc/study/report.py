@@ -63,7 +63,9 @@ table { border-collapse: collapse; font-size: .9rem; font-variant-numeric: tabul
 th, td { padding: .15rem .7rem; text-align: right; border-bottom: 1px solid #e4e8ee; white-space: nowrap; }
 th:first-child, td:first-child { text-align: left; } th { color: #556; font-weight: 600; }
 @media (max-width: 40rem) {
-  .values { width: 100%; }
+  table { font-size: .8rem; } th, td { padding: .15rem .3rem; }
+  td:first-child { white-space: normal; overflow-wrap: anywhere; }
+  .values { width: 100%; font-size: .9rem; }
   .values td { white-space: normal; overflow-wrap: anywhere; padding: .15rem .2rem; }
 }
 img { max-width: 100%; height: auto; } figure { margin: 1rem 0; }
