@@ -108,7 +108,7 @@ def two_masses(gap=1.0):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_second_mode_of_two_masses():
     """At 1.19768 J mass 1 moves by 0.8137 and does not reach the stops at 1: the linear 0.2575181 Hz. (The
     published 0.257905285 Hz is of stops made smooth, which push from afar; 1.5e-3 higher.) They are reached

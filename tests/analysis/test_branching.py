@@ -96,7 +96,7 @@ def test_its_branch_can_be_followed(reduction, orbit):
     assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_branch_that_falls_onto_a_shorter_one():
     """A mass whose spring is four times as stiff on one side, driven at twice its own frequency: upwards the
     motion of two periods shrinks into that of one. The branch ends there and says so; it goes on neither as

@@ -527,7 +527,7 @@ def test_numbers_of_all_kinds_are_amplitudes(amplitude):
     )
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_ramp_past_a_corner():
     """Where Newton's method fails from the linear response the load is ramped, past a corner at a third of it
     where a stiff stop is met and the branch turns back.

@@ -238,7 +238,7 @@ def paper_case():
     return case_p(damping=0.002)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_response_of_the_beam(case_p):
     """13.9-14.6 kHz: the open crack's peak at mode 17 (14.144 kHz), moved up and leaning by 300 N; every
     verdict is one multiplier's.

@@ -77,7 +77,7 @@ def test_other_ways_lead_to_the_same_motion(deep, search, path):
     assert np.linalg.norm(other.state - orbit.state) < 1e-9 * np.linalg.norm(orbit.state)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize("x, depth", [(0.16857, 0.006), (0.020, 0.008), (0.24286, 0.003)])
 def test_other_cracks(x, depth):
     """The mirrored beam moves as the first one does; cracks where Newton's method needs no help."""
@@ -121,7 +121,7 @@ def bilinear(damping):
     return reduction, 2.0 * 0.1 / 1.1 / (2.0 * np.pi)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_resonance_with_hardly_any_damping():
     """Newton's method alone fails; the motion found is stable, and its power balance holds: what the load
     gives, the damper takes, within 1 %, for the steps' own power (of second order in the step) is not small

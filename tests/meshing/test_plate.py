@@ -294,7 +294,7 @@ def test_opening_is_refused():
         Plate(SQUARE, cracks=[CrackLine([(0, 0.05), (0.1, 0.05)], opening=1)]).mesh(order=2)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_checks_take_no_square_of_the_number_of_segments():
     """Outlines of many corners, and a mesh of a plate with many holes."""
     angle = np.linspace(0, 2 * np.pi, 20_000, endpoint=False)

@@ -119,7 +119,7 @@ def test_smooth_lines_through_equal_points():
     assert np.isfinite(line[1]).all() and np.isfinite(line[2]).all() and line[1][-1] == 5.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 # ---------------------------------------------------------------------- pictures
 def test_lines_follow_the_verdict(curves):
     """Solid where stable, broken where not; the parts hang together and hold all points; a grey line without

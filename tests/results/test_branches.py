@@ -195,7 +195,7 @@ def test_resume_without_a_file_begins(tmp_path):
         assert len(read_branch(path).value) == 3
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
     whole = continuation.shoot_along
