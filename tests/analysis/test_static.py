@@ -174,8 +174,8 @@ def test_closed_crack_under_pressure_is_no_crack():
 
 def test_point_forces_have_no_limit():
     """Halving the edges moves the loaded point by ln 2 times Flamant's and Michell's logarithm: 2 F / (pi E)
-    on a straight edge, F (1 / (a + sin a) + 1 / (a - sin a)) / E at the corner of a = pi / 2. With edges of 5 mm
-    6 and 0.3 % are left of what the rest of the plate adds. A load on edges has a limit.
+    on a straight edge, F (1 / (a + sin a) + 1 / (a - sin a)) / E at the corner of a = pi / 2. With edges of
+    5 mm 6 and 0.3 % are left of what the rest of the plate adds. A load on edges has a limit.
     """
     found = []
     for size in (0.01, 0.005):
