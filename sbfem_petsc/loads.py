@@ -90,6 +90,10 @@ _PLACES = ("point", "edge_set")
 class PointForce(Load):
     """Concentrated force on a named point.
 
+    The displacement under it has no limit: each time that the edges at the point are made e times shorter (or
+    the order higher) it grows by 2 F / (pi E') on a straight edge, more at a corner. Displacements elsewhere
+    settle, and so do those at the point without their static part. An `EdgeLoad` on a short edge has a limit.
+
     Parameters
     ----------
     point : str

@@ -13,6 +13,9 @@ from .checks import shown
 class Support:
     """Support of an edge set or a point, direction by direction.
 
+    A point that holds more than the balance of forces needs gives way without limit as edges get shorter:
+    frequencies then fall with the logarithm of their length. Hold a short edge instead.
+
     Parameters
     ----------
     where : str

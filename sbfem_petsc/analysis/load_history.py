@@ -18,6 +18,7 @@ from ..loads import Loads
 from ..parallel import agree, collective
 from ..signals import Signal
 from ..system.model import Model
+from ..system.places import checked_line
 from .static import Static, static
 
 
@@ -36,9 +37,28 @@ class LoadHistory:
     time: np.ndarray
     states: tuple[Static, ...]
 
-    def displacement(self, point: str) -> np.ndarray:
-        """(n, 2): displacement of a named point, m."""
+    def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
+        """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
         return np.array([state.displacement(point) for state in self.states])
+
+    def stress(self, place: str | tuple[float, float]) -> np.ndarray:
+        """(n, 3): stress xx, yy, xy at a named point or at any point (x, y) in m, Pa. Collective."""
+        return np.array([state.stress(place) for state in self.states])
+
+    def along(
+        self, start: tuple[float, float], end: tuple[float, float], count: int = 101
+    ) -> tuple[np.ndarray, ...]:
+        """Displacement and stress along a straight line. Collective.
+
+        Returns
+        -------
+        places, displacement, stress : (count, 2), (n, count, 2), (n, count, 3) arrays
+            m, m and Pa.
+        """
+        line, points = checked_line(start, end, count)
+        places = self.states[0].model.places(points)
+        u, stress = zip(*(state.at_places(places) for state in self.states))
+        return line, np.array(u), np.array(stress)
 
     def stress_intensity(self, crack: str) -> np.ndarray:
         """(n, 2): K_I and K_II of a crack's tip, Pa m^(1/2).

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import integer
 from ..errors import at_point
 from ..loads import Loads
 from ..system.boundary import LoadColumns
@@ -22,7 +21,7 @@ from ..system.fracture import (
     unresolved_contact,
 )
 from ..system.model import Model
-from ..system.places import checked_place
+from ..system.places import PlaceRows, Places, checked_line, checked_place
 from ..system.reactions import reactions
 from ..system.sampling import Field
 from ..writing import write_table
@@ -83,10 +82,13 @@ class Static:
     estimate: Any = attribute(default=None, repr=False)
 
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
-        """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
+        """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y).
+
+        Under a point force it has no limit, see `PointForce`.
+        """
         if isinstance(point, str):
             return at_point(self.point_displacements, point)
-        return self._at("displacement", [checked_place("displacement", point)])[0]
+        return self._at(self.model.places([checked_place("displacement", point)]).displacement, 2)[0]
 
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
@@ -95,7 +97,7 @@ class Static:
         """
         if isinstance(place, str):
             place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
-        return self._at("stress", [checked_place("stress", place)])[0]
+        return self._at(self.model.places([checked_place("stress", place)]).stress, 3)[0]
 
     def along(
         self, start: tuple[float, float], end: tuple[float, float], count: int = 101
@@ -107,17 +109,19 @@ class Static:
         places, displacement, stress : (count, 2), (count, 2), (count, 3) arrays
             m, m and Pa.
         """
-        ends = np.array([checked_place("along", start), checked_place("along", end)])
-        line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2, most=10**6))
-        points = [(float(x), float(y)) for x, y in line]
-        return line, self._at("displacement", points), self._at("stress", points)
+        line, points = checked_line(start, end, count)
+        return line, *self.at_places(self.model.places(points))
 
-    def _at(self, kind: str, points: list[tuple[float, float]]) -> np.ndarray:
-        """(points, components) of displacement or stress."""
-        forms = getattr(self.model.places(points), kind)
+    def at_places(self, places: Places) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (places, 2), m, and stress (places, 3), Pa. Collective."""
+        return self._at(places.displacement, 2), self._at(places.stress, 3)
+
+    def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
+        """(places, components) of displacement or stress."""
         found = self.equilibrium
         direct = forms.direct(self.model, self.columns.tip_forces, 1)[:, 0]
-        return (forms.rows(found.owned) + forms.contact @ found.force + direct).reshape(len(points), -1)
+        flat = forms.rows(found.owned) + forms.contact @ found.force + direct
+        return flat.reshape(-1, components)
 
     @property
     def interior(self) -> Field:

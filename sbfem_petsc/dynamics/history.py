@@ -9,6 +9,7 @@ import numpy as np
 from ..checks import names_of, real, shown
 from ..errors import SolveError, UnknownName, on_all_ranks
 from ..system.model import Model
+from ..system.places import checked_line
 from ..system.sampling import Field
 from ..writing import write_table
 from .energy import Energy
@@ -70,6 +71,24 @@ class Motion:
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): stress xx, yy, xy at a named point or at any point (x, y) in m, Pa. Collective."""
         return self.states.stress(place)
+
+    def along(
+        self, start: tuple[float, float], end: tuple[float, float], count: int = 101
+    ) -> tuple[np.ndarray, ...]:
+        """Displacement and stress along a straight line. Collective.
+
+        Returns
+        -------
+        places, displacement, stress : (count, 2), (n, count, 2), (n, count, 3) arrays
+            m, m and Pa.
+
+        Raises
+        ------
+        SolveError
+            For the motion of an unreduced model, which keeps no fields.
+        """
+        line, points = checked_line(start, end, count)
+        return line, *self.states.along(points)
 
     def stress_intensity(self, tip: str | None = None) -> np.ndarray:
         """(n, 2): K_I and K_II of a crack tip, the first one by default, Pa m^(1/2)."""

@@ -57,6 +57,9 @@ class States(Protocol):
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): xx, yy, xy, Pa. Collective."""
 
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective."""
+
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
 
@@ -138,6 +141,14 @@ class ModalStates:
         output = self.reduced.output_at("stress", checked_place("stress", place))
         return output(self.q, self.amplitudes, self.contact)
 
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective."""
+        u, stress = (
+            self.reduced.output_along(kind, points)(self.q, self.amplitudes, self.contact)
+            for kind in ("displacement", "stress")
+        )
+        return u.reshape(len(u), len(points), 2), stress.reshape(len(u), len(points), 3)
+
     def stress_intensity(self, tip: str) -> np.ndarray:
         """(n, 2): K_I and K_II, Pa m^(1/2)."""
         return self.reduced.tips.of(tip, "crack tip")(self.q, self.amplitudes, self.contact)
@@ -209,6 +220,16 @@ class SampledStates:
             Always, on all ranks.
         """
         raise on_all_ranks(SolveError(f"stress: {NOT_KEPT}"))
+
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Not kept.
+
+        Raises
+        ------
+        SolveError
+            Always, on all ranks.
+        """
+        raise on_all_ranks(SolveError(f"along: {NOT_KEPT}"))
 
     def field(self, instant: int) -> Field:
         """Not kept.

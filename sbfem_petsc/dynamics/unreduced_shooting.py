@@ -38,6 +38,10 @@ RELATIVE, LINEAR, ITERATIONS, RESTART = 1e-8, 1e-4, 20, 100
 ROUND_OFF = 1e-11
 
 
+# Periods integrated before another search, where Newton's method fails from the linear steady state: bodies
+# that overlap in it are thrown apart, and no iterate shows how the motion settles.
+SETTLING = (10, 40)
+
 # Modes of the preconditioner and of the first guess by default.
 MODES = 40
 
@@ -206,12 +210,22 @@ class _UnreducedPeriod:
         ksp.getPC().setType(PETSc.PC.Type.PYTHON)
         ksp.getPC().setPythonContext(_Precondition(self))
         norm = float(np.sqrt(self.march.summed(np.array([x.array_r @ x.array_r]))[0]))
+        guess, path = x.array_r.copy(), "Newton"
         snes.setTolerances(rtol=RELATIVE, atol=ROUND_OFF * max(norm, 1e-300), stol=0.0, max_it=ITERATIONS)
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
         configure(snes)
         try:
             with solving("periodic"):
                 snes.solve(None, x)
+            for periods in SETTLING:
+                if snes.getConvergedReason() > 0:
+                    break
+                for _ in range(periods):
+                    guess = self.run(guess)[0]
+                x.array, path = guess, "history"
+                self.residuals.clear()
+                with solving("periodic"):
+                    snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:
                 raise on_all_ranks(
@@ -253,7 +267,7 @@ class _UnreducedPeriod:
             self.frequency,
             self.excitation.periods,
             tuple(self.residuals),
-            "Newton",
+            path,
             products=self.products,
         )
 

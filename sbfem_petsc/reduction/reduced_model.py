@@ -106,12 +106,15 @@ class ReducedModel:
         model = self._model(kind)
         # one from a file may have other signs of its modes
         modes = self.translation.tobytes(), self.load_modes.tobytes()
-        return model.keep(("output", kind, place, self.loads, modes), lambda: self._output_at(kind, place))
+        return model.keep(
+            ("output", kind, place, self.loads, modes), lambda: self.output_along(kind, [place])
+        )
 
-    def _output_at(self, kind: str, place: tuple[float, float]) -> LinearOutput:
+    def output_along(self, kind: str, places: list[tuple[float, float]]) -> LinearOutput:
+        """The components of several places one after the other, see `output_at`; not kept. Collective."""
         model, found = self._model(kind), self.modal
         assert found is not None
-        form = getattr(model.places([place]), kind)
+        form = getattr(model.places(places), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import real, shown
+from ..checks import integer, real, shown
 from ..parallel import collective
 from ..petsc import MPI
 from ..selement.points import TOLERANCE, Located, locate, point_operators
@@ -73,6 +73,19 @@ def checked_place(owner: str, place: Any) -> tuple[float, float]:
         raise TypeError(f"{owner}: {shown(place)} must be the name of a point or coordinates (x, y) in m")
     x, y = place
     return real(owner, "x of the point", x, "m"), real(owner, "y of the point", y, "m")
+
+
+def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tuple[float, float]]]:
+    """Evenly spaced places of a straight line, as an array (count, 2) and as points, m.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the ends are no places, or for fewer than two of them.
+    """
+    ends = np.array([checked_place("along", start), checked_place("along", end)])
+    line = np.linspace(ends[0], ends[1], integer("along", "count", count, least=2, most=10**6))
+    return line, [(float(x), float(y)) for x, y in line]
 
 
 def places(model, points: list[tuple[float, float]]) -> Places:

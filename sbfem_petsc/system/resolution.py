@@ -109,7 +109,7 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
             f"{len(found.frequencies)} modes is at {top:.4g} Hz, less than twice as high: what the others do "
             f"at {highest:.4g} Hz is missing; ask for more modes, or smaller cells, which have more",
             MeshWarning,
-            stacklevel=_outside(),
+            stacklevel=caller_level(),
         )
     near = np.flatnonzero(found.frequencies <= 1.2 * highest)[-LOOKED_AT:]
     if not len(near) or not needs_look(model, 2.0 * float(found.frequencies[near[-1]])):
@@ -159,10 +159,10 @@ def _warn(what: str, model: Structure, frequency: float) -> None:
             f". Supports on single points ({listed(points)}) may be the reason as well: a body gives way to "
             "a point without limit as cells shrink; hold short edges instead"
         )
-    warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=_outside())
+    warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=caller_level())
 
 
-def _outside() -> int:
+def caller_level() -> int:
     """`stacklevel` of the line outside of this package, for a function that warns itself."""
     level, frame = 1, sys._getframe(1)
     while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(

@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy import integrate
 
 import sbfem_petsc as sb
 from tests.systems import short_beam
@@ -33,6 +34,30 @@ def test_states_are_static_solutions(model, history):
         np.testing.assert_allclose(
             history.stress_intensity("crack1")[k], alone.stress_intensity["crack1"], rtol=1e-9
         )
+
+
+def test_along_a_line(model, history):
+    """Statics, a history of statics, a motion and a steady state give along a line what they give at its
+    places, named points among them; the stress through a section is in balance with the load, to 5e-3 on this
+    coarse mesh of order 3.
+    """
+    low, high = (0.035, 0.0), (0.035, 0.005)
+    push = sb.PointForce("A", fy=sb.Harmonic(20.0, 300.0))
+    moving = sb.transient(model, push, 1e-3, 1e-4, modes=3)
+    steady = sb.periodic(model, push, 300.0, modes=3, steps=64, stability=False)
+    for result in (history.states[2], history, moving, steady):
+        places, u, stress = result.along(low, high, 3)
+        assert places.tolist() == [[0.035, 0.0], [0.035, 0.0025], [0.035, 0.005]]
+        for k, place in enumerate(map(tuple, places)):
+            for found, alone in ((u, result.displacement(place)), (stress, result.stress(place))):
+                np.testing.assert_allclose(found[..., k, :], alone, atol=1e-9 * np.abs(found).max())
+    np.testing.assert_allclose(
+        moving.along((0.05, 0.0), (0.05, 0.005), 2)[1][:, 1], moving.displacement("A"), rtol=1e-7
+    )
+    places, _, stress = history.along(low, high, 201)
+    shear = integrate.trapezoid(stress[..., 2], places[:, 1], axis=1)
+    forces = np.interp(TIMES, (0.0, 0.6, 1.0), (0.0, 600.0, 0.0)) - 20.0
+    np.testing.assert_allclose(shear, forces, rtol=1e-2)
 
 
 def test_the_notch_closes_and_opens(history):

@@ -476,6 +476,23 @@ def test_error_estimate_with_contact():
     assert history.contact_resultant.max() > 100 and estimate.step < 1e-4 and 0 < estimate.modes < 1e-3
 
 
+def test_starts_that_cells_are_too_large_for_warn():
+    """Boundaries determine a linear field inside, whatever the cells, and a quadratic one the better the
+    smaller they are.
+    """
+
+    def started(displacement, **mesh):
+        model = sb.Model(Beam(0.1, 0.01).mesh(order=3, **mesh), sb.Material(70e9, 0.33, 2700))
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", sb.MeshWarning)
+            sb.transient(model, sb.PointForce("A"), 1e-4, 1e-5, modes=4, start=(displacement, None))
+
+    started(lambda x, y: (1e-3 * x - 2e-3 * y, 5e-4 * x))
+    with pytest.raises(sb.MeshWarning, match="the displacement of start differs by 0.001 of itself"):
+        started(lambda x, y: (0.0 * x, x**2))
+    started(lambda x, y: (0.0 * x, x**2), size=0.004)
+
+
 def test_start_of_wrong_length():
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
     with pytest.raises(ValueError, match="start must be two finite arrays"):

@@ -68,7 +68,7 @@ class Row:
         difference = f"{self.difference:.1e}" if self.difference >= ROUND_OFF else f"< {ROUND_OFF:.0e}"
         small = self.scale is not None and abs(self.found) < ROUND_OFF * abs(self.scale)
         found = "0" if small else f"{self.found:.5g}"
-        held = "-" if self.held is None else f"{self.held:.0e}"
+        held = "-" if self.held is None else f"{self.held:.1e}".replace(".0e", "e")
         return self.quantity, f"{self.published:.7g}", found, difference, held, self.note
 
 

@@ -86,3 +86,41 @@ def test_every_analysis_runs(name):
     load = sb.EdgeLoad("edge3", ty=sb.Constant(-2e6)) + sb.EdgeLoad("edge3", ty=1e6)
     curve = sb.frequency_response(model, load, frequency, 1.05 * frequency, modes=20)
     assert curve.complete
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", BODIES)
+def test_other_analyses_run(name):
+    """The same bodies on coarse meshes: static histories, backbones and two tones, and where a crack cuts the
+    body the unreduced model, whose linear steady state throws the pieces apart.
+    """
+    cracks = [CrackLine(points) for points in BODIES[name]]
+    mesh = Plate(SQUARE, cracks=cracks).mesh(order=2, points={"P": (SIDE, SIDE)}, face_edges=3)
+    stiff = 1e12 if name == "through" else 1e9  # the backbone of the crossing pair is lost on stiff ones
+    upper = [sb.Support("edge3", x=stiff, y=stiff)]
+    given = {"clamped": "edge1", "rayleigh": (0.0, 2e-5), "supports": upper}
+    model = sb.Model(mesh, ALUMINIUM, **given)
+    healthy = sb.Model(Plate(SQUARE).mesh(), ALUMINIUM, **given)
+    opened, sound = (float(sb.modal(body, 1).frequencies[0]) for body in (model, healthy))
+
+    load = sb.EdgeLoad("edge3", ty=-2e6)
+    slow = sb.load_history(model, sb.EdgeLoad("edge3", ty=sb.Constant(-2e6)), [0.0, 1.0])
+    assert slow.contact_resultant == pytest.approx([sb.static(model, load).contact_resultant] * 2, rel=1e-9)
+
+    # faces that touch at rest: the same motion at every energy, between those of open cracks and of none
+    free = sb.backbone(model, 1, 1e-4, 1e-2, modes=4, steps=64, points=30)
+    assert np.ptp(free.frequency) < 1e-6 * opened
+    assert opened * (1 - 1e-6) < free.frequency[0] < sound * (1 + 2e-3)
+
+    frequency = 0.4 * opened
+    signal = sb.EdgeLoad("edge3", ty=sb.Constant(-2e6)) + sb.EdgeLoad("edge3", ty=sb.Harmonic(1e6, frequency))
+    second = sb.EdgeLoad("edge3", ty=sb.Harmonic(1e3, 1.618 * frequency))
+    options = {"modes": 6, "steps": 64, "stability": False}
+    orbit = sb.periodic(model, signal, frequency, **options)
+    tones = sb.quasi_periodic(model, signal + second, (frequency, 1.618 * frequency), samples=7, **options)
+    assert abs(tones.line(1, 0, "P")) == pytest.approx(abs(orbit.harmonics("P")[1]), rel=1e-2)
+    if name == "through":
+        whole = sb.periodic(model, signal, frequency, reduction=None, steps=64, stability=False)
+        # faces that never part: the linear motion of what slides there, settled to; 6 modes carry 1e-2 of it
+        assert (whole.contact_force > 0).all() and whole.path == "history"
+        assert abs(whole.harmonics("P")[1]) == pytest.approx(abs(orbit.harmonics("P")[1]), rel=2e-2)
