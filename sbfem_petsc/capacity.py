@@ -18,6 +18,8 @@ from .petsc import MPI
 KEPT = 1_000_000_000
 # Share of the free memory or disk that a run may take: others want some too.
 SHARE = 0.9
+# Points of a branch that there must be room for at the least.
+FEW = 20
 # Bytes of address space that the compiler of the time steps may need, which ends the process if it has none.
 COMPILER = 200_000_000
 # Unknowns from which freed factors are worth a look at the heap.
@@ -30,18 +32,62 @@ def default_decimation(count: int, row: int) -> int:
 
 
 def available_memory() -> float:
-    """Bytes that this process may still take: of the machine, its control group and its limits."""
-    free: list[float] = [os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")]
+    """Bytes that this process may still take: of the machine, its control groups and its limits."""
+    return max(0, min(machine_memory(), address_space()))
+
+
+def machine_memory() -> float:
+    """Bytes that the processes of this machine and control group may still take; inf where nothing tells."""
+    free = math.inf
+    # some systems know the pages that there are, not those that are free
+    with contextlib.suppress(OSError, ValueError):
+        free = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+        free = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     with contextlib.suppress(OSError, ValueError, StopIteration):
         with open("/proc/meminfo", encoding="ascii") as file:
             line = next(line for line in file if line.startswith("MemAvailable:"))
-        free = [1024 * int(line.split()[1])]  # caches that are given up count as well
+        free = 1024 * int(line.split()[1])  # caches that are given up count as well
+    return min(free, control_group_memory())
+
+
+def control_group_memory(system: str = "/") -> float:
+    """Bytes that the limits of this process' control groups leave, those above it included; inf without any.
+
+    Parameters
+    ----------
+    system : str
+        Folder in which proc and sys/fs/cgroup stand.
+    """
+    free = math.inf
     with contextlib.suppress(OSError, ValueError):
-        limit, used = (
-            int(open(f"/sys/fs/cgroup/memory.{name}", encoding="ascii").read()) for name in ("max", "current")
-        )
-        free.append(limit - used)
-    return max(0, min(*free, address_space()))
+        with open(os.path.join(system, "proc/self/cgroup"), encoding="utf-8") as file:
+            groups = [line.rstrip("\n").split(":", 2) for line in file]
+        for _, controllers, path in groups:
+            if controllers == "":  # version 2
+                root, (most, used), kind = "sys/fs/cgroup", ("memory.max", "memory.current"), ""
+            elif "memory" in controllers.split(","):
+                root, kind = "sys/fs/cgroup/memory", "total_"
+                most, used = "memory.limit_in_bytes", "memory.usage_in_bytes"
+            else:
+                continue
+            # a container may see the path of its host, and its own group at the root
+            parts = [part for part in path.split("/") if part not in ("", "..")]
+            for depth in range(len(parts) + 1):
+                folder = os.path.join(system, root, *parts[:depth])
+                with contextlib.suppress(OSError, ValueError):  # no such group, or "max": no limit
+                    limit, taken = (int(_read(folder, name)) for name in (most, used))
+                    statistics = dict(line.split() for line in _read(folder, "memory.stat").splitlines())
+                    # files in the cache are given up before anything is refused
+                    cached = sum(
+                        int(statistics.get(f"{kind}{age}_file", 0)) for age in ("active", "inactive")
+                    )
+                    free = min(free, limit - taken + cached)
+    return free
+
+
+def _read(folder: str, name: str) -> str:
+    with open(os.path.join(folder, name), encoding="ascii") as file:
+        return file.read()
 
 
 def address_space() -> float:
@@ -99,16 +145,36 @@ def require_memory(
     ValueError
         On all ranks.
     """
-    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    together = needed * node.size
-    node.Free()
+    ranks = _neighbours(comm)
+    together = needed * ranks
     with collective(comm):
-        free = SHARE * available_memory()
+        free = SHARE * ranks * _share(ranks)
         if together > free:
             raise ValueError(
                 f"{owner}: {what} would take {in_bytes(together)} of memory, {in_bytes(free)} are free; "
                 f"{remedy(free / together)}"
             )
+
+
+def _neighbours(comm: MPI.Comm) -> int:
+    """Ranks on this machine. Collective."""
+    node = comm.Split_type(MPI.COMM_TYPE_SHARED)
+    ranks: int = node.size
+    node.Free()
+    return ranks
+
+
+def _share(ranks: int) -> float:
+    """Bytes for each of the ranks here: they share the machine's memory, each has its own address space."""
+    return max(0.0, min(machine_memory() / ranks, available_memory()))
+
+
+def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:
+    """How many things of `each` bytes a rank, and `beside` of all of them, find room in the free memory of
+    every machine. Collective.
+    """
+    free = SHARE * comm.allreduce(_share(_neighbours(comm)), MPI.MIN)
+    return int(min((free - beside) / each, 1e9))
 
 
 def require_disk(

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ..capacity import require_compiler, require_memory
+from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.free import FreeMotion, FreeSystem
@@ -186,7 +186,7 @@ def backbone(
     Raises
     ------
     ValueError, TypeError
-        For input that makes no sense, and if so many points would take more memory than is free.
+        For input that makes no sense, and if not even a short branch would find room in the free memory.
     SolveError
         If no motion is found at `start`, or the branch ends between the energies; the points so far are its
         attribute `backbone`.
@@ -234,13 +234,17 @@ def backbone(
         steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
     require_compiler("backbone", communicator(model))
     motion = 8.0 * steps * (2 * len(reduction.omega) + 2 * len(reduction.initial_gap))
+    few, period = min(points, FEW), period_memory(reduction, steps, 1)
     require_memory(
         "backbone",
         communicator(model),
-        points * motion + period_memory(reduction, steps, 1),
-        f"up to {points:,d} motions of {steps:,d} steps and {len(reduction.omega)} modes",
-        lambda share: f"give at most {int(share * points):,d} (points), or fewer steps or modes",
+        few * motion + period,
+        f"{few} motions of {steps:,d} steps and {len(reduction.omega)} modes",
+        lambda share: "give fewer steps or modes",
     )
+    # few branches take as many points as they may
+    most = min(points, max(few, room(communicator(model), motion, period)))
+    more = "raise points" if most == points else "there is no memory for more points"
     system = FreeSystem(reduction, mode - 1, steps)
     passed: tuple[tuple[float, float], ...] = ()
     try:
@@ -256,7 +260,7 @@ def backbone(
             min(start, stop),
             max(start, stop),
             direction=1 if stop > start else -1,
-            most=points,
+            most=most,
             largest_step=largest_step,
             interactions=interactions,
         )
@@ -267,7 +271,7 @@ def backbone(
     if not result.complete:
         failure = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
-            f"points, before {stop:.6g} J: {reason}; raise points, take more steps a period or fewer modes"
+            f"points, before {stop:.6g} J: {reason}; {more}, take more steps a period or fewer modes"
         )
         failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)

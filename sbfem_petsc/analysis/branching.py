@@ -16,6 +16,7 @@ from ..dynamics.shooting import shoot_along
 from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
+from .quasi_periodic import require_room
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
@@ -90,6 +91,15 @@ def _quasi_periodic(
     branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...], samples: int
 ) -> QuasiPeriodic:
     """On an invariant curve whose mean square distance from the periodic motion is given."""
+    period = branch.period
+    require_room(
+        "switch_branch",
+        branch.reduced,
+        branch.reduced.comm,
+        samples=samples,
+        steps=period.steps,
+        orders=len(period.excitation.orders),
+    )
     own = OwnTone(branch.period, branch.parameter, branch.fixed_frequency, samples, branch.reduced.comm)
     problem = ""
     for share in sizes:

@@ -123,7 +123,8 @@ def quasi_periodic(
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
         steps = max(STEPS, shortest if contact else 0)
     require_compiler("quasi_periodic", comm)
-    _require_room(reduced, drives, samples, steps, comm)
+    orders = max(len(drive.orders) for drive in drives)
+    require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
     try:
         torus = Torus(reduced, drives, ordered, samples=samples, steps=steps, comm=comm)
         curve = torus.solve(guess)
@@ -139,8 +140,8 @@ def quasi_periodic(
     )
 
 
-def _require_room(
-    reduced: ReducedModel, drives: tuple[Excitation, Excitation], samples: int, steps: int, comm: MPI.Comm
+def require_room(
+    owner: str, reduced: ReducedModel, comm: MPI.Comm, *, samples: int, steps: int, orders: int
 ) -> None:
     """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
     size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
@@ -149,9 +150,9 @@ def _require_room(
     # of this rank's samples
     motions = 8.0 * math.ceil(samples / comm.size) * steps * (size + rows)
     krylov = 8.0 * samples * size * RESTART
-    period = period_memory(reduced, steps, max(len(drive.orders) for drive in drives))
+    period = period_memory(reduced, steps, orders)
     require_memory(
-        "quasi_periodic",
+        owner,
         comm,
         derivatives + motions + krylov + period,
         f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",

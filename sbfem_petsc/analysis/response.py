@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..capacity import require_memory
+from ..capacity import FEW, require_memory, room
 from ..checks import flag, instance, integer, path, positive, real
 from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
@@ -199,7 +199,7 @@ def _follow(
     progress: Callable[[float], None] | str | None,
 ) -> Branch:
     comm = period.reduced.comm
-    _require_points(period, parameter, settings)
+    settings = _with_room(period, parameter, settings)
     if record is not None:
         period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
@@ -208,19 +208,33 @@ def _follow(
         )
 
 
-def _require_points(period: Period, parameter: ParameterRange, settings: ContinuationSettings) -> None:
-    """Refuse a branch whose points may come to take more memory than is free. Collective."""
+def _with_room(
+    period: Period, parameter: ParameterRange, settings: ContinuationSettings
+) -> ContinuationSettings:
+    """Settings with no more points than there is memory for: few branches take as many as they may.
+    Collective.
+
+    Raises
+    ------
+    ValueError
+        If there is no room for `FEW`.
+    """
     size, named = 2 * period.modes, len(period.reduced.points.names)
     # the derivative and the monodromy of each, its state, its multipliers and what it is asked for
     matrices = 2 if settings.stability else 1
     each = 8.0 * (matrices * size**2 + 3 * size + 4 * named * (HARMONICS + 1 + period.excitation.periods))
+    few = min(settings.points, FEW)
     require_memory(
         f"{parameter.name}_response",
         period.reduced.comm,
-        settings.points * each,
-        f"up to {settings.points:,d} points of {period.modes} modes",
-        lambda share: f"give at most {int(share * settings.points):,d} (points)",
+        few * each,
+        f"a branch of {few} points and {period.modes} modes",
+        lambda share: "give fewer modes (modes)",
     )
+    most = max(few, room(period.reduced.comm, each))
+    if settings.points <= most:
+        return settings
+    return replace(settings, points=most, more="there is no memory for more points: give fewer modes")
 
 
 def _of_first(first: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:

@@ -115,7 +115,7 @@ def follow(
     if len(result.value) >= settings.points and not result.complete:
         warnings.warn(
             f"{what}: the curve ends at {result.value[-1]:.8g} after {settings.points} points, before "
-            f"{parameter.stop:.8g}; raise points, or take more steps a period if it zigzags",
+            f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
             BranchWarning,
             stacklevel=4,
         )

@@ -113,12 +113,15 @@ class ContinuationSettings:
         Whether Floquet multipliers and bifurcations are computed.
     leave : bool
         The first motion is next to a period doubling, and the branch goes away from it.
+    more : str
+        How there could be more points, for the warning of a branch that ends after so many.
     """
 
     points: int = 400
     largest_step: float = math.inf
     stability: bool = True
     leave: bool = False
+    more: str = "raise points"
 
 
 class ContinuationPoint:

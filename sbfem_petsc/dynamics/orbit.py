@@ -6,6 +6,7 @@ import functools
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -80,6 +81,10 @@ class Orbit(Motion):
         the verdict of a motion with all multipliers inside the unit circle does without.
         """
         return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: the uncertainty as a number."""
+        return {**self.__dict__, "uncertainty": self.multiplier_error}
 
     @property
     def stable(self) -> bool | None:

@@ -4,6 +4,7 @@ sentence; what is told is what is taken.
 
 from __future__ import annotations
 
+import importlib
 import json
 import re
 import shutil
@@ -15,6 +16,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc import capacity
+from sbfem_petsc.petsc import MPI
 from sbfem_petsc.study.sweep import sweep
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem, written
@@ -52,8 +54,81 @@ STRUCTURES = {
 def test_reduced_models(owner, monkeypatch):
     """Half a megabyte is free: the system itself fits, so much of it does not."""
     monkeypatch.setattr(capacity, "available_memory", lambda: 500_000)
+    for module in ("response", "backbone"):
+        monkeypatch.setattr(importlib.import_module(f"sbfem_petsc.analysis.{module}"), "FEW", 10**6)
     with pytest.raises(ValueError, match=TOLD.format(owner=owner)):
         REDUCED[owner](two_masses(0.02))
+
+
+def test_a_branch_takes_what_points_there_is_room_for(monkeypatch):
+    """More of them may be asked for than would ever fit; the branch that is short enough is found whole."""
+    response = importlib.import_module("sbfem_petsc.analysis.response")
+    monkeypatch.setattr(response, "room", lambda comm, each: 60)
+    system = two_masses(0.02)
+    branch = sb.frequency_response(system, [0.001], 0.09, 0.1, points=10**6)
+    assert branch.complete and len(branch.value) < 60
+    with pytest.warns(sb.BranchWarning, match="after 60 points.* no memory for more"):
+        branch = sb.frequency_response(system, [0.001], 0.09, 0.1, points=10**6, largest_step=1e-4)
+    assert len(branch.value) == 60 and not branch.complete
+
+
+def test_room(monkeypatch):
+    monkeypatch.setattr(capacity, "available_memory", lambda: 1000)
+    assert capacity.room(MPI.COMM_SELF, 10.0, 100.0) == 80
+    assert capacity.room(MPI.COMM_SELF, 1e-300) == 10**9
+
+
+@pytest.mark.parametrize(
+    "tree, left",
+    [
+        # version 2: caches of files are given up, those of shared memory are not; the group above counts
+        (
+            {
+                "proc/self/cgroup": "0::/above/own\n",
+                "sys/fs/cgroup/above/memory.max": "5000\n",
+                "sys/fs/cgroup/above/memory.current": "4500\n",
+                "sys/fs/cgroup/above/memory.stat": "anon 500\nfile 4000\nshmem 1000\nactive_file 1000\n"
+                "inactive_file 2000\n",
+                "sys/fs/cgroup/above/own/memory.max": "max\n",
+                "sys/fs/cgroup/above/own/memory.current": "4500\n",
+            },
+            3500,
+        ),
+        # version 1, in a container that sees the path of its host
+        (
+            {
+                "proc/self/cgroup": "5:cpu,cpuacct:/docker/1a\n4:memory:/docker/1a\n",
+                "sys/fs/cgroup/memory/memory.limit_in_bytes": "2000\n",
+                "sys/fs/cgroup/memory/memory.usage_in_bytes": "1800\n",
+                "sys/fs/cgroup/memory/memory.stat": "inactive_file 0\ntotal_inactive_file 700\n",
+            },
+            900,
+        ),
+        ({"proc/self/cgroup": "0::/\n"}, float("inf")),
+        ({}, float("inf")),
+    ],
+)
+def test_control_groups(tree, left, tmp_path):
+    for name, text in tree.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    assert capacity.control_group_memory(str(tmp_path)) == left
+
+
+def test_a_system_that_does_not_tell_its_free_pages(monkeypatch):
+    """As macOS: there is no /proc, and of the pages their number alone is known."""
+
+    def nothing(*_, **__):
+        raise FileNotFoundError
+
+    def known(name):
+        if name == "SC_AVPHYS_PAGES":
+            raise ValueError("unrecognized configuration name")
+        return {"SC_PHYS_PAGES": 1000, "SC_PAGE_SIZE": 4096}[name]
+
+    monkeypatch.setattr(capacity, "open", nothing, raising=False)
+    monkeypatch.setattr(capacity.os, "sysconf", known)
+    assert capacity.machine_memory() == 4096000
 
 
 @pytest.mark.parametrize("case", STRUCTURES)

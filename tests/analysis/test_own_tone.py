@@ -62,6 +62,11 @@ def test_onset(system):
     assert distance / amplitude**2 == pytest.approx(0.18, rel=0.2) and (distance > 0.0).all()
 
 
+def test_more_samples_than_there_is_memory_for(curve, point):
+    with pytest.raises(ValueError, match="switch_branch: 9,999,999 samples of .* of memory, .* give fewer"):
+        sb.switch_branch(curve, point, samples=9_999_999)
+
+
 def test_a_settled_history(system, point, tori):
     """160 periods by SciPy from a disturbed motion: the last 100 are the lines m f1 + n f2, with f2 and the
     amplitudes as found, to 1e-3 of the largest.

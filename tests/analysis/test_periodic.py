@@ -3,6 +3,7 @@ integration.
 """
 
 import os
+import pickle
 import subprocess
 import sys
 
@@ -594,6 +595,14 @@ if MPI.COMM_WORLD.rank == 0:
         "force": float(orbit.contact_resultant.max()),
     }))
 """
+
+
+def test_pickled():
+    """What computes the uncertainty later on is not, its value is."""
+    orbit = sb.periodic(two_masses(0.02), [0.1], 0.092)
+    copy = pickle.loads(pickle.dumps(orbit))
+    assert copy.multiplier_error == orbit.multiplier_error > 0.0 and copy.stable
+    np.testing.assert_array_equal(copy.state, orbit.state)
 
 
 @pytest.mark.long

@@ -433,6 +433,7 @@ def test_long_histories_are_decimated_with_a_warning(model, monkeypatch):
 
 
 def test_too_little_memory(model, monkeypatch):
+    sb.transient(model, LOAD, 0.001, 1e-6, modes=16, decimation=1)  # the model has its modes
     monkeypatch.setattr(capacity, "available_memory", lambda: 1_000_000)
     with pytest.raises(ValueError, match="10,001 instants of .* of memory, 900 kB are free; keep every .*th"):
         sb.transient(model, LOAD, 0.01, 1e-6, modes=16, decimation=1)
