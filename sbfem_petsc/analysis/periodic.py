@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -158,7 +159,7 @@ def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
         search=task.search,
     )
     if not task.stability:
-        return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, path)
+        return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
     return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
 
 

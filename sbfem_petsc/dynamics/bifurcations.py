@@ -10,6 +10,7 @@ from scipy.optimize import brentq
 
 from ..errors import SolveError
 from .continuation import Continuation, ContinuationPoint
+from .orbit import FLOOR
 from .shooting import shoot_along
 from .stability import Multipliers, multipliers
 
@@ -133,7 +134,7 @@ def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurca
             and (points[k].value - points[k - 1].value) * (points[k + 1].value - points[k].value) < 0.0
         ):
             result.append(_fold(continuation, k))
-        one, other = unstable(found[k - 1]), unstable(found[k])
+        one, other = unstable(found[k - 1], FLOOR), unstable(found[k], FLOOR)
         if one != other:
             crossing = _crossing(continuation, k, max(one, other) - 1, found[k - 1], found[k])
             # a real multiplier through +1 at a turning point is the fold itself, which has been found by its

@@ -121,16 +121,6 @@ TABLE["steady state, second harmonic of a front in mid-crack"] = (
 )
 
 
-@pytest.mark.slow
-def test_harmonics_of_a_front_in_mid_crack_on_the_default_mesh():
-    """Harmonics 2 to 4 by the independent code: A2 within 1 %, A3 and A4 within 5 %; 0.2, 1.1 and 1.8 % are
-    met, and a finer mesh differs from the reference by as much.
-    """
-    orbit = sb.periodic(damped({}), preloaded(), 900.0, stability=False)
-    found = np.abs(orbit.harmonics("A")[2:5])
-    assert (np.abs(found / (1.590e-7, 8.15e-10, 3.3e-10) - 1.0) < (0.01, 0.05, 0.05)).all()
-
-
 def distance(value, exact):
     """Largest relative one."""
     return float(np.max(np.abs(np.asarray(value) - exact) / np.abs(exact)))

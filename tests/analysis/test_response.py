@@ -445,3 +445,10 @@ def test_ranks():
     assert one["same"] and two["same"]
     np.testing.assert_allclose(two["value"], one["value"], rtol=1e-7)
     np.testing.assert_allclose(two["amplitude"], one["amplitude"], rtol=1e-5)
+
+
+def test_no_bifurcations_without_damping():
+    """Multipliers on the unit circle leave and enter it by rounding alone."""
+    branch = sb.frequency_response(two_masses(0.0), [0.01], 0.05, 0.0505)
+    assert np.abs(np.abs(branch.multipliers) - 1.0).max() < 1e-9
+    assert branch.complete and branch.bifurcations == ()
