@@ -60,6 +60,7 @@ def test_doubling_is_where_a_multiplier_is_minus_one(curve):
     )
 
 
+@pytest.mark.slow
 def test_motion_takes_two_periods(orbit):
     """Half the frequency is in it, and one forcing period does not close."""
     assert orbit.periods == 2 and len(orbit.time) == 2 * STEPS and orbit.path == "period doubling"
@@ -91,6 +92,7 @@ def test_a_history_stays_on_it(reduction, orbit):
     assert two < 1e-4 * np.ptp(u) and one > 1e-2 * np.ptp(u)
 
 
+@pytest.mark.slow
 def test_its_branch_can_be_followed(reduction, orbit):
     branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
     assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()

@@ -189,6 +189,7 @@ def test_picture():
         plot_loci([lines[0], other])
 
 
+@pytest.mark.slow
 def test_bad_input(curve):
     fold = of_kind(curve, "fold")[0]
     corner, crossing = replace(fold, multiplier=0.6), replace(fold, kind="branch point")

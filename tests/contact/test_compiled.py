@@ -127,6 +127,7 @@ for name, call in calls.items():
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "when, kind, told",
     [

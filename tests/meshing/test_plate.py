@@ -105,6 +105,7 @@ def test_uniform_pressure_on_the_faces_is_in_balance():
     assert sum(at_kink) == 2 and len(set(mesh.pairs.nodes[at_kink, 0])) == 1
 
 
+@pytest.mark.slow
 def test_smooth_bends_have_one_pair_for_each_node():
     angle = np.linspace(0, np.pi / 2, 31)
     arc = np.stack([0.05 + 0.04 * (1 - np.cos(angle)), 0.1 - 0.04 * np.sin(angle)], axis=1)

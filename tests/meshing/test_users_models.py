@@ -309,6 +309,7 @@ two plates of 1 m
 NODES = "1, 0., 0.\n2, 1., 0.\n3, 2., 0.\n4, 0., 1.\n5, 1., 1.\n6, 2., 1."
 
 
+@pytest.mark.slow
 def test_abaqus(tmp_path):
     path = tmp_path / "model.inp"
     path.write_text(INP.format(nodes=NODES).replace("crack:c\n2, 5", "load\n3, 6"))

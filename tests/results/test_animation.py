@@ -258,6 +258,7 @@ class Stopping(PillowWriter):
         super().grab_frame(**options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("error, told", [(OSError, ValueError), (KeyboardInterrupt, KeyboardInterrupt)])
 def test_a_film_that_is_not_ended(orbit, tmp_path, monkeypatch, error, told):
     """The former film stays as it was, and nothing else is there."""
@@ -270,6 +271,7 @@ def test_a_film_that_is_not_ended(orbit, tmp_path, monkeypatch, error, told):
     assert path.read_bytes() == b"former" and list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.slow
 def test_ffmpeg_that_fails(orbit, tmp_path, monkeypatch):
     """Its own last words in one sentence; nothing is left behind."""
     program = tmp_path / "bin" / "ffmpeg"

@@ -118,6 +118,7 @@ def refused(read, copy):
 KINDS = ["history", "unreduced", "orbit", "branch", "results"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [0, *(pytest.param(k, marks=pytest.mark.long) for k in range(1, 6))])
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_part_in_turn(kind, part, files, tmp_path):

@@ -45,6 +45,7 @@ def test_anisotropic_copies_are_not_turned():
     assert same_shape(scaled[0].shape, scaled[1].shape, 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("difference", [1e-4, 1e-7, 1e-9])
 def test_near_copies_stay_apart(difference):
     """Two beams whose notches differ by a hair: a derivative by differences sees the difference."""
