@@ -67,7 +67,7 @@ def touches(q, v, periods=50):
     return found.y[:n].max(axis=1) > 1.0
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_verdicts_of_an_independent_integration(grid):
     """20 of the states, every fourteenth."""
     chosen = np.arange(20) * 14 + 3

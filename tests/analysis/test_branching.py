@@ -51,7 +51,7 @@ def _doubling(curve):
     return next(item for item in curve.bifurcations if item.kind == "period doubling")
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_doubling_is_where_a_multiplier_is_minus_one(curve):
     """The multiplier at the point found; the step of the grid moves it by 1e-3 (2048 against 4096 steps)."""
     found = _doubling(curve)

@@ -91,7 +91,7 @@ def test_points_are_periodic_motions(curves):
         assert again.contact_resultant.max() == pytest.approx(up.contact_peak[k], rel=1e-6, abs=1e-9)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_open_part_is_linear(curves):
     """Where the stop is not met: (K - w^2 M + 0.03 i w K)^-1 f to 1e-10."""
     up, k = curves[0], np.array([[1.0, -1.0], [-1.0, 2.0]])
@@ -103,7 +103,7 @@ def test_open_part_is_linear(curves):
         np.testing.assert_allclose([up.harmonics(p)[n, 1] for p in "12"], exact, rtol=1e-10)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_smaller_steps_are_the_same_curve(curves):
     """`largest_step` bounds the change of the frequency; the branch is the same."""
     fine = sb.frequency_response(
@@ -368,11 +368,13 @@ def test_bad_ramps(arguments, sentence):
         sb.load_response(two_masses(), [0.1], **{"frequency": 0.1, **arguments})
 
 
+@pytest.mark.long
 def test_first_orbit_elsewhere(curves):
     with pytest.raises(ValueError, match="first is at .* Hz, not at"):
         sb.frequency_response(two_masses(), [0.1], 0.09, 0.1, first=curves[0].orbit(3))
 
 
+@pytest.mark.long
 def test_unknown_point_of_a_curve(curves):
     for ask in (curves[0].amplitude, curves[0].harmonics, curves[0].peak):
         with pytest.raises(KeyError, match="point 'A' does not exist; the model has '1', '2'"):

@@ -141,7 +141,7 @@ def test_disturbances_of_the_beam(beam, force, frequency, size, stable):
     assert found == pytest.approx(expected, rel=0.03)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.parametrize(
     "omega, large, size, stable",
     [

@@ -47,7 +47,7 @@ def moved():
     return mesh, sb.transient(model, LOAD, 0.002, 1e-6, modes=16)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_contact_inside_the_tip_element(tmp_path):
     """In equilibrium a history's field is that of the static solution, between the faces' nodes too, and an
     orbit's field has it as well.

@@ -87,7 +87,7 @@ def same(found, expected):
         np.testing.assert_array_equal(one.direction, other.direction)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_what_is_read_is_what_was_found(whole):
     curve, path = whole
     with warnings.catch_warnings():

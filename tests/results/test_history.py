@@ -479,7 +479,7 @@ def test_two_writers(model, small_chunks, tmp_path):
     sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.001})
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_changed_bytes_are_told(model, tmp_path):
     """Any byte of the file that is turned round is told of, or changes nothing that is read."""
     path, other = tmp_path / "h.h5", tmp_path / "other.h5"

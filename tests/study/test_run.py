@@ -428,7 +428,7 @@ modes = 8
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_branches(tmp_path):
     """Curves over frequency and load, the linear response, a backbone and a line of Neimark-Sacker points,
     against the Python interface.

@@ -100,8 +100,8 @@ def growth(names: str, ranks: int, first: int, calls: int) -> float:
     return answer(done)["growth"]
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("ranks", [1, pytest.param(2, marks=pytest.mark.long)])
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [1, 2])
 def test_nothing_waits_in_petsc(ranks):
     """No analysis leaves objects behind that only Python's garbage collection would reach."""
     found = on_ranks(ranks, GARBAGE).stdout

@@ -94,7 +94,7 @@ def test_warning_with_the_error(ratio, error):
     assert max(actual) / 10 < max(stated) < 10 * max(actual)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_refusal():
     """Where nothing is left of the digits: a sentence."""
     model = cantilever(300_000)

@@ -51,7 +51,7 @@ if comm.rank == 0:
 """
 
 
-@pytest.mark.slow
+@pytest.mark.long
 def test_documented_sets_solve_as_the_direct_solver():
     """On two ranks, where domain decomposition has two subdomains: 1e-12 of the residual is asked for, which
     the condition of the stiffness, some 1e4, turns into 1e-8 of the displacements at most.
