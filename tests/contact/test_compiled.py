@@ -102,6 +102,17 @@ def test_one_signature():
     assert len(compiled) == 4 and max(compiled.values()) == 1  # the inner ones come with the outer ones' file
 
 
+@pytest.mark.long
+def test_compiled_ahead(tmp_path):
+    """What is compiled after an installation is all that a first history and orbit need."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-m", "sbfem_petsc.contact.ahead"], env=environment, check=True)
+    program = KERNELS + "print(*(len(kernel.stats.cache_misses) for kernel in kernels.values()))"
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "0 0 0 0"
+
+
 @pytest.mark.slow
 def test_one_eigenproblem(monkeypatch):
     """A default `periodic`, and what follows it on the same model, solve for the modes once."""
