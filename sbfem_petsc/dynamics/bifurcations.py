@@ -60,6 +60,16 @@ def unstable(found: Multipliers, margin: float = 0.0) -> int:
     return int((np.abs(found.values) > 1.0 + margin).sum())
 
 
+def several(one: Multipliers, other: Multipliers) -> bool:
+    """Whether multipliers pass the unit circle at -1 and at +1 from a point of a branch to the next one.
+
+    Real ones that meet and become a complex pair leave their sign in twos: an odd number passes.
+    """
+    real = [found.values.real[np.abs(found.values.imag) == 0.0] for found in (one, other)]
+    below, above = ([int((sign * part > 1.0 + FLOOR).sum()) for part in real] for sign in (-1.0, 1.0))
+    return bool((below[0] - below[1]) % 2 and (above[0] - above[1]) % 2)
+
+
 def between(
     continuation: Continuation,
     one: ContinuationPoint,
@@ -155,8 +165,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
 
     def slope(point: ContinuationPoint) -> float:
         """The parameter's part of the branch's direction."""
-        fixed, m2 = point.fixed, len(point.fixed.state)
-        carried = fixed.driven.carried(fixed.motion, np.eye(m2), (continuation.parameter.name,))
+        m2, carried = len(point.fixed.state), point.derivative(continuation.parameter.name)
         bordered = np.zeros((m2 + 1, m2 + 1))
         bordered[:m2] = carried
         bordered[:m2, :m2] -= np.eye(m2)

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .bifurcations import between, locate
+from .bifurcations import between, locate, several
 from .branch import Branch, BranchWarning
 from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
 from .excitation import one_sided
@@ -27,6 +27,8 @@ EVEN, ABOUT = 201, 41
 # A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the
 # shortest chord that is divided, times.
 BEND, SHORT, PASSES = 0.3, 0.01, 3
+# A stretch with a period doubling and a fold in it is halved so often at most.
+HALVINGS = 8
 # Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
 AHEAD = 1e-4
 # A branch that first leads away from its range may do so by this share of the parameter or of the range.
@@ -109,6 +111,8 @@ def follow(
                 report(min(1.0, abs(item.value - parameter.start) / parameter.extent))
         if not parameter.holds(continuation.points[-1].value):
             _refine(continuation, rows)
+            if settings.stability:
+                _separate(continuation, rows)
     result = _branch(continuation, rows, True)
     if recorder is not None:
         recorder.update(lambda: result, continuation.length, last=True)
@@ -244,6 +248,21 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
             point.fixed.forget()
         if not bent:
             break
+
+
+def _separate(continuation: Continuation, rows: PointRows) -> None:
+    """Points between those with a period doubling and a fold between them, until each has its own place."""
+    found, points = rows.found, continuation.points
+    for _ in range(HALVINGS):
+        mixed = [k for k in range(len(points) - 1) if several(*found[k : k + 2])]  # type: ignore[arg-type]
+        for k in reversed(mixed):
+            try:
+                point = between(continuation, points[k], points[k + 1], 0.5)
+            except SolveError:  # a corner of the branch: they stay together
+                continue
+            rows.add(point, k + 1)
+            points.insert(k + 1, point)
+            point.fixed.forget()
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:

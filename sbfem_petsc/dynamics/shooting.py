@@ -27,8 +27,6 @@ WHOLE = 1200
 # to each order of the loads, to this residual relative to the first one; not from a state whose residual is
 # no larger than what fewer steps cost.
 MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
-# The curve's points are solved to this residual relative to the state.
-ALONG = 1e-10
 
 
 class FixedPoint:
@@ -193,7 +191,7 @@ def shoot_along(
     first = np.array([value])
     if near is not None:
         newton = _Newton(period, "updated", (name,), condition)
-        newton.near, newton.absolute = near, ALONG
+        newton.near = near
         try:
             return newton.solve(state, lambda p: driven(float(p[0])), first)
         except SolveError:
@@ -234,7 +232,7 @@ class _Newton:
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
         self.residuals: list[float] = []
         self.key: bytes | None = None
-        self.relative, self.absolute = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE, ROUND_OFF
+        self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
         # derivative of x(T) to begin with, and that of the last iteration
         self.near: np.ndarray | None = None
         self.derivative: np.ndarray | None = None
@@ -275,7 +273,7 @@ class _Newton:
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
             rtol=self.relative,
-            atol=self.absolute * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
+            atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
             stol=0.0,
             max_it=self.iterations,
         )

@@ -175,13 +175,22 @@ def test_points_on_the_part_that_has_been_gone_through(stepped):
 @pytest.mark.long
 def test_a_corner_where_a_branch_turned_about(monkeypatch):
     """A stop fifty times as stiff as the spring, at 256 steps: the curve has teeth as high as what a step of
-    time lets its contact change by. At one of them it went back along itself to where it began, which is
-    told; with a look at where it has been it comes to its end.
+    time lets its contact change by. With the derivative of the steps as they are, which has the teeth too, it
+    goes back along itself at one of them to where it began, which is told; with a look at where it has been,
+    or with the switches inside their steps, it comes to its end.
     """
     stiff = with_a_stop(zeta=0.01, compliance=0.02)
     options = {"steps": 256, "stability": False}
     curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert curve.complete and curve.contact_peak[-1] > 25.0
+
+    def of_the_steps(self, name):
+        fixed = self.fixed
+        return fixed.driven.carried(fixed.motion, np.eye(len(fixed.state)), (name,))
+
+    monkeypatch.setattr(continuation.ContinuationPoint, "derivative", of_the_steps)
+    curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
+    assert curve.complete
     monkeypatch.setattr(continuation.Continuation, "_gone_through", lambda self, point: False)
     with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
         other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
