@@ -29,7 +29,7 @@ def gaps_with(mesh: MeshArrays, crack: str, gap: Gap) -> np.ndarray:
         The mesh has no such crack; the gaps are no finite numbers >= 0, one for each pair.
     """
     names = [item.name for item in mesh.cracks]
-    if crack not in names:
+    if not isinstance(crack, str) or crack not in names:
         known = ", ".join(map(repr, names)) or "none"
         raise ValueError(f"with_gap: crack {shown(crack)} does not exist; the mesh has {known}.")
     mine = np.flatnonzero(mesh.pairs.crack == names.index(crack))

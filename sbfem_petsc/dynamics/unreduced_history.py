@@ -31,7 +31,7 @@ from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from .energy import Energy
 from .history import History
-from .initial import nodal_field, owned_values
+from .initial import unreduced_state
 from .integration import Column, Rows, Steps
 from .states import SampledStates
 from .unreduced_steps import UnreducedSteps
@@ -184,9 +184,8 @@ class UnreducedIntegrator:
             march.u[: self.pencil.owned] = found.owned
             force = found.force[: march.pairs].copy()
         else:
-            # zero auxiliary unknowns: inside the S-elements the static displacement of their boundaries' one
             for state, function, what in zip((march.u, march.v), start, ("displacement", "velocity")):
-                state[: self.pencil.owned] = owned_values(model, nodal_field(model, function, what))
+                state[:] = unreduced_state(self.pencil, function, what)
         march.force = force
         march.settle(fold=False)
         return force
