@@ -16,7 +16,7 @@ from ..parallel import agree, collective
 from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.resolution import MeshWarning
+from ..system.resolution import MeshWarning, warn_of_tips
 from .estimate import checked_accuracy, refined
 from .static_result import Static
 
@@ -66,8 +66,8 @@ def static(
     Warns
     -----
     MeshWarning
-        If faces touch next to a tip over less than its S-element resolves; if the accuracy asked for is not
-        reached.
+        If faces touch next to a tip over less than its S-element resolves; if the stresses around a tip in an
+        anisotropic material are not carried by its edges; if the accuracy asked for is not reached.
     SolverWarning
         If the linear solver chosen by PETSc's options is a poor one for the structure.
     """
@@ -84,6 +84,7 @@ def static(
     warn_of_idle_loads("static", model, separate(load)[0])
     if accuracy is None:
         found = _solved(model, load, contact, solve)
+        warn_of_tips("static", model)
         if contact:
             _warn_of_contact(found)
         return found

@@ -29,6 +29,7 @@ from ..system.equilibrium import equilibrium
 from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
+from ..system.resolution import warn_of_tips
 from .energy import Energy
 from .history import History
 from .initial import unreduced_state
@@ -68,6 +69,7 @@ class UnreducedIntegrator:
         modes: int,
     ):
         model.require_support("the transient analysis")
+        warn_of_tips("transient", model)
         self.model, self.signals, self.steps = model, signals, steps
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0)
