@@ -304,3 +304,12 @@ def test_checks_take_no_square_of_the_number_of_segments():
         [(0, 0), (100, 0), (100, 100), (0, 100)],
         holes=[Hole(x, y, 0.5) for x in range(1, 100) for y in range(1, 60)],
     )
+
+
+def test_needles_between_cracks():
+    """Lines that meet at two degrees: gmsh's quadrilaterals overlap there, its triangles do not."""
+    lines = [[(1, 0), (0.52, 0.6), (1, 0.714)], [(0, 0), (0.137, 0.222), (0.824, 0.89), (0.195, 0.295)]]
+    mesh = Plate([(0, 0), (1, 0), (1, 1), (0, 1)], cracks=[CrackLine(points) for points in lines]).mesh(
+        order=1
+    )
+    assert mesh.area == pytest.approx(1.0, rel=1e-12)
