@@ -104,8 +104,12 @@ def _path_pairs(
         separate = one != other
         if separate.any() and gap[separate].min() < -1e-9 * extent:
             raise ValueError(
-                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; the right face must lie at the "
-                "right hand of the left one, seen from the tip."
+                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; "
+                + (
+                    "the right face must lie at the right hand of the left one, seen from the tip."
+                    if path.start
+                    else "the two bodies may touch each other at most."
+                )
             )
         # Faces of a closed crack coincide to round-off; a gap below that is no gap.
         gap = np.where(gap < 1e-12 * extent, 0.0, gap)

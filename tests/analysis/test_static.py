@@ -2,11 +2,15 @@
 solver.
 """
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, Plate, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.errors import RoundOffWarning
 from tests.reference import paper_beam, statics
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -308,3 +312,26 @@ def test_unknown_point_of_a_solution():
     solution = sb.static(sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM), sb.PointForce("A", fy=1.0))
     with pytest.raises(KeyError, match="point 'Z' does not exist; the model has 'A'"):
         solution.displacement("Z")
+
+
+def test_springs_that_hardly_hold_a_body():
+    """Half of a block pressed onto the other half: uniform pressure to the springs' share; where they are too
+    soft, round-off within what the warning says.
+    """
+    plate = Plate([(0, 0), (1, 0), (1, 2), (0, 2)], cracks=[CrackLine([(0, 1), (1, 1)], name="c")])
+    mesh = plate.mesh(order=4, face_edges=8)
+
+    def pressures(spring):
+        sides = [sb.Support(name, x=True, y=False) for name in ("edge2", "edge4")]
+        held = [sb.Support("edge1", x=False, y=True), sb.Support("edge3", x=False, y=spring)]
+        model = sb.Model(mesh, sb.Material(70e9, 0.3, 2700), clamped=None, supports=sides + held)
+        return sb.static(model, sb.EdgeLoad("edge3", pressure=1e6)).contact_pressure()[1] / 1e6 - 1
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stiff = pressures(1e6)
+    assert np.abs(stiff - stiff.mean()).max() < 1e-7 and -1e-4 < stiff.mean() < 0
+    with pytest.warns(RoundOffWarning, match="contact pressures may be off by") as said:
+        soft = pressures(1.0)
+    told = float(re.search(r"off by (\S+) of", str(said[0].message))[1])
+    assert told / 100 < np.abs(soft).max() < 3 * told

@@ -308,8 +308,10 @@ def test_checks_take_no_square_of_the_number_of_segments():
 
 def test_needles_between_cracks():
     """Lines that meet at two degrees: gmsh's quadrilaterals overlap there, its triangles do not."""
-    lines = [[(1, 0), (0.52, 0.6), (1, 0.714)], [(0, 0), (0.137, 0.222), (0.824, 0.89), (0.195, 0.295)]]
-    mesh = Plate([(0, 0), (1, 0), (1, 1), (0, 1)], cracks=[CrackLine(points) for points in lines]).mesh(
-        order=1
-    )
-    assert mesh.area == pytest.approx(1.0, rel=1e-12)
+    lines = [
+        [(0.1, 0), (0.0521, 0.06), (0.1, 0.0714)],
+        [(0, 0), (0.0137, 0.0222), (0.0824, 0.089), (0.0195, 0.0295)],
+    ]
+    square = [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)]
+    mesh = Plate(square, cracks=[CrackLine(points) for points in lines]).mesh(order=1)
+    assert mesh.area == pytest.approx(0.01, rel=1e-12)
