@@ -187,8 +187,8 @@ def _warn_of_springs(found: Static) -> None:
     if lost > LOST:
         warnings.warn(
             f"static: a body that springs hardly hold gives way {own[touching].max() / between:.1g} times "
-            f"more than its faces do, and contact pressures may be off by {min(lost, 1.0):.0e} of themselves; "
-            "make the springs that hold it stiffer",
+            f"more than its faces do, and contact pressures may be off by {min(lost, 1.0):.0e} of "
+            "themselves; make the springs that hold it stiffer",
             RoundOffWarning,
             stacklevel=3,
         )
