@@ -335,3 +335,21 @@ def test_springs_that_hardly_hold_a_body():
         soft = pressures(1.0)
     told = float(re.search(r"off by (\S+) of", str(said[0].message))[1])
     assert told / 100 < np.abs(soft).max() < 3 * told
+
+
+def test_given_gaps_are_those_of_a_notch():
+    """A closed crack with the gap of the paper's notch, inside the tip's S-element as well: the same contact
+    but for the wedge of 2 um that is not cut out.
+    """
+    results, slope = [], 2 * np.tan(np.radians(0.0458366) / 2)
+    for opening in (0.0458366, 0.0):
+        mesh = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, opening)]).mesh(order=3, tip_size=5e-4)
+        if not opening:
+            mesh = mesh.with_gap("crack1", lambda x, y: slope * (y - 0.0025))
+        model = sb.Model(mesh, ALUMINIUM)
+        found = sb.static(model, sb.PointForce("A", fy=100.0))
+        gaps = model.tip_faces[0].initial_gap()
+        results.append([found.contact_resultant, found.stress_intensity["crack1"][0], *gaps])
+    drawn, given = np.array(results)
+    assert drawn[0] > 9000 and drawn[2] > 0
+    assert np.abs(given / drawn - 1).max() < 1e-4
