@@ -16,9 +16,11 @@ from meshing import Beam, Hole, VNotch
 
 REFERENCE = pathlib.Path(__file__).resolve().parents[1] / "reference"
 
-# Meshes: the default, one that is refined towards the tip for histories, and one whose own error is below the
-# reference's.
+# Meshes: the default, one that is refined towards the tip for histories, one that is so at 1 N, and one whose
+# own error is below the reference's.
 REFINED = {"order": 6, "grading": 1.8, "tip_size": 5e-6}
+# At 1 N the faces touch over a fraction of a micrometre next to the tip.
+NEAR_TIP = {"order": 6, "tip_size": 1e-8}
 CONVERGED = {"order": 8, "grading": 1.8, "tip_size": 1e-6}
 
 OPENING = 0.0458366  # degrees, a mouth of 2.000 um over 2.5 mm

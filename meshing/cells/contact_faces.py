@@ -104,8 +104,12 @@ def _path_pairs(
         separate = one != other
         if separate.any() and gap[separate].min() < -1e-9 * extent:
             raise ValueError(
-                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; the right face must lie at the "
-                "right hand of the left one, seen from the tip."
+                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; "
+                + (
+                    "the right face must lie at the right hand of the left one, seen from the tip."
+                    if path.start
+                    else "the two bodies may touch each other at most."
+                )
             )
         # Faces of a closed crack coincide to round-off; a gap below that is no gap.
         gap = np.where(gap < 1e-12 * extent, 0.0, gap)
@@ -186,4 +190,36 @@ def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
             np.concatenate([getattr(part, name) for part in parts])
             for name in ("nodes", "normal", "gap", "crack", "position", "arc", "weight")
         )
+    )
+
+
+def without_doubles(pairs: ContactPairs) -> ContactPairs:
+    """Pairs of the same two nodes and nearly the same normal made one: where a line closes on itself, and
+    where one crack goes on from another's end.
+    """
+    seen: dict[tuple[int, int], list[int]] = {}
+    # the same sides may be right and left of one line and left and right of the next
+    turned = np.where(pairs.nodes[:, :1] < pairs.nodes[:, 1:], 1.0, -1.0)
+    normal, weight = turned * pairs.normal, pairs.weight.copy()
+    kept = []
+    for row, nodes in enumerate(np.sort(pairs.nodes, axis=1).tolist()):
+        known = seen.setdefault((nodes[0], nodes[1]), [])
+        first = next((k for k in known if abs(_turn(normal[k], normal[row])) < math.radians(SHARP_KINK)), -1)
+        if first < 0:
+            known.append(row)
+            kept.append(row)
+            continue
+        summed = weight[first] * normal[first] + weight[row] * normal[row]
+        normal[first], weight[first] = summed / np.hypot(*summed), weight[first] + weight[row]
+    if len(kept) == len(pairs):
+        return pairs
+    rows = np.array(kept)
+    return ContactPairs(
+        pairs.nodes[rows],
+        (turned * normal)[rows],
+        pairs.gap[rows],
+        pairs.crack[rows],
+        pairs.position[rows],
+        pairs.arc[rows],
+        weight[rows],
     )

@@ -14,6 +14,7 @@ from meshing.cells.complex import Cell, CellComplex, CrackFaces, FacePath, TipCe
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.face_division import divide_faces, with_inserted
+from meshing.cells.face_matching import match_faces
 from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
 
@@ -29,7 +30,8 @@ _AT_MOST = 0.5  # half-size of a tip's element, relative to the cells there
 class _Line:
     """An unbranched piece of a crack by the vertices of its faces; one list for both until they are split.
 
-    From a tip where there is one. `start_tip` and `end_tip` are coordinates and edges' directions.
+    From a tip where there is one, between faces that are `joined`; faces of two bodies are not. `start` and
+    `end` are coordinates and edges' directions.
     """
 
     right: list[int]
@@ -38,6 +40,7 @@ class _Line:
     start: TipCell | None = None
     end: TipCell | None = None
     mouths: tuple[bool, bool] = (False, False)
+    joined: bool = True
 
 
 @dataclass
@@ -56,8 +59,9 @@ def add_cracks(cells: CellComplex, groups: dict[str, list[Edge]], meshing: Crack
         Without these cracks; edge sets and points by its present vertices.
     groups : dict of str to list of (int, int)
         Edges of "crack:NAME" (lines inside the material, which may end inside, reach the outline, branch and
-        cross each other), or "crack:NAME:right" and "crack:NAME:left" (existing faces that share a tip). A
-        crack without branches runs from its tip; one with two tips or none as its first edge does.
+        cross each other), or "crack:NAME:right" and "crack:NAME:left" (existing faces that share a tip, or
+        faces of two bodies that face each other). A crack without branches runs from its tip; one with two
+        tips or none as its first edge does.
     meshing : CrackMeshing
     origin : str
         For messages.
@@ -163,7 +167,9 @@ def _paths(edges: list[Edge]) -> list[list[int]]:
 
 
 def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge], where: str) -> _Line:
-    """Two existing faces: the tip is the end they share; which is the right one follows from the cells."""
+    """Two existing faces: of a notch, whose tip is the end they share, or of two bodies that share none;
+    which is the right one of a notch follows from the cells.
+    """
     paths = []
     for side, edges in (("right", right), ("left", left)):
         found = _paths(edges)
@@ -174,10 +180,15 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
             )
         paths.append(found[0])
     shared = {paths[0][0], paths[0][-1]} & {paths[1][0], paths[1][-1]}
-    if len(shared) != 1:
-        raise ValueError(f"{where}: its two faces share {len(shared)} end nodes, one (the tip) was expected.")
-    tip = shared.pop()
-    paths = [path if path[0] == tip else path[::-1] for path in paths]
+    common = set(paths[0]) & set(paths[1])
+    if len(shared) > 1 or common != shared:
+        raise ValueError(
+            f"{where}: its two faces share {len(common)} nodes; those of a notch share one end (the tip), "
+            "those of two bodies none, not even where they touch."
+        )
+    if shared:
+        tip = shared.pop()
+        paths = [path if path[0] == tip else path[::-1] for path in paths]
     directed = {edge for cell in cells.cells for edge in cell.edges()}
     # Outwards along the left face the material is at the left.
     outwards = [[edge in directed for edge in _edges(path)] for path in paths]
@@ -187,10 +198,17 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
             f"{where}: its faces have cells on both sides; name an embedded line crack:{name} to have it "
             "split."
         )
-    if all(outwards[0]) and all(inwards[1]):
-        paths.reverse()
-    elif not (all(outwards[1]) and all(inwards[0])):
+    sides = [(all(out), all(back)) for out, back in zip(outwards, inwards)]
+    if not all(out != back for out, back in sides):
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
+    if not common:
+        # along the left face the material is at the left, along the right one at the right
+        one, other = (path if side[k] else path[::-1] for path, side, k in zip(paths, sides, (1, 0)))
+        return _Line(*match_faces(cells, one, other, where), False, joined=False)
+    if sides[0][0] == sides[1][0]:
+        raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
+    if sides[0][0]:
+        paths.reverse()
     _check_match(cells, paths[0], paths[1], where)
     return _Line(paths[0], paths[1], False)
 
@@ -217,6 +235,8 @@ def _check_match(cells: CellComplex, right: list[int], left: list[int], where: s
 
 def _orient(line: _Line, degree: dict[int, int], outline: set[int]) -> None:
     """Let a line run from its tip if it has one; mark tips and mouths."""
+    if not line.joined:
+        return
     if not line.embedded:
         line.start, line.mouths = TipCell((0.0, 0.0), (0.0, 0.0)), (False, True)
         return

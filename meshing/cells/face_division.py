@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -22,7 +22,7 @@ def with_inserted(path: Sequence[int], inserted: dict[Edge, list[int]]) -> list[
 def divide_faces(
     cells: CellComplex, faces: Sequence[Sequence[Edge]], counts: Sequence[int]
 ) -> dict[Edge, list[int]]:
-    """Divide edges in place; only the cells that have them get more vertices.
+    """Divide edges into equal parts, in place.
 
     Parameters
     ----------
@@ -37,25 +37,46 @@ def divide_faces(
     dict of (int, int) to list of int
         New vertices between the ends of each divided edge, in both directions.
     """
+    return divide_edges(
+        cells,
+        {
+            edge: np.arange(1, count) / count
+            for edges, count in zip(faces, counts)
+            for edge in edges
+            if count > 1
+        },
+    )
+
+
+def divide_edges(cells: CellComplex, wanted: Mapping[Edge, np.ndarray]) -> dict[Edge, list[int]]:
+    """Divide edges in place; only the cells that have them get more vertices.
+
+    Parameters
+    ----------
+    cells : CellComplex
+    wanted : mapping of (int, int) to array
+        For each edge, in its direction, the places of its new vertices, ascending in (0, 1).
+
+    Returns
+    -------
+    dict of (int, int) to list of int
+        New vertices between the ends of each divided edge, in both directions.
+    """
     inserted: dict[Edge, list[int]] = {}
-    for edges, count in zip(faces, counts):
-        if count < 2:
-            continue
-        for first, last in edges:
-            curve = cells.curve(first, last)
-            ends = np.array([cells.vertices[first], cells.vertices[last]])
-            fractions = np.arange(1, count) / count
-            inner = (
-                (1.0 - fractions[:, None]) * ends[0] + fractions[:, None] * ends[1]
-                if curve is None
-                else curve(fractions)
-            )
-            new = [cells.add_vertex(*point) for point in inner]
-            if curve is not None:
-                chain = [first, *new, last]
-                for i, part in enumerate(zip(chain, chain[1:])):
-                    cells.set_curve(*part, part_of_curve(curve, i / count, (i + 1) / count))
-            inserted[first, last], inserted[last, first] = new, new[::-1]
+    for (first, last), fractions in wanted.items():
+        curve = cells.curve(first, last)
+        ends = np.array([cells.vertices[first], cells.vertices[last]])
+        inner = (
+            (1.0 - fractions[:, None]) * ends[0] + fractions[:, None] * ends[1]
+            if curve is None
+            else curve(fractions)
+        )
+        new = [cells.add_vertex(*point) for point in inner]
+        if curve is not None:
+            chain, bounds = [first, *new, last], [0.0, *fractions.tolist(), 1.0]
+            for part, low, high in zip(zip(chain, chain[1:]), bounds, bounds[1:]):
+                cells.set_curve(*part, part_of_curve(curve, low, high))
+        inserted[first, last], inserted[last, first] = new, new[::-1]
     for cell in cells.cells:
         edges = cell.edges()
         if not any(edge in inserted for edge in edges):

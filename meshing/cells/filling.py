@@ -9,6 +9,9 @@ import numpy as np
 from meshing.cells.planar import find_crossing, polygon_area
 from meshing.gmsh_session import gmsh_session
 
+# Quadrilaterals or triangles, and gmsh's algorithm (6 frontal, 5 Delaunay, 1 adaptive): needles between lines
+# that meet at a few degrees may be too much for one of them.
+_WAYS = ((True, 6), (False, 6), (False, 5), (False, 1))
 _FLATTEST = 0.05  # smallest sine of a corner of an acceptable quadrilateral
 
 
@@ -53,6 +56,32 @@ def fill_polygon(
             f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, "
             f"{crossing[1]:.6g}) m."
         )
+    wanted = abs(polygon_area(loops[0])) - sum(abs(polygon_area(loop)) for loop in loops[1:])
+    for quadrilaterals, algorithm in _WAYS:
+        inner, cells, coordinates = _filled(
+            loops, embedded, inner_lines, size, quadrilaterals=quadrilaterals, algorithm=algorithm
+        )
+        covered = sum(abs(polygon_area(np.array([coordinates[v] for v in cell]))) for cell in cells)
+        if abs(covered - wanted) <= 1e-9 * wanted:
+            return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
+    raise RuntimeError(
+        f"gmsh's cells around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m overlap or leave "
+        "gaps, as they may where lines meet at a few degrees or pass close to each other; give a smaller "
+        "size, or move the lines."
+    )
+
+
+def _filled(
+    loops: Sequence[np.ndarray],
+    embedded: np.ndarray,
+    inner_lines: np.ndarray,
+    size: float,
+    *,
+    quadrilaterals: bool,
+    algorithm: int,
+) -> tuple[np.ndarray, list[list[int]], dict[int, np.ndarray]]:
+    """gmsh's cells: new vertices, the corners of the cells, and where the corners are."""
+    given = np.vstack([*loops, embedded.reshape(-1, 2)])
     lengths = [np.hypot(*(np.roll(loop, -1, axis=0) - loop).T) for loop in loops]
     scale = max(np.ptp(loops[0], axis=0).max(), 1e-300)
     with gmsh_session("polygon") as gmsh:
@@ -86,10 +115,11 @@ def fill_polygon(
                 gmsh.model.mesh.embed(1, lines, 2, surface)
             gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
             gmsh.option.setNumber("Mesh.ElementOrder", 1)
-            gmsh.option.setNumber("Mesh.Algorithm", 6)
+            gmsh.option.setNumber("Mesh.Algorithm", algorithm)
             # Blossom's repositioning may fold the cells around embedded points over each other.
             gmsh.option.setNumber("Mesh.RecombinationAlgorithm", 0)
-            gmsh.model.mesh.setRecombine(2, surface)
+            if quadrilaterals:
+                gmsh.model.mesh.setRecombine(2, surface)
             gmsh.model.mesh.generate(2)
             number = {}
             for position, tag in enumerate(point_tags + inside):
@@ -109,14 +139,7 @@ def fill_polygon(
                 f"gmsh could not fill the polygon around ({loops[0][:, 0].mean():.6g}, "
                 f"{loops[0][:, 1].mean():.6g}) m: {error}"
             ) from error
-    wanted = abs(polygon_area(loops[0])) - sum(abs(polygon_area(loop)) for loop in loops[1:])
-    covered = sum(abs(polygon_area(np.array([coordinates[v] for v in cell]))) for cell in cells)
-    if abs(covered - wanted) > 1e-9 * wanted:
-        raise RuntimeError(
-            f"gmsh's cells around ({loops[0][:, 0].mean():.6g}, {loops[0][:, 1].mean():.6g}) m overlap or "
-            "leave gaps."
-        )
-    return inner, [piece for cell in cells for piece in _sound_pieces(cell, coordinates)]
+    return inner, cells, coordinates
 
 
 def _lengths_at_ends(segments: np.ndarray, points: np.ndarray, first: int, size: float) -> np.ndarray:

@@ -6,7 +6,7 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
 from meshing.cells.complex import CellComplex, CrackFaces, edge_key
-from meshing.cells.contact_faces import crack_pairs, join_pairs
+from meshing.cells.contact_faces import crack_pairs, join_pairs, without_doubles
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 from meshing.recipe import Recipe
 
@@ -113,7 +113,7 @@ def build_mesh(
         material_names=tuple(material_names),
         edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
         points={name: node_of_vertex[vertex] for name, vertex in cells.points.items()},
-        pairs=join_pairs(pairs),
+        pairs=without_doubles(join_pairs(pairs)),
         cracks=tuple(cracks),
         tips=tuple(tips),
         recipe=recipe,

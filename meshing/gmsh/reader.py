@@ -46,12 +46,14 @@ def read_gmsh(
       other on the outline (the mouth); its two faces are made here; or
     - two physical curves ``crack:NAME:right`` and ``crack:NAME:left``: two existing faces that share the
       tip's node and match, e.g. the flanks of a notch, or a line along which gmsh's Crack plugin has
-      duplicated the nodes.
+      duplicated the nodes; or two faces of two bodies, that share no node and need not match, e.g. the arc of
+      a roller and the edge of a block: they are divided so that their nodes lie beside each other.
 
-    The right face is at the right hand of somebody who looks from the tip to the mouth. The faces become the
-    edge sets ``NAME_right`` and ``NAME_left``, the mouth's corners the points ``NAME_right`` and
-    ``NAME_left`` where there is one mouth; a physical point on an embedded crack line belongs to the left
-    face. The cells around each tip, sharp kink and junction are divided anew into rings.
+    The right face is at the right hand of somebody who looks from the tip to the mouth, of two bodies the one
+    with that name. The faces become the edge sets ``NAME_right`` and ``NAME_left``, the mouth's corners the
+    points ``NAME_right`` and ``NAME_left`` where there is one mouth; a physical point on an embedded crack
+    line belongs to the left face. The cells around each tip, sharp kink and junction are divided anew into
+    rings.
 
     The file is read in a process of its own, and nothing in it is executed: statements of a script that start
     programs, write files or read files outside its folder are refused, and so is content that is not what the

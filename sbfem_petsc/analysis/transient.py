@@ -128,9 +128,6 @@ def transient(
         If the step takes fewer than 20 steps a period of the highest load frequency, or is longer than the
         period of the highest mode of a reduced model and pairs close, or if not every step is kept though
         `decimation` was not given.
-    MeshWarning
-        If cells are too large for the functions of `start`: a motion starts in the static field of their
-        values on the boundaries of the S-elements.
     """
     comm = communicator(model)
     with collective(comm):

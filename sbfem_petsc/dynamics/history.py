@@ -85,7 +85,7 @@ class Motion:
         Raises
         ------
         SolveError
-            For the motion of an unreduced model, which keeps no fields.
+            For the motion of an unreduced model that keeps no fields.
         """
         line, points = checked_line(start, end, count)
         return line, *self.states.along(points)
@@ -105,7 +105,7 @@ class Motion:
         Raises
         ------
         SolveError
-            For the motion of an unreduced model, which keeps no fields.
+            For the motion of an unreduced model that keeps no fields.
         """
         end = float(self.time[-1])
         at = real("field", "time", time, "s", least=float(self.time[0]), most=end * (1.0 + 1e-9))
@@ -175,12 +175,17 @@ def model_with_fields(owner: str, motion: object) -> Model:
     """
     if not isinstance(motion, Motion):
         raise on_all_ranks(TypeError(f"{owner}: motion = {shown(motion)} is neither a History nor an Orbit"))
-    model = None if motion.reduced is None else motion.reduced.model
+    states = motion.states
+    if isinstance(states, ModalStates):
+        model = states.reduced.model
+    else:
+        model = None if states.fields is None else states.fields.model
     if model is None:
         raise on_all_ranks(
             SolveError(
-                f"{owner}: the motion keeps no fields, being that of an unreduced model, of matrices, or "
-                "read from a file; give one that transient or periodic has just made of a Model"
+                f"{owner}: the motion keeps no fields, being that of matrices, of an unreduced model with "
+                "too many instants, or read from a file; give one that transient or periodic has just made "
+                "of a Model"
             )
         )
     return model

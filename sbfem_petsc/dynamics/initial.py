@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -13,47 +12,114 @@ from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
-from ..selement.interior import InteriorSampler
-from ..system.model import Model
+from ..selement.interior_motion import interior_fields
 from ..system.modes import Modal
 from ..system.pencil import Pencil
-from ..system.resolution import MeshWarning, caller_level
 from ..system.shapes import Group
+from ..system.structure import Structure
 
-# Share of a start inside the S-elements, root mean square, beyond which is warned: u_y = x^2 on beams
-# of 100 mm moves the free end wrong by 5e-5, 2e-4, 3e-3 and 3e-2 at 6e-5, 2.3e-4, 3e-4 and 1.2e-3.
-UNSEEN = 2.5e-4
+# Gauss points along the radius, for functions that cells resolve.
+RADIAL_POINTS = 8
+# Auxiliary unknowns that start: of the greatest inertia in their S-element, down to this share of it. The
+# others are fast and small, and known to few digits.
+LEAST_INERTIA = 0.1
 
 
-def nodal_field(model: Model, function: Callable | None, what: str) -> np.ndarray:
+def nodal_field(model: Structure, function: Callable | None, what: str) -> np.ndarray:
     """(m, 2): values at this rank's nodes of a function of x and y, zero for None.
 
     Raises
     ------
     ValueError
         If it does not give two finite values a place; on all ranks.
-
-    Warns
-    -----
-    MeshWarning
-        If the function has inside the S-elements what its values on their boundaries do not determine.
     """
     places = model.part.coordinates
     if function is None:
         return np.zeros(places.shape)
     with collective(model.comm):
-        field = _values(function, places, what)
-        parts = np.array([_unseen(model, function, group, field, what) for group in model.groups])
-    unseen, whole = model.comm.allreduce(parts.reshape(-1, 2).sum(axis=0))
-    if unseen > UNSEEN**2 * whole:
-        warnings.warn(
-            f"transient: inside the S-elements the {what} of start differs by {np.sqrt(unseen / whole):.1g} "
-            "of itself (root mean square) from the static field of its values on their boundaries, in which "
-            "the motion starts; displacements may be off by ten times as much. Make cells smaller (size)",
-            MeshWarning,
-            stacklevel=caller_level(),
+        return _values(function, places, what)
+
+
+def momentum(
+    pencil: Pencil, function: Callable | None, what: str, less: np.ndarray | None = None
+) -> np.ndarray:
+    """(local unknowns of the pencil,): the integral of density times a function of x and y over the whole
+    body, with the fields that the displacement and auxiliary unknowns stand for. Collective.
+
+    Parameters
+    ----------
+    pencil : Pencil
+        With all auxiliary unknowns.
+    function : callable or None
+        See `nodal_field`; None is zero.
+    what : str
+        For messages.
+    less : (m, 2) array, optional
+        Displacements of this rank's nodes whose static field is taken off the function.
+    """
+    model = pencil.model
+    nodal, inside = np.zeros(model.part.coordinates.shape), np.zeros(len(pencil.auxiliary_inertia()))
+    if function is None:
+        return np.zeros(pencil.owned + len(inside))
+    with collective(model.comm):
+        known: dict[int, _Weights] = {}  # one for each shape
+        for group, scale, numbers in pencil.placed():
+            weights = known.setdefault(id(group.solution), _Weights(model, group))
+            on_nodes, on_auxiliary = weights.integrals(
+                group, function, what, None if less is None else less[group.nodes]
+            )
+            np.add.at(nodal, group.nodes, scale * on_nodes)
+            inside[numbers] = scale * on_auxiliary
+    return np.concatenate([model.summed_nodal(nodal), inside])
+
+
+class _Weights:
+    """Quadrature over S-elements of one shape, and the fields of their unknowns there."""
+
+    def __init__(self, model: Structure, group: Group):
+        eta, along = np.polynomial.legendre.leggauss(group.order + 3)
+        xi, inwards = np.polynomial.legendre.leggauss(RADIAL_POINTS)
+        self._levels = 0.5 * (xi + 1.0)
+        self._edges = edge_nodes(len(group.shape), group.order, group.closed)
+        self._values, slopes = shape_functions(group.order, eta)
+        outline = group.shape[self._edges]
+        (x, y), (dx, dy) = (np.moveaxis(table @ outline, -1, 0) for table in (self._values, slopes))
+        self._places = np.stack([x, y], axis=-1)
+        area = (x * dy - y * dx) * along  # on the boundary; xi dxi of it inside
+        densities = model.materials[group.material].densities
+        if densities is not None:
+            area = area * densities[:, None]
+        self._area = 0.5 * np.einsum("l,eq->leq", self._levels * inwards, area)
+        self._static, self._auxiliary = interior_fields(
+            group.solution, self._levels, model.continued_fraction
         )
-    return field
+        self._centres = model.part.centres
+
+    def integrals(
+        self, group: Group, function: Callable, what: str, less: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(k, nodes, 2) in each S-element's own frame, and (k, a): in units of rho h^2 t; of the function
+        less the static field of displacements (k, nodes, 2), if there are any.
+        """
+        turned = np.einsum("k,eqi,kij->keqj", group.sizes, self._places, group.rotations)
+        rays = self._levels[None, :, None, None, None] * turned[:, None]
+        places = self._centres[group.elements][:, None, None, None] + rays
+        field = _values(function, places.reshape(-1, 2), what).reshape(places.shape)
+        field = np.einsum("kleqj,kij->kleqi", field, group.rotations)  # in the reference frame
+        count, depth = len(group.sizes), len(self._levels)
+        if less is not None:
+            flat = np.einsum("kni,kji->knj", less, group.rotations).reshape(count, -1)
+            static = np.einsum("lnm,km->kln", self._static, flat, optimize=True)
+            static = static.reshape(count, depth, -1, 2)[:, :, self._edges]
+            field -= np.einsum("qa,kleai->kleqi", self._values, static, optimize=True)
+        on_edges = np.einsum("leq,qa,kleqi->kleai", self._area, self._values, field, optimize=True)
+        on_rays = np.zeros((count, depth, len(group.shape), 2))
+        for edge, nodes in enumerate(self._edges):
+            on_rays[:, :, nodes] += on_edges[:, :, edge]
+        flat = on_rays.reshape(count, depth, -1)
+        on_nodes = np.einsum("lnm,kln->km", self._static, flat, optimize=True).reshape(count, -1, 2)
+        on_auxiliary = np.einsum("lna,kln->ka", self._auxiliary, flat, optimize=True)
+        return np.einsum("kni,kij->knj", on_nodes, group.rotations), on_auxiliary
 
 
 def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
@@ -80,31 +146,7 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
     return field
 
 
-def _unseen(
-    model: Model, function: Callable, group: Group, field: np.ndarray, what: str
-) -> tuple[float, float]:
-    """Integrals over the S-elements of one shape: squares of what the function has there beyond the static
-    displacement of its boundary values, and of itself.
-    """
-    eta, along = np.polynomial.legendre.leggauss(group.order + 1)
-    xi, inwards = np.polynomial.legendre.leggauss(4)
-    levels = 0.5 * (xi + 1.0)
-    elasticity = model.materials[group.material].elasticity
-    sampler = InteriorSampler(group.solution.radial, group.shape, group.order, group.closed, elasticity, eta)
-    places = sampler.positions(levels, model.part.centres[group.elements], group.sizes, group.rotations)
-    rays = sampler.radial_fields(field[group.nodes], group.rotations, levels)
-    static = sampler.displacement(rays, group.rotations)
-    exact = _values(function, places.reshape(-1, 2), what).reshape(places.shape)
-    # area of a point's share: xi |x cross dx/deta| of its edge
-    values, slopes = shape_functions(group.order, eta)
-    outline = group.shape[edge_nodes(len(group.shape), group.order, group.closed)]
-    (x, y), (dx, dy) = np.moveaxis(values @ outline, -1, 0), np.moveaxis(slopes @ outline, -1, 0)
-    area = np.einsum("k,l,eq->kleq", group.sizes**2, levels * inwards, np.abs(x * dy - y * dx) * along)
-    integrals = [np.sum(area[..., None] * part**2) for part in (exact - static, exact)]
-    return float(integrals[0]), float(integrals[1])
-
-
-def owned_values(model: Model, field: np.ndarray) -> np.ndarray:
+def owned_values(model: Structure, field: np.ndarray) -> np.ndarray:
     """This rank's displacement unknowns of a field (m, 2) at its nodes."""
     first, last = model.ranges[model.comm.rank], model.ranges[model.comm.rank + 1]
     unknowns = model.part.unknowns
@@ -131,10 +173,8 @@ def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
 
 
 def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.ndarray]:
-    """Modal coordinates and velocities Phi^T M u of functions of position.
-
-    Auxiliary unknowns start from zero: inside the S-elements that is the static displacement of what their
-    boundaries do.
+    """Modal coordinates and velocities of functions of position: integrals of density times mode times
+    function, over the inside of the S-elements as well.
 
     Raises
     ------
@@ -150,18 +190,30 @@ def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.nda
         )
     pencil = Pencil(model, 1.0, 0.0)
     try:
-        shapes, (field, product) = full_shapes(pencil, found), pencil.mass.createVecs()
-        result = []
+        shapes, result = full_shapes(pencil, found), []
         for function, what in zip(start, ("displacement", "velocity")):
-            values = nodal_field(model, function, what)
-            field.set(0.0)
-            field.array[: pencil.owned] = owned_values(model, values)
-            pencil.mass.mult(field, product)
-            q = shapes.T @ product.array_r
+            q = shapes.T @ momentum(pencil, function, what)
             model.comm.Allreduce(MPI.IN_PLACE, q)
             result.append(q)
-        field.destroy()
-        product.destroy()
     finally:
         pencil.destroy()
     return result[0], result[1]
+
+
+def unreduced_state(pencil: Pencil, function: Callable | None, what: str) -> np.ndarray:
+    """(local unknowns of the pencil,): a function of x and y as a state of the unreduced model: its values at
+    the nodes, and inside the S-elements the nearest field, in the mean square, that the auxiliary unknowns
+    add. Collective.
+    """
+    model = pencil.model
+    state = np.zeros(pencil.owned + len(pencil.auxiliary_inertia()))
+    if function is None:
+        return state
+    nodal = nodal_field(model, function, what)
+    state[: pencil.owned] = owned_values(model, nodal)
+    left = momentum(pencil, function, what, nodal)[pencil.owned :]
+    inertia = pencil.auxiliary_inertia()
+    for _, _, numbers in pencil.placed():
+        own = numbers[:, inertia[numbers[0]] >= LEAST_INERTIA * inertia[numbers[0]].max(initial=0.0)]
+        state[pencil.owned + own] = left[own] / inertia[own]
+    return state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -12,13 +12,14 @@ from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from ..system.places import checked_place
 from ..system.sampling import Field
+from .kept_fields import KeptFields
 
 # The name of a point, or coordinates in m.
 Point = str | tuple[float, float]
 
 NOT_KEPT = (
-    "an unreduced model's motion keeps what its named points, pairs and tips do, not whole fields; name "
-    "further points, or use the reduced model"
+    "a motion of an unreduced model keeps its fields up to 256 MB a rank, and neither in files nor when it "
+    "goes on from one; name further points, keep fewer steps (decimation), or use the reduced model"
 )
 
 
@@ -173,6 +174,8 @@ class SampledStates:
     pairs : int
     intensities : dict of str to (n, 2) array
         Pa m^(1/2).
+    fields : KeptFields or None
+        For any other place.
     """
 
     displacements: dict[str, np.ndarray]
@@ -182,6 +185,11 @@ class SampledStates:
     gap: np.ndarray
     pairs: int
     intensities: dict[str, np.ndarray]
+    fields: KeptFields | None = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: without the fields, which are those of a model in this process."""
+        return {**self.__dict__, "fields": None}
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -194,8 +202,11 @@ class SampledStates:
         return tuple(self.intensities)
 
     def displacement(self, point: Point) -> np.ndarray:
-        """(n, 2), m."""
-        return _of(self.displacements, point, "point")
+        """(n, 2), m. Collective for a place (x, y)."""
+        if isinstance(point, str):
+            return _of(self.displacements, point, "point")
+        place = checked_place("displacement", point)
+        return self._kept("displacement").along("displacement", [place], self.contact)[:, 0]
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""
@@ -212,34 +223,45 @@ class SampledStates:
         return _of(self.intensities, tip, "crack tip")
 
     def stress(self, place: Point) -> np.ndarray:
-        """Not kept.
+        """(n, 3): xx, yy, xy, Pa. Collective.
 
         Raises
         ------
         SolveError
-            Always, on all ranks.
+            If the fields are not kept; on all ranks.
         """
-        raise on_all_ranks(SolveError(f"stress: {NOT_KEPT}"))
+        fields = self._kept("stress")
+        if isinstance(place, str):
+            _of(self.displacements, place, "point")
+            place = fields.model.points[place][0]
+        return fields.along("stress", [checked_place("stress", place)], self.contact)[:, 0]
 
     def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
-        """Not kept.
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective.
 
         Raises
         ------
         SolveError
-            Always, on all ranks.
+            If the fields are not kept; on all ranks.
         """
-        raise on_all_ranks(SolveError(f"along: {NOT_KEPT}"))
+        fields = self._kept("along")
+        u, stress = (fields.along(kind, points, self.contact) for kind in ("displacement", "stress"))
+        return u, stress
 
     def field(self, instant: int) -> Field:
-        """Not kept.
+        """Displacements of this rank's nodes, and what contact does inside the tips' S-elements. Collective.
 
         Raises
         ------
         SolveError
-            Always, on all ranks.
+            If the fields are not kept; on all ranks.
         """
-        raise on_all_ranks(SolveError(f"field: {NOT_KEPT}"))
+        return self._kept("field").field(instant, self.contact[instant])
+
+    def _kept(self, what: str) -> KeptFields:
+        if self.fields is None:
+            raise on_all_ranks(SolveError(f"{what}: {NOT_KEPT}"))
+        return self.fields
 
 
 def _of(table: dict[str, np.ndarray], name: Point, kind: str) -> np.ndarray:

@@ -29,10 +29,12 @@ from ..system.equilibrium import equilibrium
 from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
+from ..system.resolution import warn_of_tips
 from .energy import Energy
 from .history import History
-from .initial import nodal_field, owned_values
+from .initial import unreduced_state
 from .integration import Column, Rows, Steps
+from .kept_fields import KeptFields
 from .states import SampledStates
 from .unreduced_steps import UnreducedSteps
 
@@ -68,6 +70,7 @@ class UnreducedIntegrator:
         modes: int,
     ):
         model.require_support("the transient analysis")
+        warn_of_tips("transient", model)
         self.model, self.signals, self.steps = model, signals, steps
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0)
@@ -75,6 +78,7 @@ class UnreducedIntegrator:
         self.pencil = Pencil(model, 1.0, 0.0)
         self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
         self.columns = unreduced_columns(model)
+        self.fields = KeptFields(model, units, steps.kept)
         self.force = self._set_start(units, start)
         self.march.stored = self.march.stored_in(self.force)
         self.march.initial = float(self.march.energies().sum())
@@ -129,6 +133,8 @@ class UnreducedIntegrator:
         energies = np.concatenate([energies, self.march.work])
         forces_and_gaps = self.march.padded(force, gap)
         intensities = self.march.intensities()
+        if self.fields.wanted:
+            self.fields.add(self.march.owned(), self.march.amplitudes)
         return (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
 
     def _stacked(self, rows: list[tuple]) -> Rows:
@@ -156,6 +162,7 @@ class UnreducedIntegrator:
         head, work, carried, slope, active, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
         march.initial, march.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
+        self.fields.wanted = False  # those of the former run are gone
         march.active[:], march.u[:], march.v[:] = active != 0.0, u, v
         march.settle(fold=False)
 
@@ -169,6 +176,7 @@ class UnreducedIntegrator:
             pairs=model.gap_operator.pairs,
             step=self.march.step,
             damped_modes=len(self.march.omega),
+            fields=self.fields.complete(len(rows["time"])),
         )
 
     def _set_start(self, units: Sequence[Load], start) -> np.ndarray:
@@ -184,9 +192,8 @@ class UnreducedIntegrator:
             march.u[: self.pencil.owned] = found.owned
             force = found.force[: march.pairs].copy()
         else:
-            # zero auxiliary unknowns: inside the S-elements the static displacement of their boundaries' one
             for state, function, what in zip((march.u, march.v), start, ("displacement", "velocity")):
-                state[: self.pencil.owned] = owned_values(model, nodal_field(model, function, what))
+                state[:] = unreduced_state(self.pencil, function, what)
         march.force = force
         march.settle(fold=False)
         return force
@@ -220,14 +227,15 @@ def unreduced_history(
     step: float,
     damped_modes: int,
     complete: bool = True,
+    fields: KeptFields | None = None,
 ) -> History:
-    """A history from its rows by the names of `UnreducedIntegrator.columns`."""
+    """A history from its rows by the names of `UnreducedIntegrator.columns`, and its fields."""
     places, speeds, accelerations = (
         {name: rows[field][:, k] for k, name in enumerate(points)}
         for field in ("displacement", "velocity", "acceleration")
     )
     intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(tips)}
     states = SampledStates(
-        places, speeds, accelerations, rows["contact_force"], rows["gap"], pairs, intensities
+        places, speeds, accelerations, rows["contact_force"], rows["gap"], pairs, intensities, fields
     )
     return History(rows["time"], states, Energy(*rows["energies"].T), step, 0, damped_modes, complete)

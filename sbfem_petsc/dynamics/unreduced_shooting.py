@@ -24,6 +24,7 @@ from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from .excitation import Excitation
 from .integration import row_size
+from .kept_fields import KeptFields
 from .loading import loading
 from .orbit import Orbit
 from .preparation import STEPS, PeriodSettings
@@ -82,7 +83,8 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
         step = excitation.periods / frequency / count
         march = UnreducedSteps(model, pencil, loads.units, step, found, settings.contact, "implicit")
         try:
-            return _UnreducedPeriod(march, excitation, frequency, count).solve()
+            fields = KeptFields(model, loads.units, count)
+            return _UnreducedPeriod(march, excitation, frequency, count, fields=fields).solve()
         finally:
             march.release()
     finally:
@@ -110,7 +112,16 @@ def _require_room(model: Model, count: int, modes: int) -> None:
 class _UnreducedPeriod:
     """The period map of a march, its derivative and its fixed point."""
 
-    def __init__(self, march: UnreducedSteps, excitation: Excitation, frequency: float, count: int):
+    def __init__(
+        self,
+        march: UnreducedSteps,
+        excitation: Excitation,
+        frequency: float,
+        count: int,
+        *,
+        fields: KeptFields,
+    ):
+        self.fields = fields
         self.march, self.excitation, self.frequency, self.count = march, excitation, frequency, count
         self.amplitudes = (excitation.phases(count) @ excitation.amplitudes).real
         # displacements are weighed with the forcing frequency to be velocities
@@ -132,6 +143,8 @@ class _UnreducedPeriod:
             if record:
                 places, speeds = march.at_points()
                 rows.append((places, speeds, *march.padded(force, gap), march.intensities()))
+                if self.fields.wanted:
+                    self.fields.add(march.owned(), march.amplitudes)
         march.settle()
         return self._get(), sets, rows
 
@@ -260,6 +273,7 @@ class _UnreducedPeriod:
             gaps,
             march.model.gap_operator.pairs,
             {name: intensities[:, k] for k, name in enumerate(tips)},
+            self.fields.rolled(1).complete(self.count) if self.fields.wanted else None,
         )
         return Orbit(
             np.arange(self.count) * march.step,

@@ -251,6 +251,11 @@ class UnreducedSteps:
         """Probes of the displacement."""
         return self.at_u + self.probe_modes @ (self.q - self.q0)
 
+    def owned(self) -> np.ndarray:
+        """This rank's displacement unknowns."""
+        count = self.pencil.owned
+        return self.u[:count] + self.phi[:count] @ (self.q - self.q0)
+
     def velocities(self) -> np.ndarray:
         """Probes of the velocity."""
         return self.at_v + self.probe_modes @ (self.p - self.p0)

@@ -44,7 +44,7 @@ def animate_crack(
     Parameters
     ----------
     motion : Orbit or History
-        Of a reduced model that knows its model; a steady state repeats without a seam.
+        Of a model, reduced or not; a steady state repeats without a seam.
     path : str
         Ends in .gif or .mp4.
     crack : int

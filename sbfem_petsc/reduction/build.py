@@ -15,6 +15,7 @@ from ..petsc import MPI
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.modes import Modal
+from ..system.resolution import warn_of_tips
 from ..system.static_solver import block_width
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
@@ -100,6 +101,7 @@ def reduced(model: Model, units: tuple[Load, ...], modes: int) -> ReducedModel:
 
 def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel:
     model.require_support("the reduction")
+    warn_of_tips("reduce", model)
     gap, compliance = model.gap_operator, model.compliance
     gap_modes = gap.rows(found.shapes)
     point_modes = model.point_rows(found.shapes).reshape(len(model.points), 2, len(found.frequencies))

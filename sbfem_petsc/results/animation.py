@@ -32,7 +32,7 @@ def write_animation(
     folder : str
         Made if it is missing.
     motion : History or Orbit
-        Of a reduced model that knows its model; the fields are those of `motion.field`, the residual
+        Of a model, reduced or not; the fields are those of `motion.field`, the residual
         flexibility of contact and loads included.
     times : sequence of float, optional
         s; the nearest recorded instants are taken.
@@ -53,7 +53,8 @@ def write_animation(
     TypeError, ValueError
         If an instant makes no sense or a file cannot be written; on all ranks.
     SolveError
-        If the motion keeps no fields: that of an unreduced model, of matrices, or read from a file.
+        If the motion keeps no fields: that of matrices, or read from a file, or a long one of an unreduced
+        model.
     """
     model = model_with_fields("write_animation", motion)
     with collective(model.comm):

@@ -7,7 +7,7 @@ from __future__ import annotations
 import copy
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -119,10 +119,7 @@ class Pencil:
 
     def auxiliary_diagonal(self, shift: float) -> np.ndarray:
         """E t - shift J of this rank's auxiliary unknowns."""
-        inertia = np.concatenate(
-            [np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)]
-        )
-        return self._auxiliary_stiffness - shift * inertia
+        return self._auxiliary_stiffness - shift * self.auxiliary_inertia()
 
     def auxiliary_translation(self) -> np.ndarray:
         """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
@@ -133,6 +130,20 @@ class Pencil:
             translations = np.tile(np.eye(2), (len(piece.group.shape), 1))
             parts.append(np.einsum("knr,ni->kri", piece.coupling(np.s_[:]), translations).reshape(-1, 2))
         return np.concatenate(parts) if parts else np.zeros((0, 2))
+
+    def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
+        """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
+        those of this rank, (k, a); of a pencil that keeps every one.
+        """
+        first = 0
+        for piece in self._pieces:
+            numbers = first + np.arange(piece.auxiliary).reshape(len(piece.group_rows), -1)
+            yield piece.group, piece.inertia_scale, numbers
+            first += piece.auxiliary
+
+    def auxiliary_inertia(self) -> np.ndarray:
+        """J of this rank's auxiliary unknowns."""
+        return np.concatenate([np.tile(p.inertia, len(p.group_rows)) for p in self._pieces] or [np.empty(0)])
 
     def eigenvalues_below(self, shift: float) -> int | None:
         """Number of eigenvalues omega^2 < `shift` by Sylvester's law of inertia; None where the direct solver
@@ -176,27 +187,27 @@ class _Piece:
     def __init__(self, model: Structure, group: Group, rows: np.ndarray, highest: float, tolerance: float):
         self.group, self.group_rows = group.select(rows), rows
         self.modulus, inertia = model.scales(self.group)
-        self._inertia_scale = float(inertia[0])
+        self.inertia_scale = float(inertia[0])
         self.unknowns = model.unknowns_of(self.group)
         coupling, inertia = group.solution.coupling, group.solution.inertia
         if tolerance > 0.0 and coupling.shape[1]:
             coupling, inertia = _project(
                 group.solution,
-                highest**2 * self._inertia_scale / self.modulus,
+                highest**2 * self.inertia_scale / self.modulus,
                 tolerance,
                 model.continued_fraction,
             )
         self._coupling, self._inertia = coupling, inertia
         self.auxiliary = inertia.size * len(rows)
-        self.inertia = self._inertia_scale * inertia
+        self.inertia = self.inertia_scale * inertia
 
     def mass(self, part: slice) -> np.ndarray:
         """(k, n, n) blocks of some of the S-elements."""
-        return self._inertia_scale * self.group.select(part).turned_both(self.group.solution.mass)
+        return self.inertia_scale * self.group.select(part).turned_both(self.group.solution.mass)
 
     def coupling(self, part: slice) -> np.ndarray:
         """(k, n, r) blocks of some of the S-elements."""
-        return self._inertia_scale * self.group.select(part).turned(self._coupling)
+        return self.inertia_scale * self.group.select(part).turned(self._coupling)
 
     def transposed_coupling(self, part: slice) -> np.ndarray:
         """(k, r, n)"""
@@ -204,7 +215,7 @@ class _Piece:
 
     def condensed(self, shift: float) -> Callable[[slice], np.ndarray]:
         """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns, of some of the S-elements."""
-        solution, s = self.group.solution, shift * self._inertia_scale / self.modulus
+        solution, s = self.group.solution, shift * self.inertia_scale / self.modulus
         matrix = self.modulus * (
             solution.stiffness
             - s * solution.mass

@@ -32,6 +32,10 @@ WARNED = 7e-4
 # Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode
 # is looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
 WARNED_AMPLITUDE, LEAST_DAMPING = 3e-3, 1e-3
+# Errors of stress intensity factors in units of that of the exponents at their tips, and the error beyond
+# which the user is warned. Edge and inclined cracks in materials of E_1 / E_2 = 3, 14 and 40 at 0, 30 and 75
+# degrees, orders 4 to 7: 3 in the middle, 1 to 9 in nearly all of them, i.e. right within a factor of 3.
+ANGULAR, WARNED_FACTOR = 3.0, 1e-3
 # Size of the largest cell times omega / c_s (c_s: shear waves) below which no mode was off by 5e-4, for
 # orders 0, 1, 2, ...: on the same cantilevers, in which waves of bending are the shortest, 1e-3 is passed at
 # 0.05, 0.41, 1.2, 2.3 and 4 with p = 2, 3, 4, 5 and 9.
@@ -125,6 +129,24 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
             model,
             highest,
         )
+
+
+def warn_of_tips(owner: str, model: Structure) -> None:
+    """Warn if edges around a tip in an anisotropic material do not carry its singular stresses, by more than
+    `WARNED_FACTOR`. Collective.
+    """
+    errors = ANGULAR * model.tips.exponent_errors
+    if errors.max(initial=0.0) <= WARNED_FACTOR:
+        return
+    worst = int(np.argmax(errors))
+    warnings.warn(
+        f"{owner}: around the tip {model.tips.names[worst]} the stresses of the anisotropic material change "
+        f"too fast for edges of order {model.order}: K_I and K_II are off by about {errors[worst]:.1g} of "
+        f"themselves, stresses next to the tip by more; take a higher order (order={model.order + 2} or more "
+        "in mesh), or accuracy= of static",
+        MeshWarning,
+        stacklevel=caller_level(),
+    )
 
 
 def needs_look(model: Structure, frequency: float) -> bool:

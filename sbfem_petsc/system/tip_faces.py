@@ -36,6 +36,8 @@ class TipFaces:
     modes : int
     stiffness : float
         E times the thickness, N/m.
+    given_gaps : (float, float) or None
+        Initial gaps at the tip and on the element's boundary, m, where they are not those of the drawn faces.
     """
 
     number: int
@@ -44,6 +46,7 @@ class TipFaces:
     tractions: FaceTractions
     modes: int
     stiffness: float
+    given_gaps: tuple[float, float] | None = None
 
     @property
     def size(self) -> float:
@@ -69,11 +72,9 @@ class TipFaces:
 
     def initial_gap(self) -> np.ndarray:
         """(modes,): mean gaps of the undeformed faces, m."""
-        shape = self.group.shape
-        opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
-        # faces of a closed crack coincide to round-off
-        at_boundary = self.size * opening if opening > 1e-12 else 0.0
-        return self.tractions.initial_mean(0.0, at_boundary)
+        if self.given_gaps is not None:
+            return self.tractions.initial_mean(*self.given_gaps)
+        return self.tractions.initial_mean(0.0, _drawn_gap(self.group.shape, self.size))
 
     def uniform(
         self, faces: list[bool], traction: Callable[[np.ndarray], np.ndarray], thickness: float
@@ -108,8 +109,37 @@ def tip_faces(model) -> list[TipFaces]:
                 except SElementError as error:
                     raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
             tractions, stiffness = shared[id(group)], material.modulus * model.thickness
-            found.append(TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness))
+            gaps = _given_gaps(model, group, place.member, place.number)
+            found.append(
+                TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness, gaps)
+            )
     return found
+
+
+def _drawn_gap(shape: np.ndarray, size: float) -> float:
+    """Distance of the faces on the element's boundary, m."""
+    opening = float(opening_direction(shape)[0] @ (shape[0] - shape[-1]))
+    return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
+
+
+def _given_gaps(model, group: Group, member: int, number: int) -> tuple[float, float] | None:
+    """Initial gaps at the tip and on the boundary of its element, m, from the pair there and the next one, if
+    they are not those of the drawn faces.
+    """
+    tip, pairs, part = model.tip_elements[number], model.pairs, model.part
+    ends = np.sort(part.nodes[group.nodes[member][[0, -1]]])
+    here = np.flatnonzero((np.sort(pairs.nodes, axis=1) == ends).all(axis=1) & (pairs.crack == tip.crack))
+    drawn = _drawn_gap(group.shape, float(group.sizes[member]))
+    if not len(here) or abs(pairs.gap[here[0]] - drawn) <= 1e-6 * max(pairs.gap[here[0]], drawn):
+        return None
+    first = int(here[0])
+    line = np.flatnonzero(pairs.crack == tip.crack)
+    beyond = np.abs(pairs.arc[line] - pairs.arc[first])
+    beyond[pairs.arc[line] == pairs.arc[first]] = np.inf
+    second = int(line[np.argmin(beyond)])
+    reach = float(group.sizes[member] * np.linalg.norm(group.shape[[0, -1]], axis=1).mean())
+    slope = float(pairs.gap[second] - pairs.gap[first]) / float(beyond.min())
+    return max(float(pairs.gap[first]) - reach * slope, 0.0), float(pairs.gap[first])
 
 
 def _tractions(group: Group, material, modes: int) -> FaceTractions:

@@ -43,6 +43,9 @@ class TipIntensities:
         elements.
     faces : dict of int to (2, m) array
         The same for all traction modes of the tips that this rank holds, by the tip's number.
+    exponent_errors : (tips,) array
+        Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
+        exact ones; zero at others.
     """
 
     names: tuple[str, ...]
@@ -50,6 +53,7 @@ class TipIntensities:
     rows: Rows
     contact: np.ndarray
     faces: dict[int, np.ndarray]
+    exponent_errors: np.ndarray
 
     def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
         """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
@@ -75,7 +79,7 @@ def tip_places(model) -> list[TipPlace]:
 def tip_intensities(model) -> TipIntensities:
     """The forms of a model. Collective."""
     tips = model.tip_elements
-    exponents = np.zeros((len(tips), 2))
+    exponents, errors = np.zeros((len(tips), 2)), np.zeros(len(tips))
     contact = np.zeros((2 * len(tips), len(model.gap_operator)))
     tractions = {faces.number: faces for faces in model.tip_faces}
     rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -107,12 +111,13 @@ def tip_intensities(model) -> TipIntensities:
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
             rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
             exponents[number] = form.exponents
+            errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
             if number in tractions:
                 modes = tractions[number].modes
                 faces = tractions[number].tractions
                 columns[number] = form.placed_of_tractions(faces, rotation, size, model.thickness)
                 first = model.gap_operator.pairs + modes * number
                 contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
-    exponents, contact = (model.comm.allreduce(array) for array in (exponents, contact))
+    exponents, contact, errors = (model.comm.allreduce(array) for array in (exponents, contact, errors))
     gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
-    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns)
+    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns, errors)

@@ -2,11 +2,15 @@
 solver.
 """
 
+import re
+import warnings
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam, Plate, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
+from sbfem_petsc.errors import RoundOffWarning
 from tests.reference import paper_beam, statics
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -308,3 +312,44 @@ def test_unknown_point_of_a_solution():
     solution = sb.static(sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM), sb.PointForce("A", fy=1.0))
     with pytest.raises(KeyError, match="point 'Z' does not exist; the model has 'A'"):
         solution.displacement("Z")
+
+
+def test_springs_that_hardly_hold_a_body():
+    """Half of a block pressed onto the other half: uniform pressure to the springs' share; where they are too
+    soft, round-off within what the warning says.
+    """
+    plate = Plate([(0, 0), (1, 0), (1, 2), (0, 2)], cracks=[CrackLine([(0, 1), (1, 1)], name="c")])
+    mesh = plate.mesh(order=4, face_edges=8)
+
+    def pressures(spring):
+        sides = [sb.Support(name, x=True, y=False) for name in ("edge2", "edge4")]
+        held = [sb.Support("edge1", x=False, y=True), sb.Support("edge3", x=False, y=spring)]
+        model = sb.Model(mesh, sb.Material(70e9, 0.3, 2700), clamped=None, supports=sides + held)
+        return sb.static(model, sb.EdgeLoad("edge3", pressure=1e6)).contact_pressure()[1] / 1e6 - 1
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        stiff = pressures(1e6)
+    assert np.abs(stiff - stiff.mean()).max() < 1e-7 and -1e-4 < stiff.mean() < 0
+    with pytest.warns(RoundOffWarning, match="contact pressures may be off by") as said:
+        soft = pressures(1.0)
+    told = float(re.search(r"off by (\S+) of", str(said[0].message))[1])
+    assert told / 100 < np.abs(soft).max() < 3 * told
+
+
+def test_given_gaps_are_those_of_a_notch():
+    """A closed crack with the gap of the paper's notch, inside the tip's S-element as well: the same contact
+    but for the wedge of 2 um that is not cut out.
+    """
+    results, slope = [], 2 * np.tan(np.radians(0.0458366) / 2)
+    for opening in (0.0458366, 0.0):
+        mesh = Beam(0.4, 0.005, [VNotch(0.08, 0.0025, opening)]).mesh(order=3, tip_size=5e-4)
+        if not opening:
+            mesh = mesh.with_gap("crack1", lambda x, y: slope * (y - 0.0025))
+        model = sb.Model(mesh, ALUMINIUM)
+        found = sb.static(model, sb.PointForce("A", fy=100.0))
+        gaps = model.tip_faces[0].initial_gap()
+        results.append([found.contact_resultant, found.stress_intensity["crack1"][0], *gaps])
+    drawn, given = np.array(results)
+    assert drawn[0] > 9000 and drawn[2] > 0
+    assert np.abs(given / drawn - 1).max() < 1e-4

@@ -9,6 +9,7 @@ from scipy import linalg
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.dynamics.initial import modal_start
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 
@@ -476,21 +477,43 @@ def test_error_estimate_with_contact():
     assert history.contact_resultant.max() > 100 and estimate.step < 1e-4 and 0 < estimate.modes < 1e-3
 
 
-def test_starts_that_cells_are_too_large_for_warn():
-    """Boundaries determine a linear field inside, whatever the cells, and a quadratic one the better the
-    smaller they are.
+def axial_starts(order, terms=1):
+    """Largest error, relative to the largest, of the axial modal coordinates of u_x = x^2: without Poisson's
+    ratio the modes of a body are those of a bar, sqrt(2 / mass) sin((j - 1/2) pi x / L).
     """
+    length, height, density = 0.1, 0.04, 2700.0
+    model = sb.Model(
+        Beam(length, height).mesh(order=order), sb.Material(70e9, 0.0, density), continued_fraction=terms
+    )
+    reduced = sb.reduce(model, sb.PointForce("A", fx=1.0), modes=9)
+    found, rest = modal_start(reduced, (lambda x, y: (x**2, 0.0 * y), None))
+    assert (rest == 0.0).all()
+    wave = (np.arange(2) + 0.5) * np.pi / length
+    exact = height * density * np.sqrt(2 / (density * length * height))
+    exact *= (2 * length * (-1.0) ** np.arange(2)) / wave**2 - 2 / wave**3
+    own = [int(np.argmin(np.abs(reduced.omega - k * np.sqrt(70e9 / density)))) for k in wave]
+    return np.abs(np.abs(found[own]) - np.abs(exact)).max() / np.abs(exact).max()
 
-    def started(displacement, **mesh):
-        model = sb.Model(Beam(0.1, 0.01).mesh(order=3, **mesh), sb.Material(70e9, 0.33, 2700))
-        with warnings.catch_warnings():
-            warnings.simplefilter("error", sb.MeshWarning)
-            sb.transient(model, sb.PointForce("A"), 1e-4, 1e-5, modes=4, start=(displacement, None))
 
-    started(lambda x, y: (1e-3 * x - 2e-3 * y, 5e-4 * x))
-    with pytest.raises(sb.MeshWarning, match="the displacement of start differs by 0.001 of itself"):
-        started(lambda x, y: (0.0 * x, x**2))
-    started(lambda x, y: (0.0 * x, x**2), size=0.004)
+def test_starts_by_functions_converge():
+    """The projection on the modes sees the inside of the S-elements: errors fall with order and terms, with
+    two cells over the length. What boundaries alone say of x^2 leaves out the same share whatever the order.
+    """
+    errors = [axial_starts(order, terms) for order, terms in ((2, 1), (4, 1), (6, 2), (8, 3))]
+    assert all(later < 0.1 * former for former, later in zip(errors, errors[1:]))
+    assert errors[0] < 1e-2 and errors[-1] < 1e-8
+
+
+@pytest.mark.parametrize("reduction, tolerance", [("modes", 2e-4), (None, 1e-5)])
+def test_kinetic_energy_of_a_start(reduction, tolerance):
+    """Half of the integral of density times the square of a velocity given as a function, but for what the
+    modes leave out; boundaries alone would have 1.6e-3 too much.
+    """
+    model = sb.Model(Beam(0.1, 0.01).mesh(order=3), sb.Material(70e9, 0.33, 2700))
+    start = (None, lambda x, y: (0.0 * x, x**2))
+    run = {"modes": 60, "start": start, "reduction": reduction}
+    found = sb.transient(model, sb.PointForce("A"), 1e-6, 1e-6, **run)
+    assert found.energy.kinetic[0] == pytest.approx(0.5 * 2700 * 0.01 * 0.1**5 / 5, rel=tolerance)
 
 
 def test_start_of_wrong_length():

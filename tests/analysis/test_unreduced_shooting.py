@@ -35,6 +35,8 @@ def test_open_crack_is_the_linear_response(model):
         orbit = sb.periodic(model, LOAD, 3000.0, steps=steps, contact=False, reduction=None)
         found = harmonics(orbit)
         assert orbit.iterations == 1 or orbit.residuals[1] < 1e-3 * orbit.residuals[0]
+        place, named = model.points["A"][0], orbit.displacement("A")
+        assert np.abs(orbit.displacement(place) - named).max() < 1e-9 * np.abs(named).max()
         assert np.abs(found[2:]).max() < 1e-7 * np.abs(found[1])  # the linear solves' tolerance
         errors.append(abs(found[1] - exact) / abs(exact))
     magnified = (2 * np.pi / 129) ** 2 / 12 / model.damping_ratios(np.array([2 * np.pi * 3000.0]))[0]

@@ -359,3 +359,37 @@ def test_histories_on_several_ranks(on_one_rank, ranks):
                 atol=1e-6 * np.abs(history[quantity]).max(),
                 err_msg=f"{name} {quantity}",
             )
+
+
+def test_any_point(tmp_path):
+    """Displacement and stress at any place: those of statics where a motion starts from equilibrium, with
+    contact and a pressure on the faces inside the tip's S-element, and those of a named point in between.
+    """
+    model = sb.Model(paper_beam().mesh(order=3, size=0.02, tip_size=2e-4), ALUMINIUM, damping=0.01)
+    load = sb.PointForce("A", fy=100.0) + sb.EdgeLoad("crack1_left", pressure=1e5)
+    still = sb.static(model, load)
+    assert still.contact_resultant > 100
+    history = sb.transient(model, load, 1e-5, step=1e-6, start="equilibrium", reduction=None)
+    for place in ((0.05, 0.001), (0.08005, 0.00253), (0.0801, 0.00249)):
+        for kind in ("displacement", "stress"):
+            exact, found = getattr(still, kind)(place), getattr(history, kind)(place)
+            assert np.abs(found - exact).max() < 2e-6 * np.abs(exact).max()
+    _, u, stress = history.along((0.03, 0.001), (0.06, 0.002), count=3)
+    _, *exact = still.along((0.03, 0.001), (0.06, 0.002), count=3)
+    assert np.abs(u - exact[0]).max() < 2e-6 * np.abs(exact[0]).max()
+    assert np.abs(stress - exact[1]).max() < 2e-6 * np.abs(exact[1]).max()
+    assert np.abs(np.array(history.field(0.0)) - still.field).max() < 1e-9 * np.abs(still.field).max()
+    place = model.points["A"][0]
+    run = {"duration": 5e-5, "step": 1e-6, "decimation": 5, "reduction": None, "modes": 10}
+    file = tmp_path / "history.h5"
+    moving = sb.transient(model, LOAD, file=file, **run)
+    named = moving.displacement("A")
+    assert np.abs(moving.displacement(place) - named).max() < 1e-9 * np.abs(named).max()
+    with pytest.raises(
+        sb.SolveError, match="displacement: a motion of an unreduced model keeps its fields up to"
+    ):
+        sb.read_history(file).displacement(place)
+    with pytest.raises(ValueError, match="lies outside the structure"):
+        moving.stress((1.0, 0.0))
+    with pytest.raises(sb.UnknownName, match="point 'Z' does not exist"):
+        moving.displacement("Z")

@@ -739,6 +739,7 @@ ARGUMENTS: Arguments = {
     "crack": "crack1",
     "Samples.from_csv.path": "given/wave.csv",
     "BoundaryMesh.load.path": "given/mesh.h5",
+    "BoundaryMesh.with_gap.gap": 1e-6,
     "BoundaryMesh.export.path": "written.vtk",
     "start": (0.01, 0.005),
     "end": (0.02, 0.005),

@@ -304,3 +304,14 @@ def test_checks_take_no_square_of_the_number_of_segments():
         [(0, 0), (100, 0), (100, 100), (0, 100)],
         holes=[Hole(x, y, 0.5) for x in range(1, 100) for y in range(1, 60)],
     )
+
+
+def test_needles_between_cracks():
+    """Lines that meet at two degrees: gmsh's quadrilaterals overlap there, its triangles do not."""
+    lines = [
+        [(0.1, 0), (0.0521, 0.06), (0.1, 0.0714)],
+        [(0, 0), (0.0137, 0.0222), (0.0824, 0.089), (0.0195, 0.0295)],
+    ]
+    square = [(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)]
+    mesh = Plate(square, cracks=[CrackLine(points) for points in lines]).mesh(order=1)
+    assert mesh.area == pytest.approx(0.01, rel=1e-12)

@@ -1,0 +1,91 @@
+"""Motion inside S-elements as the dynamic unknowns mean it: projections of fields given everywhere.
+
+At a frequency omega the radial equation is ``xi u,xi = F (S(omega xi) - E1^T) u`` with the dynamic stiffness
+S = K - x R_1 - x^2 R_2 - ..., x = omega^2 xi^2, R_1 = M, and
+
+    (A^T + q I) R_q + R_q (A + q I) = sum over m + l = q of R_m F R_l
+
+so that ``u = w_0 + omega^2 w_1 + omega^4 w_2 + ...`` with w_0 = xi^A u(1), the static field, and
+``xi w_k,xi = A w_k - F sum_m xi^2m R_m w_(k-m)``, w_k(1) = 0: what inertia moves inside while the boundary is
+held. The continued fraction of T terms is the element with these T fields alone inside (Guyan's reduction
+with the first Krylov vectors); its auxiliary unknowns y stand for the fields V y with
+``V J^k C^T = w_(k+1)``.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy import linalg
+
+from .coefficients import coefficient_matrices
+from .dense import cholesky, cholesky_solve, lyapunov, schur
+from .interior import radial_displacement
+from .solution import SElement
+
+
+def interior_fields(element: SElement, levels: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray]:
+    """Fields of the boundary unknowns and of the auxiliary ones along the radius.
+
+    Parameters
+    ----------
+    element : SElement
+        With its inertia, of `terms` terms.
+    levels : (l,) array
+        xi in (0, 1].
+    terms : int
+
+    Returns
+    -------
+    static : (l, n, n) array
+        xi^A.
+    auxiliary : (l, n, a) array
+        V, zero on the boundary.
+    """
+    radial, n = element.radial, element.stiffness.shape[0]
+    static = radial_displacement(radial, np.eye(n), levels)
+    count = len(element.inertia)
+    if not count:
+        return static, np.zeros((len(levels), n, 0))
+    fields = _held_fields(element, radial, levels, terms)
+    krylov = [element.coupling.T]
+    for _ in range(terms - 1):
+        krylov.append(element.inertia[:, None] * krylov[-1])
+    # V [C^T, J C^T, ...] = [w_1, w_2, ...], scaled by columns: the powers of J differ much
+    basis = np.concatenate(krylov, axis=1)
+    scale = 1.0 / np.linalg.norm(basis, axis=0)
+    stacked = np.concatenate(fields, axis=2) * scale
+    flat = stacked.reshape(-1, basis.shape[1])
+    solved = linalg.lstsq((basis * scale).T, flat.T, cond=1e-12)[0]
+    return static, solved.T.reshape(len(levels), n, count)
+
+
+def _held_fields(element: SElement, radial: np.ndarray, levels: np.ndarray, terms: int) -> list[np.ndarray]:
+    """w_1, ..., w_T, each (l, n, n), of unit boundary displacements."""
+    n = len(radial)
+    coefficients = coefficient_matrices(
+        element.coordinates, element.order, element.closed, element.elasticity, density=element.density
+    )
+    factor = cholesky(coefficients.e0, "coefficient matrix E0")
+    form, series = schur(radial.T), [element.mass]
+    for q in range(2, terms + 1):
+        right = sum(series[m] @ cholesky_solve(factor, series[q - 2 - m]) for m in range(q - 1))
+        series.append(lyapunov(form, float(q), 0.5 * (right + right.T)))
+    # states xi^2k w_(T-k): what decays inwards is marched inwards
+    size = (terms + 1) * n
+    inner = np.zeros((size, size))
+    for k in range(terms + 1):
+        rows = slice(k * n, (k + 1) * n)
+        inner[rows, rows] = radial + 2.0 * k * np.eye(n)
+        for m in range(1, terms + 1 - k):
+            inner[rows, (k + m) * n : (k + m + 1) * n] = -cholesky_solve(factor, series[m - 1])
+    start = np.zeros((size, n))
+    start[terms * n :] = np.eye(n)
+    result = np.empty((terms, len(levels), n, n))
+    current, reached = start, 1.0
+    for index in np.argsort(-levels, kind="stable"):
+        if levels[index] < reached:
+            current, reached = linalg.expm(inner * np.log(levels[index] / reached)) @ current, levels[index]
+        states = current.reshape(terms + 1, n, n)
+        for k in range(terms):  # w_(T-k)
+            result[terms - k - 1, index] = states[k] / levels[index] ** (2 * k)
+    return list(result)
