@@ -2,8 +2,8 @@
 
 Between two changes of the rows in contact the motion is linear. With the eigenvectors of each set of closed
 rows it is known in closed form, and a change is the next root of a gap or a contact force: signs are looked
-at at equal instants, roots found to rounding. Eigenvectors are kept for every set that has occurred. Its error is
-rounding's (1e-15), whatever the number of instants; that of the steps is measured against it.
+at at equal instants, roots found to rounding. Eigenvectors are kept for every set that has occurred. Its
+error is rounding's (1e-15), whatever the number of instants; that of the steps is measured against it.
 
 The state is that of energy norm, CPU seconds of one core, steps as compiled, events in NumPy and LAPACK.
 

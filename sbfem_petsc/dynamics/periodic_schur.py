@@ -13,8 +13,8 @@ from ..contact.compiled import compiled
 from ..errors import SolveError, on_all_ranks
 
 ROUND_OFF = 2.3e-16
-# Sweeps for an eigenvalue at most; every so many take no shift, which is lost in the rounding of products that
-# are graded the wrong way round.
+# Sweeps for an eigenvalue at most; every so many take no shift, which is lost in the rounding of products
+# that are graded the wrong way round.
 SWEEPS, PLAIN = 300, 5
 
 
@@ -204,8 +204,8 @@ def _shift(factors, low, top):
 
 
 def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
-    """Eigenvalues of F_n ... F_2 F_1 by falling modulus, without the product, in whose rounding small ones are
-    lost.
+    """Eigenvalues of F_n ... F_2 F_1 by falling modulus, without the product, in whose rounding small ones
+    are lost.
 
     Each is that of factors which differ from the given ones by about 1e-15 of their norms: relative errors
     are that times the condition of the eigenvalue, whatever its size beside the largest.

@@ -272,8 +272,8 @@ def _basins_in(group: h5py.Group) -> Basins:
     for axis in axes:
         if axis.point is not None and axis.point not in points:
             raise ValueError(f"point {axis.point!r} of an axis is none of its orbits'")
-    sizes = sorted({2 * o.states.q.shape[1] for o in found if isinstance(o.states, ModalStates)})
-    states = numbers(group, "states", *shape, *(sizes or [None]))
+    sizes: set[int | None] = {2 * o.states.q.shape[1] for o in found if isinstance(o.states, ModalStates)}
+    states = numbers(group, "states", *shape, *(sizes or {None}))
     return Basins(
         frequency=number(group, "frequency", least=1e-300),
         orbits=found,
