@@ -100,8 +100,8 @@ def test_resonance_peak_is_on_it():
 
 @pytest.mark.long
 def test_forced_peaks_of_the_paper_come_to_it_as_damping_falls():
-    """Mode 17, at 14.1 kHz, whose forced response is Fig. 11: forces in proportion to the damping, so that the
-    amplitude stays; the distance falls with the square of the damping ratio.
+    """Mode 17, at 14.1 kHz, whose forced response is Fig. 11: forces in proportion to the damping, so that
+    the amplitude stays; the distance falls with the square of the damping ratio.
     """
     reduced = sb.reduce(coarse_beam(0.002), sb.PointForce("A", fy=1.0), modes=50)
     options = {"refine": False, "stability": False, "steps": 512}

@@ -26,9 +26,11 @@ along one
   line. Two bodies with different curvatures, whose faces part from each other beside the contact, cannot be
   drawn.
 - **Pressed rings as whole rings**: a crack that closes on itself has no ends; the rings are computed as
-quarters. - **Friction and growth** (SDND100, SSLP320, sslp315a, sslp322a; contact under far compression with
-friction): faces
-  are frictionless and cracks do not grow.
+  quarters.
+- **Friction and growth** (SDND100, SSLP320, sslp315a, sslp322a; contact under far compression with friction):
+  faces are frictionless and cracks do not grow.
+- **NLvib's other examples**: cubic springs, large displacements and dry friction; none has a unilateral
+  spring.
 - **Cracked beam of Rizos et al. (1990)**: its figures are known second hand only; the lines above hold
 nothing.
 """
