@@ -71,6 +71,7 @@ def two_sided_stops() -> Iterator[Row]:
     "Two masses with a stop under a harmonic force",
     "NLvib (Krack, Gross), example 03: m = (1, 1), k = (0, 1, 1), damping 0.03 k, force 0.1 on the second "
     "mass, stop of stiffness 100 at 1 of the first one. The figures are read from its plot, to about 1 %.",
+    long=True,
 )
 def two_masses_with_a_stop() -> Iterator[Row]:
     turn = 2.0 * np.pi
