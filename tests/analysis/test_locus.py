@@ -74,7 +74,8 @@ def within(branch, line, k):
 @pytest.mark.parametrize("kind", ["fold", "period doubling", "Neimark-Sacker"])
 def test_every_point_stands_on_a_curve_of_one_parameter(curve, kind):
     """Steady states at the points' own loads, which know nothing of the line, have the bifurcation at the
-    same frequency to 1e-6; a whole curve at one of the loads has it as far as curves locate it (5e-3 of a step).
+    same frequency to 1e-6; a whole curve at one of the loads has it as far as curves locate it (5e-3 of a
+    step).
     """
     line = sb.locus(curve, of_kind(curve, kind)[0], 0.93, 1.4, points=8)
     assert len(line) >= 12 and np.ptp(line.value) > 0.1
