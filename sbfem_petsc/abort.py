@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import signal
 import sys
 import time
 from types import TracebackType
@@ -27,6 +28,8 @@ LAUNCHED = (
 LEAVING = 29_876
 # Seconds that ranks which end together may be apart.
 PATIENCE = 2.0
+# Seconds after which a rank that asks the launcher to end all, and is not answered, ends itself.
+UNANSWERED = 10
 
 
 class _State:
@@ -140,4 +143,7 @@ def _at_exit() -> None:
 def _stop(world: Any, code: int) -> None:
     sys.stdout.flush()
     sys.stderr.flush()
+    # a launcher that does not answer the call would leave this rank in it: its death is seen in any case
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.alarm(UNANSWERED)
     world.Abort(code)

@@ -166,7 +166,7 @@ def _neighbours(comm: MPI.Comm) -> int:
 
 def _share(ranks: int) -> float:
     """Bytes for each of the ranks here: they share the machine's memory, each has its own address space."""
-    return max(0.0, min(machine_memory() / ranks, available_memory()))
+    return max(0.0, min(machine_memory() / ranks, address_space()))
 
 
 def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:

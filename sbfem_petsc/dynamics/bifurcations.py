@@ -12,7 +12,7 @@ from ..errors import SolveError
 from .continuation import Continuation, ContinuationPoint
 from .orbit import FLOOR
 from .shooting import shoot_along
-from .stability import Multipliers, multipliers
+from .stability import Multipliers, multipliers_of
 
 # How far along the arc between two points a bifurcation is located.
 FINE = 5e-3
@@ -173,7 +173,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         if ends[0] * ends[1] > 0.0:
             continue
         point, _, _ = _root(continuation, first, second, slope, ends)
-        values = multipliers(point.fixed.driven, point.fixed.motion)
+        values = multipliers_of(point.fixed)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
         return Bifurcation(
             "fold",
@@ -183,7 +183,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             values.vectors[:, nearest],
             k if second is points[k] else k + 1,
         )
-    values = multipliers(points[k].fixed.driven, points[k].fixed.motion)
+    values = multipliers_of(points[k].fixed)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
     return Bifurcation(
         "fold",
@@ -204,7 +204,7 @@ def _crossing(
     known = {}
 
     def excess(point: ContinuationPoint) -> float:
-        known[id(point)] = multipliers(point.fixed.driven, point.fixed.motion)
+        known[id(point)] = multipliers_of(point.fixed)
         return float(np.abs(known[id(point)].values[rank]) - 1.0)
 
     first, second = continuation.points[k - 1], continuation.points[k]

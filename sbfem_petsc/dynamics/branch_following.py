@@ -18,7 +18,7 @@ from .orbit import modal_motion, multiplier_error
 from .period_map import Period
 from .several_periods import distances, minimal_periods
 from .shooting import FixedPoint
-from .stability import Multipliers, multipliers
+from .stability import Multipliers, multipliers_of
 
 # Harmonics kept of every point.
 HARMONICS = 20
@@ -198,7 +198,7 @@ class PointRows:
         padded[:, :pairs] = forces
         u = r.points(q[:-1], fixed.driven.loads[:-1], padded)
         spectrum, periods = one_sided(u), self.period.excitation.periods
-        found = multipliers(fixed.driven, fixed.motion) if self.stability else None
+        found = multipliers_of(fixed) if self.stability else None
         row = (
             np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
             0.5 * np.ptp(u[..., 1], axis=0),

@@ -138,12 +138,13 @@ class ContinuationPoint:
         self.fixed, self.value = fixed, value
 
     def derivative(self, name: str) -> np.ndarray:
-        """dx(T) along x(0) and the named parameter, (2 m, 2 m + 1)."""
-        if not hasattr(self, "_derivative"):
-            self._derivative = self.fixed.driven.carried(
-                self.fixed.motion, np.eye(len(self.fixed.state)), (name,)
-            )
-        return self._derivative
+        """dx(T) along x(0), with switches located inside their steps, and the named parameter,
+        (2 m, 2 m + 1).
+        """
+        if not hasattr(self, "_rate"):
+            driven, motion = self.fixed.driven, self.fixed.motion
+            self._rate = driven.carried(motion, np.zeros((len(self.fixed.state), 0)), (name,))
+        return np.concatenate([self.fixed.monodromy, self._rate], axis=1)
 
 
 class Continuation:

@@ -16,7 +16,7 @@ from .excitation import one_sided
 from .history import Motion
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .shooting import FixedPoint, shoot, shoot_nearby
-from .stability import Multipliers, multipliers
+from .stability import Multipliers, multipliers_of
 from .states import ModalStates, Point
 
 # Uncertainty of multipliers below which rounding is all there is.
@@ -134,7 +134,7 @@ def orbit_stability(
     period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
 ) -> tuple[np.ndarray, Callable[[], float]]:
     """Multipliers of an orbit, and what computes the uncertainty of the largest modulus."""
-    found = multipliers(fixed.driven, fixed.motion)
+    found = multipliers_of(fixed)
     return found.values, functools.partial(multiplier_error, period, fixed, frequency, found, factor)
 
 
@@ -154,7 +154,7 @@ def multiplier_error(
             other = shoot(moved, guess, frequency, factor)
     except SolveError:
         return math.nan
-    changed = multipliers(other.driven, other.motion).values[0]
+    changed = multipliers_of(other).values[0]
     return max(FLOOR, abs(np.abs(changed) - np.abs(found.values[0])))
 
 

@@ -74,6 +74,12 @@ class Period:
         result._load(excitation)
         return result
 
+    def in_steps(self, steps: int) -> Period:
+        """The same period in so many steps."""
+        result = self.of(steps)
+        result._load(self.excitation)
+        return result
+
     def of(self, steps: int) -> Period:
         """The map over so many steps, for parts of the period (`DrivenPeriod.part`)."""
         result = copy.copy(self)

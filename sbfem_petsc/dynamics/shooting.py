@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 
 import numpy as np
@@ -22,6 +23,12 @@ PREFIX = "shooting_"
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
 WHOLE = 1200
+# Motions of so many modes and more are first looked for with so many times fewer steps, but so many at least
+# to each order of the loads, to this residual relative to the first one; not from a state whose residual is
+# no larger than what fewer steps cost.
+MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
+# The curve's points are solved to this residual relative to the state.
+ALONG = 1e-10
 
 
 class FixedPoint:
@@ -68,6 +75,11 @@ class FixedPoint:
     def motion(self) -> PeriodMotion:
         """One period from the state."""
         return self.driven.run(self.state) if self._motion is None else self._motion
+
+    @functools.cached_property
+    def monodromy(self) -> np.ndarray:
+        """(2 m, 2 m): dx(T) / dx(0), with switches located inside their steps."""
+        return self.driven.monodromy(self.motion)
 
     def forget(self) -> None:
         """Let go of what takes memory; it is computed again where it is asked for."""
@@ -120,10 +132,36 @@ def shoot(
         return solve(jacobian)
     if 2 * period.modes > WHOLE:
         return solve("matrix-free")
+    if iterations is None and period.modes >= MANY:
+        found = _from_fewer_steps(period, state, frequency, factor)
+        if found is not None:
+            return found
     try:
         return solve("updated")
     except SolveError:
         return solve("dense")
+
+
+def _from_fewer_steps(
+    period: Period, state: np.ndarray, frequency: float, factor: float
+) -> FixedPoint | None:
+    """As `shoot`, by way of the motion with far fewer steps; None if that leads to none."""
+    steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
+    if 2 * steps > period.steps:
+        return None
+    driven = period.at(frequency, factor)
+    coarse = _Newton(period.in_steps(steps), "updated", (), None)
+    coarse.relative = ROUGHLY
+    fine = _Newton(period, "updated", (), None)
+    try:
+        residual = driven.run(state).residual
+        if np.linalg.norm(residual) <= ROUGH * np.linalg.norm(driven.linear_state):
+            return None
+        rough = coarse.solve(state, lambda _: coarse.period.at(frequency, factor), np.zeros(0))
+        fine.near = coarse.derivative
+        return fine.solve(rough.state, lambda _: driven, np.zeros(0))
+    except SolveError:
+        return None
 
 
 def shoot_along(
@@ -155,7 +193,7 @@ def shoot_along(
     first = np.array([value])
     if near is not None:
         newton = _Newton(period, "updated", (name,), condition)
-        newton.near = near
+        newton.near, newton.absolute = near, ALONG
         try:
             return newton.solve(state, lambda p: driven(float(p[0])), first)
         except SolveError:
@@ -196,7 +234,10 @@ class _Newton:
         self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
         self.residuals: list[float] = []
         self.key: bytes | None = None
+        self.relative, self.absolute = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE, ROUND_OFF
+        # derivative of x(T) to begin with, and that of the last iteration
         self.near: np.ndarray | None = None
+        self.derivative: np.ndarray | None = None
         self.derivatives = 0
         self.last: tuple[np.ndarray, np.ndarray] | None = None
 
@@ -233,8 +274,8 @@ class _Newton:
         snes.setJacobian(self._jacobian, matrix)
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
-            rtol=RELATIVE_UPDATED if self.jacobian == "updated" else RELATIVE,
-            atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
+            rtol=self.relative,
+            atol=self.absolute * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
             stol=0.0,
             max_it=self.iterations,
         )
@@ -254,6 +295,8 @@ class _Newton:
             self._check(snes, size_of_state)
             state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
             driven, motion = self._motion(x.array_r)
+            if self.jacobian == "updated" and self.last is not None:
+                self.derivative = matrix.getDenseArray() + np.eye(size)
         finally:
             # also what Python alone still holds: PETSc would only put it aside until all ranks collect
             for item in (snes, ksp, x, f, matrix):

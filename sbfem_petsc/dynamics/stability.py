@@ -13,7 +13,7 @@ from scipy import linalg, optimize
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc, configure
 from .period_map import DrivenPeriod, PeriodMotion
-from .shooting import WHOLE
+from .shooting import WHOLE, FixedPoint
 
 PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
@@ -48,7 +48,12 @@ class Multipliers:
         return self._directions()
 
 
-def multipliers(driven: DrivenPeriod, motion: PeriodMotion, whole: bool | None = None) -> Multipliers:
+def multipliers(
+    driven: DrivenPeriod,
+    motion: PeriodMotion,
+    whole: bool | None = None,
+    monodromy: Callable[[], np.ndarray] | None = None,
+) -> Multipliers:
     """Floquet multipliers of a periodic motion.
 
     Parameters
@@ -68,11 +73,16 @@ def multipliers(driven: DrivenPeriod, motion: PeriodMotion, whole: bool | None =
     size = 2 * driven.period.modes
     if size > WHOLE if whole is None else not whole:
         return _largest(driven, motion, size)
-    matrix = driven.monodromy(motion)
+    matrix = driven.monodromy(motion) if monodromy is None else monodromy()
     values = linalg.eigvals(matrix, check_finite=False)
     order = np.argsort(-np.abs(values), kind="stable")
     values = values[order]
     return Multipliers(values, lambda: _directions(matrix, values), matrix)
+
+
+def multipliers_of(fixed: FixedPoint) -> Multipliers:
+    """Those of a fixed point, whose monodromy matrix is made once."""
+    return multipliers(fixed.driven, fixed.motion, monodromy=lambda: fixed.monodromy)
 
 
 def _directions(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:

@@ -53,8 +53,7 @@ def main(name: str) -> None:
             subject, sb.EdgeLoad("right", tx=sb.Harmonic(1e6, 100.0)), 1e-4, 1e-5, reduction=None, modes=10
         ),
         "transient": lambda: sb.transient(subject, wave, 0.2, 4e-7, decimation=1),
-        "periodic": lambda: sb.periodic(subject, force, 180.0, steps=60_000, stability=False),
-        "stability": lambda: sb.periodic(subject, force, 180.0, steps=60_000),
+        "periodic": lambda: sb.periodic(subject, force, 180.0, steps=60_000),
         "swept_response": lambda: sb.swept_response(
             subject, force, 150.0, 160.0, duration=20.0, steps=2000, first=None
         ),

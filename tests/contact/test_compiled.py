@@ -5,16 +5,13 @@ import shutil
 import subprocess
 import sys
 
-import numba
-import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.contact import marching
 from sbfem_petsc.system import model as model_module
 from tests.parallel import ROOT
 from tests.reference import paper_beam
-from tests.systems import ALUMINIUM, coarse_beam
+from tests.systems import ALUMINIUM
 
 SMALL = """
 import numpy as np
@@ -66,23 +63,54 @@ def test_directories_that_cannot_be_written(tmp_path, cache):
         assert kept and all(where in path.parents for path in kept)
 
 
+KERNELS = """
+import numba
+import numpy as np
+import sbfem_petsc as sb
+from sbfem_petsc.contact import marching
+from tests.systems import coarse_beam
+reduced = sb.reduce_matrices(
+    np.eye(3),
+    2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1),
+    np.eye(3)[:2],
+    np.full(2, 0.1),
+    loads=np.eye(3)[:, :1],
+    sensors={"a": 2},
+    damping=0.02,
+    compliance=np.full(2, 0.01),
+)
+sb.transient(reduced, [sb.Harmonic(1.0, 0.1)], 30.0, step=0.05)
+sb.periodic(reduced, [1.0], 0.1)
+sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
+kernels = {n: f for n, f in vars(marching).items() if isinstance(f, numba.core.dispatcher.Dispatcher)}
+print(*(f"{name}:{len(kernel.signatures)}" for name, kernel in kernels.items()))
+"""
+
+
+@pytest.mark.slow
 def test_one_signature():
-    """Each kernel is compiled for one kind of arrays, whatever the layout of what it is given."""
-    reduced = sb.reduce_matrices(
-        np.eye(3),
-        2.0 * np.eye(3) - np.eye(3, k=1) - np.eye(3, k=-1),
-        np.eye(3)[:2],
-        np.full(2, 0.1),
-        loads=np.eye(3)[:, :1],
-        sensors={"a": 2},
-        damping=0.02,
-        compliance=np.full(2, 0.01),
+    """Each kernel is compiled for one kind of arrays, whatever the layout of what it is given; in a process
+    of its own, for tests call kernels in their own ways.
+    """
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", KERNELS], env=environment, capture_output=True, text=True, timeout=300
     )
-    sb.transient(reduced, [sb.Harmonic(1.0, 0.1)], 30.0, step=0.05)
-    sb.periodic(reduced, [1.0], 0.1)
-    sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
-    kernels = [f for f in vars(marching).values() if isinstance(f, numba.core.dispatcher.Dispatcher)]
-    assert len(kernels) == 4 and all(len(kernel.signatures) == 1 for kernel in kernels)
+    assert done.returncode == 0, done.stderr
+    compiled = {name: int(count) for name, count in (word.split(":") for word in done.stdout.split())}
+    assert compiled["contact_forces"] == compiled["_march"] == 1
+    assert len(compiled) == 4 and max(compiled.values()) == 1  # the inner ones come with the outer ones' file
+
+
+@pytest.mark.long
+def test_compiled_ahead(tmp_path):
+    """What is compiled after an installation is all that a first history and orbit need."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NUMBA_CACHE_DIR": str(tmp_path)}
+    subprocess.run([sys.executable, "-m", "sbfem_petsc.contact.ahead"], env=environment, check=True)
+    program = KERNELS + "print(*(len(kernel.stats.cache_misses) for kernel in kernels.values()))"
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "0 0 0 0"
 
 
 @pytest.mark.slow

@@ -6,12 +6,13 @@ No program may hang, and none may compute with arguments that differ between its
 
 import json
 import os
+import signal
 import subprocess
 import sys
 
 import pytest
 
-from tests.parallel import answer, on_ranks
+from tests.parallel import ROOT, answer, on_ranks
 
 BEGIN = """
 import sys
@@ -203,3 +204,20 @@ def test_alone_without_a_launcher():
         "assert before == (sys.excepthook, sys.exit) and 'mpi4py' not in sys.modules\nsys.exit(5)"
     )
     assert subprocess.run([sys.executable, "-c", program], env=environment).returncode == 5
+
+
+UNANSWERED = """
+import time
+from sbfem_petsc import abort
+class World:
+    def Abort(self, code):
+        time.sleep(60.0)
+abort.UNANSWERED = 1
+abort._stop(World(), 1)
+"""
+
+
+def test_a_launcher_that_does_not_answer():
+    """A rank whose wish to end all ranks is not heard dies: the launcher sees that."""
+    done = subprocess.run([sys.executable, "-c", UNANSWERED], cwd=ROOT, timeout=30)
+    assert done.returncode == -signal.SIGALRM

@@ -1,0 +1,28 @@
+"""Compiles the kernels of the time steps before an analysis asks for them: ``python -m
+sbfem_petsc.contact.ahead``, once after an installation, saves the first history or orbit some seconds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .marching import march
+
+
+def compile_kernels() -> None:
+    """Compile what `marching.march` needs; it is kept where `compiled.compiled` says."""
+    rows = np.eye(2)
+    march(
+        np.zeros((10, 2)),
+        (rows, rows),
+        rows,
+        np.zeros(2, dtype=bool),
+        external=np.zeros((2, 2)),
+        free_gap=np.ones((2, 2)),
+        state=(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool)),
+        history=(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2))),
+    )
+
+
+if __name__ == "__main__":
+    compile_kernels()
