@@ -75,6 +75,8 @@ _HOME = {
     "read_branch": "results.branches",
     "save_orbit": "results.orbits",
     "read_orbit": "results.orbits",
+    "save_result": "results.nonlinear",
+    "read_result": "results.nonlinear",
     "write_animation": "results.animation",
     "Harmonic": "signals",
     "ToneBurst": "signals",

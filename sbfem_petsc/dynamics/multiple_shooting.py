@@ -13,8 +13,8 @@ import numpy as np
 from ..errors import SolveError, on_all_ranks
 from .orbit import FLOOR, moved_by_half_a_step
 from .period_map import DrivenPeriod, Period, PeriodMotion
+from .periodic_schur import product_eigenvalues
 from .shooting import RELATIVE, ROUND_OFF, FixedPoint
-from .stability import product_eigenvalues
 
 ITERATIONS = 40
 # Shares of Newton's step of which the first is taken whose residual is below one of the last few: where pairs

@@ -202,7 +202,7 @@ class OwnTone:
         """The largest Lyapunov exponents, 1/s, without that along the curve, which is zero."""
         driven = self.driven(circle.value)
         made = self._derivatives(driven, circle.motions)
-        found = exponents(made, circle.rotation, count, turns, self.tangents(circle.states))
+        found = exponents(self.comm, made, circle.rotation, count, turns, self.tangents(circle.states))
         return found / driven.duration
 
 

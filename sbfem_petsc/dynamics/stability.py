@@ -19,8 +19,6 @@ PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the
 # largest modulus.
 LARGEST, SUBSPACE = 6, 400
-# Angle (radian) that rounding gives the real eigenvalues of a product.
-TURNED = 1e-10
 
 
 class Multipliers:
@@ -94,47 +92,6 @@ def _directions(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
     # rounding may exchange values of one modulus, such as a conjugate pair
     distance = np.abs(values[:, None] - found[order])
     return vectors[:, order[optimize.linear_sum_assignment(distance)[1]]]
-
-
-def product_eigenvalues(factors: np.ndarray) -> np.ndarray:
-    """Eigenvalues of F_n ... F_2 F_1 by falling modulus, without the product, in whose rounding the small
-    ones are lost.
-
-    They are the n-th powers of the eigenvalues of the cyclic matrix that has the factors as blocks (F_1 takes
-    part 1 to part 2 and so on, F_n part n to part 1), of which each comes n times, turned by 1 / n of a
-    circle. An n-th root is known to about 1e-16 of the largest factor's norm. Factors are multiplied only
-    where the matrix would be larger than 1200.
-
-    Parameters
-    ----------
-    factors : (n, s, s) array
-    """
-    blocks = list(np.asarray(factors))
-    size = len(blocks[0])
-    while len(blocks) > 1 and len(blocks) * size > WHOLE:
-        pairs = [second @ first for first, second in zip(blocks[::2], blocks[1::2])]
-        blocks = pairs + blocks[2 * len(pairs) :]
-    count = len(blocks)
-    cyclic = np.zeros((count * size, count * size))
-    for k, block in enumerate(blocks):
-        row = (k + 1) % count
-        cyclic[row * size : (row + 1) * size, k * size : (k + 1) * size] = block
-    roots = linalg.eigvals(cyclic, check_finite=False)
-    # the largest that is left and what is nearest to it turned by shares of a circle are those of one value
-    turns = np.exp(2j * np.pi * np.arange(1, count) / count)
-    values = np.zeros(size, dtype=complex)
-    for k in range(size):
-        family = [int(np.argmax(np.abs(roots)))]
-        one = roots[family[0]]
-        for turn in turns:
-            distance = np.abs(roots - turn * one)
-            distance[family] = np.inf
-            family.append(int(np.argmin(distance)))
-        values[k] = np.mean(roots[family] ** count)
-        roots = np.delete(roots, family)
-    # the factors are real, so is what rounding alone has turned
-    values = np.where(np.abs(values.imag) <= TURNED * np.abs(values), values.real, values)
-    return values[np.argsort(-np.abs(values), kind="stable")]
 
 
 def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multipliers:

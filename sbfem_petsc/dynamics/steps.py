@@ -28,11 +28,11 @@ def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
 
     With z = (-zeta omega + i omega_d) h, the displacement that a unit force makes in a step h is the
     imaginary part of h phi_1(z) / omega_d, and that of a force which grows to one is that of
-    h phi_2(z) / omega_d; phi_1 = (exp z - 1) / z, phi_2 = (phi_1 - 1) / z. Near critical damping and for
-    motions as a rigid body the exponential of a matrix is taken.
+    h phi_2(z) / omega_d; phi_1 = (exp z - 1) / z, phi_2 = (phi_1 - 1) / z. Near critical damping, which a
+    self-excitation may make negative, and for motions as a rigid body the exponential of a matrix is taken.
     """
     result = np.empty((10, len(omega)))
-    swings = (omega > 0.0) & (damping < 0.9)
+    swings = (omega > 0.0) & (np.abs(damping) < 0.9)
     if not swings.all():
         result[:, ~swings] = _by_exponential(omega[~swings], damping[~swings], step)
     omega, damping = omega[swings], damping[swings]

@@ -177,7 +177,7 @@ class Torus:
 
     def exponents(self, derivatives: np.ndarray, count: int, turns: int) -> np.ndarray:
         """The largest Lyapunov exponents, 1/s; see `exponents`."""
-        return exponents(derivatives, self.rotation, count, turns) * self.frequencies[0]
+        return exponents(self.comm, derivatives, self.rotation, count, turns) * self.frequencies[0]
 
 
 def images(
@@ -233,13 +233,14 @@ def derivatives(
 
 
 def exponents(
+    comm: MPI.Comm,
     derivatives: np.ndarray,
     rotation: float,
     count: int,
     turns: int,
     tangents: np.ndarray | None = None,
 ) -> np.ndarray:
-    """The largest Lyapunov exponents, per application of the map, by falling value.
+    """The largest Lyapunov exponents, per application of the map, by falling value. Collective.
 
     Mean growth of an orthonormal frame carried along the curve (QR); the map's derivative between samples is
     its trigonometric interpolant. Directions turn as they are carried, which leaves about 1 / turns of
@@ -247,6 +248,8 @@ def exponents(
 
     Parameters
     ----------
+    comm : MPI.Comm
+        Ranks that share the samples.
     derivatives : (N, 2 m, 2 m) array
     rotation : float
         Turns of the curve's phase in the map.
@@ -261,7 +264,9 @@ def exponents(
     samples, size = derivatives.shape[:2]
     orders = np.fft.fftfreq(samples, 1.0 / samples)
     coefficients = np.fft.fft(np.eye(samples), axis=0) / samples
-    flat = derivatives.reshape(samples * size, size)
+    mine = slice(comm.rank, None, comm.size)
+    own = np.ascontiguousarray(derivatives[mine])
+    flat = own.reshape(len(own) * size, size)
 
     def weights(theta: float) -> np.ndarray:
         """Of the samples in the interpolant at a phase."""
@@ -280,7 +285,9 @@ def exponents(
     frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
     growth, counted, theta = np.zeros(frame.shape[1] - known), 0, 0.0
     for turn in range(turns):
-        image = np.tensordot(weights(theta), (flat @ frame).reshape(samples, size, frame.shape[1]), 1)
+        image = weights(theta)[mine] @ (flat @ frame).reshape(len(own), -1)
+        comm.Allreduce(MPI.IN_PLACE, image)
+        image = image.reshape(size, -1)
         theta = (theta + rotation) % 1.0
         if tangents is not None:  # where it leads is known better than what it has been carried to
             image[:, 0] = weights(theta) @ tangents
@@ -288,6 +295,7 @@ def exponents(
         if turn >= turns // 4:
             growth += np.log(np.maximum(np.abs(np.diag(upper)[known:]), 1e-300))
             counted += 1
+    comm.Bcast(growth)  # ranks may have rounded differently
     return np.sort(growth / counted)[::-1]
 
 

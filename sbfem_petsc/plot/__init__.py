@@ -20,6 +20,7 @@ from .meshes import plot_discretisation
 from .orbits import plot_harmonics, plot_multipliers, plot_orbit
 from .sweeps import plot_swept
 from .tones import plot_backbone, plot_lines, plot_sidebands
+from .tori import plot_quasi_periodic
 
 __all__ = [
     "Panel",
@@ -40,6 +41,7 @@ __all__ = [
     "plot_modes",
     "plot_multipliers",
     "plot_orbit",
+    "plot_quasi_periodic",
     "plot_sidebands",
     "plot_spectra",
     "plot_swept",

@@ -11,9 +11,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from scipy.interpolate import PchipInterpolator
 
+from ..analysis.backbone import Backbone
+from ..checks import instance
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
-from ..parallel import on_root
+from ..parallel import collective, on_root
 from ..petsc import MPI
 from .arguments import check
 from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, by_name, figure, style
@@ -34,6 +36,7 @@ def plot_branches(
     window: tuple[float, float] | None = None,
     title: str = "",
     every: bool = False,
+    backbone: Backbone | None = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw branches in one picture: stable parts solid, unstable parts dashed, bifurcations marked by
@@ -56,6 +59,9 @@ def plot_branches(
     every : bool
         Mark also the points where further multipliers pass the unit circle on a part that is unstable on both
         sides; folds, period doublings and branch points are always marked.
+    backbone : Backbone, optional
+        Free motions of the mode, on which the peaks stand as damping falls: a dotted line below branches over
+        the frequency, without `forces`.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -65,7 +71,17 @@ def plot_branches(
     """
     check("plot_branches", point=point, forces=forces, window=window, title=title, every=every, comm=comm)
     named = by_name("plot_branches", branches, Branch)
-    return on_root(comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, window, title, every))
+    with collective(comm or MPI.COMM_WORLD):
+        if backbone is not None:
+            instance("plot_branches", "backbone", backbone, Backbone, "a Backbone")
+            if forces is not None or any(curve.parameter == "load" for curve in named.values()):
+                raise ValueError(
+                    "plot_branches: backbone has its place below branches over the frequency whose "
+                    "amplitudes are not divided by forces; leave it out"
+                )
+    return on_root(
+        comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, window, title, every, backbone)
+    )
 
 
 def split(
@@ -152,7 +168,15 @@ def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool,
     return result
 
 
-def _draw(curves: Mapping[str, Branch], point: str, forces, window, title: str, every: bool) -> Axes:
+def _draw(
+    curves: Mapping[str, Branch],
+    point: str,
+    forces,
+    window,
+    title: str,
+    every: bool,
+    backbone: Backbone | None,
+) -> Axes:
     if not curves:
         raise ValueError("plot_branches: no branch is given")
     if len({curve.parameter for curve in curves.values()}) > 1:
@@ -196,15 +220,27 @@ def _draw(curves: Mapping[str, Branch], point: str, forces, window, title: str, 
             if every or _decides(curve, item):
                 _mark(axes, at * along, height * factor, item.kind, shade)
                 kinds.add(item.kind)
+    limits = window or (
+        min(float(c.value.min()) for c in curves.values()),
+        max(float(c.value.max()) for c in curves.values()),
+    )
+    top = axes.get_ylim()[1]
+    if backbone is not None:
+        axes.plot(
+            backbone.frequency * along,
+            backbone.amplitude(point) * factor,
+            color=BLACK,
+            linewidth=1.1,
+            linestyle=":",
+            zorder=1.6,
+            label="free motion",
+        )
+        axes.set_ylim(top=top)
     if dashed:
         axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=DASHED, label="unstable")
     for kind in KINDS:
         if kind in kinds:
             _mark(axes, [], [], kind, BLACK, kind)
-    limits = window or (
-        min(float(c.value.min()) for c in curves.values()),
-        max(float(c.value.max()) for c in curves.values()),
-    )
     axes.set(
         xlim=(limits[0] * along, limits[1] * along),
         xlabel=label,

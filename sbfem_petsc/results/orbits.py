@@ -62,17 +62,7 @@ def save_orbit(orbit: Orbit, path: str) -> None:
     if not isinstance(orbit, Orbit):
         raise TypeError(f"save_orbit: orbit = {shown(orbit)} is not an Orbit")
     with new_hdf5(path, WHAT, FORM, VERSION) as file:
-        file.attrs.update({name: getattr(orbit, name) for name in _NUMBERS})
-        file.attrs["stable"] = str(orbit.stable)
-        for name, (unit, meaning) in _OWN.items():
-            put(file, name, getattr(orbit, name), unit, meaning)
-        _write_states(file.create_group("states"), orbit.states)
-        for k, point in enumerate(orbit.points):
-            group = file.create_group(f"points/{k:03d}")
-            group.attrs["name"] = point
-            put(group, "displacement", orbit.displacement(point), "m", "u_x and u_y")
-            for axis in "xy":
-                put(group, f"harmonics_{axis}", orbit.harmonics(point, axis), "m", f"of u_{axis}, one-sided")
+        write_orbit(file, orbit)
 
 
 def read_orbit(path: str) -> Orbit:
@@ -84,26 +74,52 @@ def read_orbit(path: str) -> Orbit:
         If the file is missing, truncated, damaged or of another kind.
     """
     with opened(path, WHAT, {FORM: VERSION}) as file:
-        time = numbers(file, "time", None)
-        if not len(time) or (np.diff(time) <= 0.0).any():
-            raise ValueError("'time' does not rise")
-        states = _read_states(file["states"], len(time))
-        size = 2 * states.q.shape[1] if isinstance(states, ModalStates) else 0
-        residuals = numbers(file, "residuals", None)
-        return Orbit(
-            time=time,
-            states=states,
-            state=numbers(file, "state", size),
-            multipliers=numbers(file, "multipliers", None, kinds="fc"),
-            residuals=tuple(residuals.tolist()),
-            frequency=number(file, "frequency", least=1e-300),
-            periods=whole(file, "periods", least=1, most=len(time)),
-            path=text(file, "path"),
-            uncertainty=number(file, "multiplier_error", finite=False),
-            products=whole(file, "products"),
-            converged=truth(file, "converged"),
-            step_error=number(file, "step_error", finite=False),
-        )
+        return orbit_in(file)
+
+
+def write_orbit(group: h5py.Group, orbit: Orbit) -> None:
+    """A periodic motion in a group of its own."""
+    group.attrs.update({name: getattr(orbit, name) for name in _NUMBERS})
+    group.attrs["stable"] = str(orbit.stable)
+    for name, (unit, meaning) in _OWN.items():
+        put(group, name, getattr(orbit, name), unit, meaning)
+    _write_states(group.create_group("states"), orbit.states)
+    for k, point in enumerate(orbit.points):
+        part = group.create_group(f"points/{k:03d}")
+        part.attrs["name"] = point
+        put(part, "displacement", orbit.displacement(point), "m", "u_x and u_y")
+        for axis in "xy":
+            put(part, f"harmonics_{axis}", orbit.harmonics(point, axis), "m", f"of u_{axis}, one-sided")
+
+
+def orbit_in(group: h5py.Group) -> Orbit:
+    """What `write_orbit` wrote.
+
+    Raises
+    ------
+    ValueError
+        If it does not fit together.
+    """
+    time = numbers(group, "time", None)
+    if not len(time) or (np.diff(time) <= 0.0).any():
+        raise ValueError("'time' does not rise")
+    states = _read_states(group["states"], len(time))
+    size = 2 * states.q.shape[1] if isinstance(states, ModalStates) else 0
+    residuals = numbers(group, "residuals", None)
+    return Orbit(
+        time=time,
+        states=states,
+        state=numbers(group, "state", size),
+        multipliers=numbers(group, "multipliers", None, kinds="fc"),
+        residuals=tuple(residuals.tolist()),
+        frequency=number(group, "frequency", least=1e-300),
+        periods=whole(group, "periods", least=1, most=len(time)),
+        path=text(group, "path"),
+        uncertainty=number(group, "multiplier_error", finite=False),
+        products=whole(group, "products"),
+        converged=truth(group, "converged"),
+        step_error=number(group, "step_error", finite=False),
+    )
 
 
 def _write_states(group: h5py.Group, states: ModalStates | SampledStates) -> None:

@@ -278,6 +278,28 @@ class QuasiPeriodicAnalysis(Table):
     stability: bool = item(True, text="compute the largest Lyapunov exponents")
 
 
+class QuasiPeriodicResponse(Table):
+    """Motions with a tone of their own behind a Neimark-Sacker point of a response curve over the frequency,
+    followed over the frequency."""
+
+    kind: Literal["quasi_periodic_response"] = item(text="curve of motions with a tone of their own")
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+    start: float = item(text="first frequency of the curve of periodic motions", unit="Hz", gt=0)
+    stop: float = item(text="last frequency of that curve", unit="Hz", gt=0)
+    bifurcation: int = item(1, text="which of its Neimark-Sacker points, from 1", ge=1)
+    end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
+    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
+    samples: int = item(21, text="phases of the motion's own tone; odd", ge=3)
+    points: int = item(60, text="quasi-periodic motions at most", ge=2)
+    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    largest_step: float | None = item(
+        None, text="largest change of the frequency from a point of either curve to the next", unit="Hz", gt=0
+    )
+    stability: bool = item(True, text="compute the largest Lyapunov exponents")
+
+
 class Backbone(Table):
     """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
 
@@ -311,6 +333,7 @@ ANALYSES = (
     BasinsAnalysis,
     ModulationAnalysis,
     QuasiPeriodicAnalysis,
+    QuasiPeriodicResponse,
     Backbone,
 )
 Analysis = by_kind(*ANALYSES)

@@ -29,7 +29,18 @@ _SIGNALS = {
     "swept_response": ("constant",),
     "modulation": ("constant",),
     "quasi_periodic": _PERIODIC,
+    "quasi_periodic_response": _PERIODIC,
 }
+
+# Kinds with a range from start to stop.
+_RANGES = (
+    "frequency_response",
+    "load_response",
+    "backbone",
+    "locus",
+    "swept_response",
+    "quasi_periodic_response",
+)
 
 
 def contradictions(case: Any, folder: str) -> list[Problem]:
@@ -157,7 +168,7 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 )
             elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
                 yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
-        if analysis.kind in ("frequency_response", "load_response", "backbone", "locus", "swept_response"):
+        if analysis.kind in _RANGES:
             if analysis.start == analysis.stop:
                 yield Problem(
                     (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"
@@ -173,6 +184,8 @@ def _analyses(case: Any) -> Iterator[Problem]:
             )
         if analysis.kind == "quasi_periodic":
             yield from _two_tones(path, analysis)
+        if analysis.kind == "quasi_periodic_response":
+            yield from _samples_of_own_tone(path, analysis)
         if analysis.kind == "load_history":
             yield from _range((*path, "times"), analysis.times)
         if analysis.kind == "basins":
@@ -219,6 +232,22 @@ def _axis(path: Path, axis: Any) -> Iterator[Problem]:
         yield Problem((*path, "point"), f"= {axis.point!r} has no meaning for an impulse; leave it out")
 
 
+def _samples_of_own_tone(path: Path, analysis: Any) -> Iterator[Problem]:
+    """Phases of an unknown tone are an odd number, and resolve the lines."""
+    if analysis.samples % 2 == 0:
+        yield Problem((*path, "samples"), f"= {analysis.samples} must be odd; give {analysis.samples + 1}")
+    elif analysis.order > analysis.samples // 2:
+        yield _too_few_samples(path, analysis)
+
+
+def _too_few_samples(path: Path, analysis: Any) -> Problem:
+    return Problem(
+        (*path, "order"),
+        f"= {analysis.order} is more than half of samples = {analysis.samples}; give samples = "
+        f"{2 * analysis.order + 1} or more",
+    )
+
+
 def _two_tones(path: Path, analysis: Any) -> Iterator[Problem]:
     """Tones of a quasi-periodic motion that are one, and lines that its samples do not resolve."""
     if analysis.pump_frequency == analysis.probe_frequency:
@@ -227,11 +256,7 @@ def _two_tones(path: Path, analysis: Any) -> Iterator[Problem]:
             f"= {analysis.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone",
         )
     if analysis.order > analysis.samples // 2:
-        yield Problem(
-            (*path, "order"),
-            f"= {analysis.order} is more than half of samples = {analysis.samples}; give samples = "
-            f"{2 * analysis.order + 1} or more",
-        )
+        yield _too_few_samples(path, analysis)
 
 
 def _analysis_loads(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:

@@ -63,8 +63,8 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "1.0, frequency = "
         "50.0 }`. What a number means depends on the analysis: a constant force in `static`, "
         "`load_history` and `transient`, the "
-        "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation` and "
-        "`quasi_periodic`.",
+        "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation`, "
+        "`quasi_periodic` and `quasi_periodic_response`.",
         (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
     ),
     (

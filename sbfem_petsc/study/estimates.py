@@ -144,6 +144,12 @@ def demand(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tu
         count, lines = _CURVE_POINTS, 4
         seconds = 2.5 * one * (count + 12 * lines * min(table.points, 40))
         return reduction + seconds, arrays, 64.0 * lines * table.points
+    if kind == "quasi_periodic_response":
+        # a curve with its multipliers, and about four iterations on all samples a motion
+        count, lines = min(table.points, _CURVE_POINTS), points * (2 * table.order + 1) ** 2
+        seconds = 2.5 * one * (_CURVE_POINTS + 8 * table.samples * count)
+        memory = 8.0 * table.samples * (2 * modes * (2 * modes + steps) + steps * pairs)
+        return reduction + seconds, memory, 16.0 * count * (lines + 2 * table.samples * modes)
     return reduction + one, arrays, 8.0 * steps * periods * (3 * modes + pairs + 2 * points)
 
 

@@ -60,6 +60,7 @@ def figures(
         "periodic": _periodic,
         "modulation": _modulation,
         "quasi_periodic": _quasi_periodic,
+        "quasi_periodic_response": _quasi_periodic_response,
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
@@ -229,6 +230,22 @@ def _quasi_periodic(
         values[f"lines/{point}"] = (line_values(result, named, point), "m")
         values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")
         values[f"carrier_amplitude/{point}"] = (abs(result.line(1, 0, point)), "m")
+    return values
+
+
+def _quasi_periodic_response(
+    case: Case, table: Any, result: Any, points: Sequence[str], noisy: Any, histories: bool
+) -> Values:
+    own = result.frequencies[:, 1]
+    values: Values = {
+        "complete": (float(result.complete), "1"),
+        "curve_points": (float(len(result)), "1"),
+        "unstable_points": (float(np.sum(~result.stable)), "1"),
+        "least_own_frequency": (float(own.min()), "Hz"),
+        "largest_own_frequency": (float(own.max()), "Hz"),
+    }
+    for point in points:
+        values[f"own_amplitude/{point}"] = (float(np.abs(result.line(0, 1, point)).max()), "m")
     return values
 
 

@@ -47,6 +47,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
             "frequency_response": _branch,
             "load_response": _branch,
             "quasi_periodic": _lines,
+            "quasi_periodic_response": _own_tones,
             "backbone": _backbone,
             "locus": _loci,
             "basins": _basins,
@@ -150,12 +151,21 @@ def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result.points)
     if point is not None:
         order = case.tables.analyses[name].order
-        axes = plot.plot_lines({name: result}, point, order=order, comm=model.comm)
-        _save(axes, f"{stem}_lines.png", model.comm)
+        comm = _communicator(model)
+        _save(plot.plot_lines({name: result}, point, order=order, comm=comm), f"{stem}_lines.png", comm)
+
+
+def _own_tones(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
+    point = _point(case, result.motions[0].points)
+    if point is not None:
+        comm = _communicator(model)
+        axes = plot.plot_quasi_periodic(result, point, title=name, comm=comm)
+        _save(axes, f"{stem}_own_tones.png", comm)
 
 
 def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    _save(plot.plot_backbone({name: result}, comm=model.comm), f"{stem}_backbone.png", model.comm)
+    comm = _communicator(model)
+    _save(plot.plot_backbone({name: result}, comm=comm), f"{stem}_backbone.png", comm)
 
 
 def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:

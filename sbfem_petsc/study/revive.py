@@ -118,8 +118,8 @@ def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
 def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animation: bool = False) -> str:
     """Pictures of a run or sweep. Collective.
 
-    Histories, periodic motions and curves are read; modes and static solutions, loci, basins and swept
-    responses, and motions that are to be animated, are computed again from the case.
+    Histories, motions, curves, backbones, loci and basins are read; modes and static solutions, and motions
+    that are to be animated, are computed again from the case.
 
     Returns
     -------
@@ -163,7 +163,12 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
 
 def _recorded(folder: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
-    readers = {"history.h5": sb.read_history, "curve.h5": sb.read_branch, "orbit.h5": sb.read_orbit}
+    readers = {
+        "history.h5": sb.read_history,
+        "curve.h5": sb.read_branch,
+        "orbit.h5": sb.read_orbit,
+        "result.h5": sb.read_result,
+    }
     for ending, read in readers.items():
         file = os.path.join(folder, f"{name}.{ending}")
         if os.path.isfile(file):

@@ -31,6 +31,8 @@ from .watch import Watch
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
 PART = f"{FORMAT} part"
 RESULTS, SUMMARY, PICTURES = "results.h5", "summary.json", "pictures"
+# Kinds of analysis whose results have files of their own, beside motions and curves.
+FILED = ("backbone", "locus", "basins", "swept_response", "quasi_periodic", "quasi_periodic_response")
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,6 +204,8 @@ class _Run:
                 write_tree(file, tree)
             if kind in ("periodic", "modulation") and result.reduced is not None:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
+            if kind in FILED:
+                sb.save_result(result, self.folder.part(name, "result.h5"))
             curve = self.folder.part(name, "curve.h5")
             if kind == "frequency_response" and not os.path.isfile(curve):
                 sb.save_branch(result, curve)

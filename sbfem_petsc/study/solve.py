@@ -12,6 +12,7 @@ import numpy as np
 import sbfem_petsc as sb
 
 from .. import indicators
+from ..errors import SolveError
 from . import objects
 from .case import Case
 from .parameters import grid
@@ -73,7 +74,7 @@ class Structure:
             further = modulation(table, result)
         if table.kind == "swept_response":
             further["least"] = table.least
-        if table.kind == "quasi_periodic":
+        if table.kind in ("quasi_periodic", "quasi_periodic_response"):
             further["order"] = table.order
         return tree_of(table.kind, result, self.points(case), **further)
 
@@ -230,6 +231,37 @@ class Structure:
             steps=table.steps,
             modes=table.modes,
             stability=table.stability,
+        )
+
+    def _quasi_periodic_response(
+        self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
+    ) -> Any:
+        largest = math.inf if table.largest_step is None else table.largest_step
+        curve = sb.frequency_response(
+            self.model,
+            objects.load(case, table.load, table.factor),
+            table.start,
+            table.stop,
+            steps=table.steps,
+            modes=table.modes,
+            largest_step=largest,
+            progress=progress,
+        )
+        found = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
+        if len(found) < table.bifurcation:
+            raise SolveError(
+                f"quasi_periodic_response: the curve from {table.start:g} to {table.stop:g} Hz has "
+                f"{len(found)} Neimark-Sacker points, not {table.bifurcation}; give another bifurcation, "
+                "range or load"
+            )
+        first = sb.switch_branch(curve, found[table.bifurcation - 1], samples=table.samples)
+        return function(
+            first,
+            table.end,
+            points=table.points,
+            largest_step=largest,
+            stability=table.stability,
+            progress=progress,
         )
 
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:

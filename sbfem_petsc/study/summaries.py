@@ -36,6 +36,7 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         "periodic": _periodic,
         "modulation": _modulation,
         "quasi_periodic": _quasi_periodic,
+        "quasi_periodic_response": _quasi_periodic_response,
         "frequency_response": _curve,
         "load_response": _curve,
         "backbone": _backbone,
@@ -242,6 +243,31 @@ def _quasi_periodic(result: Any, points: Sequence[str], order: int) -> Tree:
         "steps": Quantity(int(result.steps), "1", "time steps a period of the faster tone"),
     }
     return tree
+
+
+def _quasi_periodic_response(result: Any, points: Sequence[str], order: int) -> Tree:
+    named = lines_of(result.frequencies[0], order)
+
+    def lines(point: str) -> np.ndarray:
+        return np.array([line_values(motion, named, point) for motion in result.motions])
+
+    return {
+        "value": Quantity(result.value, "Hz", "forcing frequency"),
+        "own_frequency": Quantity(result.frequencies[:, 1], "Hz", "of the motion's own tone"),
+        "line": Quantity(named, "1", "m, n of each line, in order of frequency at the first motion"),
+        "lines": _of_points(
+            points, lines, "m", "complex amplitudes of u_y at m f1 + n f2, by motion and line"
+        ),
+        "own_amplitude": _of_points(
+            points, lambda point: np.abs(result.line(0, 1, point)), "m", "amplitude of u_y at the own tone"
+        ),
+        "stable": Quantity(result.stable, "1", "stability of each motion"),
+        "contact_peak": Quantity(
+            np.array([motion.contact_peak for motion in result.motions]), "N", "largest contact resultant"
+        ),
+        "complete": Quantity(bool(result.complete)),
+        "reason": Quantity(result.reason, "1", "why the curve ends"),
+    }
 
 
 def lines_of(frequencies: Sequence[float], order: int) -> np.ndarray:

@@ -3,12 +3,15 @@ closed and an open crack, damping.
 """
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
 from tests.reference import paper_beam
+from tests.systems import coarse_beam
 
 # a mass on a spring, with a stop on one side: N/m, m
 SPRING, STOP, GAP = 10.0, 50.0, 0.01
@@ -93,6 +96,42 @@ def test_resonance_peak_is_on_it():
     found = sb.backbone(one_mass(), 1, 4e-4, 1.0, largest_step=0.1, stability=False)
     expected = np.interp(curve.amplitude("x")[top], found.amplitude("x"), found.frequency)
     assert expected > 0.6 and curve.frequency[top] == pytest.approx(expected, rel=2e-3)
+
+
+@pytest.mark.long
+def test_forced_peaks_of_the_paper_come_to_it_as_damping_falls():
+    """Mode 17, at 14.1 kHz, whose forced response is Fig. 11: forces in proportion to the damping, so that
+    the amplitude stays; the distance falls with the square of the damping ratio.
+    """
+    reduced = sb.reduce(coarse_beam(0.002), sb.PointForce("A", fy=1.0), modes=50)
+    options = {"refine": False, "stability": False, "steps": 512}
+    free = sb.backbone(reduced, 17, 0.06, 0.14, largest_step=0.05, **options)
+    frequency_of = PchipInterpolator(free.amplitude("A"), free.frequency)
+    distance = []
+    for ratio in (0.008, 0.004):
+        damped = replace(reduced, damping=np.full(50, ratio))
+        low, high = (14155.0 + side * 3500.0 * ratio + 4e5 * ratio**2 for side in (-1, 1))
+        step = (high - low) / 25.0
+        curve = sb.frequency_response(
+            damped, [9e4 * ratio], low, high, steps=512, stability=False, largest_step=step
+        )
+        peak = curve.peak("A")
+        assert 4e-6 < peak.amplitude < 5e-6
+        distance.append(peak.frequency / float(frequency_of(peak.amplitude)) - 1.0)
+    # 1.07e-3, 2.9e-4; then 7.7e-5, 2.0e-5, 4.6e-6
+    assert distance[1] < 3.2e-4
+    assert np.log2(np.array(distance[:-1]) / distance[1:]) == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.long
+def test_a_high_mode_with_damping():
+    """What makes up for the damping of mode 17 gives the lowest modes a ratio of -1.1: beyond critical."""
+    reduced = sb.reduce(coarse_beam(0.002), sb.PointForce("A", fy=1.0), modes=50)
+    options = {"refine": False, "stability": False, "steps": 512}
+    found = sb.backbone(reduced, 17, 1e-4, 1e-3, damping=True, **options)
+    # the faces do not meet at these energies
+    assert found.frequency == pytest.approx(reduced.frequencies[16], rel=1e-9)
+    assert found.damping_ratio == pytest.approx(0.002, rel=1e-6)
 
 
 def two_masses(gap=1.0):

@@ -2,13 +2,15 @@
 of each segment, and products of matrices whose eigenvalues are given.
 """
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.multiple_shooting import condensed
-from sbfem_petsc.dynamics.stability import product_eigenvalues
+from sbfem_petsc.dynamics.periodic_schur import product_eigenvalues
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from tests.systems import two_masses
 
@@ -58,26 +60,72 @@ def given(values, count, seed=0):
 
 
 def test_eigenvalues_of_a_product():
-    """From 1e12 to 1e-12, of either sign: to 1e-12, where the product itself loses those below 1."""
+    """From 1e12 to 1e-12, of either sign: to 1e-12, where the product itself loses those below 1; of many
+    large factors as well, and where one factor is large and another one small.
+    """
     values = np.array([1e12, -1e6, 3.0, -0.5, 1e-6, -1e-12])
     factors = given(values, 8)
     assert product_eigenvalues(factors) == pytest.approx(values, rel=1e-12)
     lost = np.linalg.eigvals(np.linalg.multi_dot(factors[::-1]))
     assert np.abs(lost - -1e-12).min() > 1e-9
+    factors[2], factors[5] = 1e9 * factors[2], 1e-9 * factors[5]
+    assert product_eigenvalues(factors) == pytest.approx(values, rel=1e-12)
+    spread = 10.0 ** np.linspace(40.0, -40.0, 120) * np.where(np.arange(120) % 3 == 1, -1.0, 1.0)
+    assert product_eigenvalues(given(spread, 16)) == pytest.approx(spread, rel=1e-11)
     # many of nearly one modulus, in pairs at angles that leave no gap
     random = np.random.default_rng(4)
     many = random.normal(size=(4, 160, 160)) / np.sqrt(160.0)
     direct = np.linalg.eigvals(np.linalg.multi_dot(many[::-1]))
     found = product_eigenvalues(many)
-    assert len(found) == 160
+    assert len(found) == 160 and np.isin(found.conj(), found).all()
     assert np.abs(found[:, None] - direct).min(axis=0).max() < 1e-10 * np.abs(direct).max()
     # a pair of one modulus, and one factor alone
     turn = 1.1 * np.array([[np.cos(1.0), -np.sin(1.0)], [np.sin(1.0), np.cos(1.0)]])
     found = product_eigenvalues(np.array(5 * [turn]))
     assert np.sort_complex(found) == pytest.approx(np.sort_complex(1.1**5 * np.exp([-5j, 5j])), rel=1e-13)
-    assert product_eigenvalues(factors[:1]) == pytest.approx(
-        sorted(np.linalg.eigvals(factors[0]), key=lambda v: -abs(v)), rel=1e-10
+    one = random.normal(size=(1, 4, 4))
+    expected = np.linalg.eigvals(one[0]).astype(complex)
+    assert np.abs(np.sort_complex(product_eigenvalues(one)) - np.sort_complex(expected)).max() < 1e-13
+    # factors without full rank, and one that is nothing
+    thin = product_eigenvalues(np.array([np.diag([1.0, 0.0, 2.0]), random.normal(size=(3, 3))]))
+    assert thin[2] == pytest.approx(0.0, abs=1e-14) and abs(thin[1]) > 0.0
+    assert not product_eigenvalues(np.array([np.zeros((2, 2)), np.eye(2)])).any()
+    with pytest.raises(sb.SolveError, match="derivative of a segment is not finite"):
+        product_eigenvalues(np.full((2, 2, 2), np.nan))
+
+
+def exact_factors(powers, seed=1):
+    """Factors of a product whose eigenvalues are powers of two, by rational arithmetic, each number rounded
+    once: integer bases of determinant one, and powers (n, s) between them.
+    """
+    random, (count, size) = np.random.default_rng(seed), np.shape(powers)
+
+    def triangle():
+        """A unit lower triangular matrix of integers and its inverse, as exact numbers."""
+        lower = np.tril(random.integers(-2, 3, (size, size)), -1).astype(object) + np.eye(size, dtype=int)
+        inverse = np.eye(size, dtype=int).astype(object)
+        for row in range(size):
+            inverse[row] -= lower[row, :row] @ inverse[:row]
+        return lower, inverse
+
+    pairs = [(triangle(), triangle()) for _ in range(count)]
+    bases = [one @ other.T for (one, _), (other, _) in pairs]
+    inverses = [other.T @ one for (_, one), (_, other) in pairs]
+    return np.array(
+        [
+            bases[(k + 1) % count] @ np.diag([Fraction(2) ** int(p) for p in powers[k]]) @ inverses[k]
+            for k in range(count)
+        ],
+        dtype=float,
     )
+
+
+@pytest.mark.parametrize("count", [8, 64])
+def test_known_powers_of_two(count):
+    """From 2^(4 n) to 2^(-4 n), 1e77 to 1e-77 for 64 factors: to what rounding does to the factors."""
+    powers = np.tile([4, 2, 0, -2, -4], (count, 1))
+    found = product_eigenvalues(exact_factors(powers))
+    assert found == pytest.approx(2.0 ** powers.sum(axis=0), rel=1e-8)
 
 
 def test_cyclic_systems():

@@ -149,8 +149,8 @@ def test_without_contact_two_linear_responses():
     assert found.exponents == pytest.approx(-0.01, rel=0.2)
 
 
-def oscillator(gap):
-    """A unit mass on a unit spring with an elastic stop, damping ratio 0.01."""
+def oscillator(gap, damping=0.01):
+    """A unit mass on a unit spring with an elastic stop."""
     return sb.reduce_matrices(
         np.eye(1),
         np.eye(1),
@@ -158,9 +158,38 @@ def oscillator(gap):
         np.array([gap]),
         loads=np.ones((1, 1)),
         sensors={"x": 0},
-        damping=0.01,
+        damping=damping,
         compliance=np.array([1.0]),
     )
+
+
+def errors_of_lines(r, pump, samples, steps):
+    """Largest errors of the main lines of a mass at a probe of 0.25 Hz and a pump of 0.087 Hz, relative to
+    the largest line; the last number of samples is what the others are compared with.
+    """
+    tones = (0.25, 0.05 * np.sqrt(3.0))
+    load = [sb.Harmonic(1.0, tones[0]) + sb.Harmonic(pump, tones[1])]
+
+    def lines(count):
+        found = sb.quasi_periodic(r, load, tones, samples=count, steps=steps, stability=False)
+        return np.array([found.line(m, n, "x") for m in range(3) for n in (-1, 0, 1) if m or n >= 0])
+
+    *others, reference = (lines(count) for count in samples)
+    return np.array([np.abs(other - reference).max() for other in others]) / np.abs(reference).max()
+
+
+@pytest.mark.long
+def test_convergence_in_the_samples():
+    """Where the mass opens and closes once in every period of the probe, whatever the pump's phase, the curve
+    is smooth and the error falls by more than a hundred with two more samples, down to that of the steps
+    (1e-7); where some periods are without contact it falls with a power of their number, about 3.
+    """
+    smooth = errors_of_lines(oscillator(0.0, 0.2), 0.1, (3, 5, 7, 31), 2048)
+    assert smooth[1] < 0.01 * smooth[0] and smooth[2] < 0.1 * smooth[1] and smooth[2] < 2e-7
+    samples = np.array([5, 9, 15, 21, 41, 121])
+    kinked = errors_of_lines(oscillator(0.6, 0.05), 0.3, samples, 512)
+    power = -np.polyfit(np.log(samples[:-1]), np.log(kinked), 1)[0]
+    assert 2.5 < power < 4.0 and 1e-6 < kinked[-1] < 1e-4
 
 
 def test_sidebands_grow_with_the_pump(beam, found):

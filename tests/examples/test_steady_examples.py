@@ -174,6 +174,18 @@ def test_loci(tmp_path):
 
 
 @pytest.mark.long
+def test_backbone(tmp_path):
+    """A forced peak within 4e-4 of the free motion of its amplitude at a damping ratio of 0.004."""
+    options = ("--order", "3", "--modes", "50", "--ratios", "0.004", "--forces", "90")
+    _, text = example("backbone", tmp_path, *options)
+    (apart,) = re.findall(r"free motion \S+ Hz, (\S+) from it", text)
+    assert 0.0 < float(apart) < 4e-4
+    energy = column(tmp_path / "backbone.csv", "energy_J")
+    assert energy[0] == pytest.approx(1e-3) and energy[-1] == pytest.approx(0.15)
+    assert (tmp_path / "backbone.png").stat().st_size > 20000
+
+
+@pytest.mark.long
 @pytest.mark.parametrize(
     "name, options, sentence",
     [

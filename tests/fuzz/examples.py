@@ -378,6 +378,8 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "read_branch": [lambda: {"path": "given/branch.h5"}],
     "save_orbit": [lambda: {"orbit": orbit(), "path": "saved.h5"}],
     "read_orbit": [lambda: {"path": "given/orbit.h5"}],
+    "save_result": [lambda: {"result": quasi_periodic(), "path": "saved.h5"}],
+    "read_result": [lambda: {"path": "given/result.h5"}],
     "write_animation": [
         lambda: {
             "folder": "animation",
@@ -507,6 +509,7 @@ CALLS |= {
             "forces": {"a": 100.0},
             "window": (20.0, 20.2),
             "every": False,
+            "backbone": None,
             **LABELS,
         }
     ],
@@ -563,6 +566,9 @@ CALLS |= {
     ],
     "plot.plot_modes": [lambda: {"modal": modal(), "modes": [0], "columns": 1}],
     "plot.plot_multipliers": [lambda: {"subject": orbit(), **LABELS}],
+    "plot.plot_quasi_periodic": [
+        lambda: {"branches": quasi_periodic_branch(), "point": "1", "direction": "y", **LABELS}
+    ],
     "plot.plot_orbit": [lambda: {"orbit": orbit(), "point": "A", "pairs": {"first": 0}, **LABELS}],
     "plot.plot_sidebands": [lambda: {"sidebands": sideband_lines(), **LABELS}],
     "plot.plot_spectra": [
@@ -804,6 +810,7 @@ def write_files() -> None:
     sb.transient(oscillator(), 20.0, 0.01, 1e-3, file="given/history.h5")
     sb.save_orbit(orbit(), "given/orbit.h5")
     sb.save_branch(branch(), "given/branch.h5")
+    sb.save_result(quasi_periodic(), "given/result.h5")
     mesh().save("given/mesh.h5")
     write_results("given/results.h5", model(), modal())
     with open("given/small.toml", "w", encoding="utf-8") as file:

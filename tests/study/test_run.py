@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.study import revive
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.run import read_run, run_case
 from sbfem_petsc.study.solve import Structure
@@ -406,6 +407,20 @@ points = 1
 steps = 128
 modes = 8
 
+[analyses.own]
+kind = "quasi_periodic_response"
+load = "push"
+factor = 5.0
+start = 5150.0
+stop = 5165.0
+end = 5158.0
+order = 2
+samples = 7
+points = 3
+steps = 128
+modes = 8
+stability = false
+
 [analyses.attraction]
 kind = "basins"
 load = "push"
@@ -468,9 +483,26 @@ def test_branches(tmp_path):
     steady = sb.periodic(model, FORCE, 700.0, steps=128, modes=2)
     assert basins["reached"] == [[0, 0], [0, 0]] and basins["share"] == [1.0]
     assert basins["orbits"][0]["amplitude"]["A"] == pytest.approx(steady.amplitude("A"), rel=1e-6)
-    names = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
+    own, load = found["own"], sb.PointForce("A", fy=1000.0)
+    around = sb.frequency_response(model, load, 5150.0, 5165.0, modes=8, steps=128)
+    point = next(item for item in around.bifurcations if item.kind == "Neimark-Sacker")
+    first = sb.switch_branch(around, point, samples=7)
+    assert own["value"][0] == pytest.approx(first.frequencies[0], rel=1e-7)
+    assert own["own_frequency"][0] == pytest.approx(first.frequencies[1], rel=1e-4)
+    assert len(own["value"]) <= 3 and len(own["lines"]["A"]["magnitude"][0]) == len(own["line"])
+    # results are read from their own files for other pictures
+    for name, kind in (("own", sb.QuasiPeriodicBranch), ("free", sb.Backbone), ("attraction", sb.Basins)):
+        assert isinstance(sb.read_result(tmp_path / "out" / "analyses" / f"{name}.result.h5"), kind)
+    drawn = {path.name for path in (tmp_path / "out" / "pictures").iterdir()}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(revive, "Structure", None)  # nothing is computed again
+        done = sbfem("plot", tmp_path / "out", "--output", tmp_path / "again", "--quiet")
+    assert done.code == 0, done.err
+    names = {path.name for path in (tmp_path / "again").iterdir()}
+    assert names == drawn
     assert {
         "attraction_basins.png",
+        "own_own_tones.png",
         "map_loci.png",
         "slow_swept.png",
         "over_frequency_curve.png",

@@ -168,6 +168,13 @@ WRONG = [
     ),
     (
         'kind = "static"\nload = "push"',
+        'kind = "quasi_periodic_response"\nload = "push"\nstart = 50.0\nstop = 60.0\nend = 55.0\nsamples = 8'
+        + NEW,
+        "analyses.push.samples = 8",
+        "must be odd; give 9",
+    ),
+    (
+        'kind = "static"\nload = "push"',
         'kind = "quasi_periodic"\nprobe = "burst"' + NEW + "\nprobe_frequency = 3000.0\npump = "
         '"push"\npump_frequency = 50.0',
         "analyses.push.probe = 'burst'",

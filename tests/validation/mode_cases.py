@@ -9,6 +9,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, Plate, VNotch
+from tests.systems import two_masses
 from tests.validation.page import Row, case
 
 
@@ -64,6 +65,28 @@ def two_sided_stops() -> Iterator[Row]:
     at = float(np.interp(1.19768, branch.energy[order], branch.frequency[order]))
     note = "stops exact here and met from 1.809 J on, the motion is linear; regularised they act before"
     yield Row("frequency at 1.19768 J, Hz", 0.257905285, at, 3e-3, note=note)
+
+
+@case(
+    "Two masses with a stop under a harmonic force",
+    "NLvib (Krack, Gross), example 03: m = (1, 1), k = (0, 1, 1), damping 0.03 k, force 0.1 on the second "
+    "mass, stop of stiffness 100 at 1 of the first one. The figures are read from its plot, to about 1 %.",
+    long=True,
+)
+def two_masses_with_a_stop() -> Iterator[Row]:
+    turn = 2.0 * np.pi
+    system = two_masses()
+    branch = sb.frequency_response(system, [0.1], 0.5 / turn, 0.9 / turn, steps=2048)
+    (grazing,) = sb.grazing_points(branch)[:1]
+    yield Row("first contact, rad/s", 0.582, turn * grazing.value, 1e-2)
+    amplitude = np.abs(branch.harmonics("2")[:, 1])
+    top = int(amplitude.argmax())
+    yield Row("largest first harmonic of the second mass", 0.936, float(amplitude[top]), 1e-2)
+    yield Row("at, rad/s", 0.751, turn * float(branch.value[top]), 1e-2)
+    folds = np.array([turn * item.value for item in branch.bifurcations if item.kind == "fold"])
+    for published in (0.7556, 0.655):
+        found = float(folds[np.argmin(np.abs(folds - published))])
+        yield Row(f"fold at {published:g} rad/s", published, found, 1e-2)
 
 
 def simply_supported(**options) -> sb.Model:

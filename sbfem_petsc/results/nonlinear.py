@@ -1,0 +1,305 @@
+"""Results of nonlinear vibration in files: backbones, loci, basins, swept responses, quasi-periodic
+motions.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from typing import Any
+
+import h5py
+import numpy as np
+
+from ..analysis.backbone import Backbone
+from ..checks import shown
+from ..dynamics.basins import Basins, StartAxis
+from ..dynamics.branch import Branch
+from ..dynamics.free import FreeSystem
+from ..dynamics.locus import KINDS, Locus
+from ..dynamics.locus import PARAMETERS as SECOND_PARAMETERS
+from ..dynamics.orbit import Orbit
+from ..dynamics.own_tone_branch import QuasiPeriodicBranch
+from ..dynamics.states import ModalStates
+from ..dynamics.swept import SweptResponse
+from ..dynamics.tones import QuasiPeriodic
+from ..recording import branch_file
+from ..recording.hdf5 import new_hdf5, opened, put
+from ..recording.reduced_models import read_reduced_model, write_reduced_model
+from ..recording.sound import number, numbers, text, truth, whole
+from . import orbits
+from .branches import read_branch, save_branch
+from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
+
+WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 1
+# Kinds of which a file may hold several.
+LISTED = ("loci", "swept responses")
+# Most modes, cycles.
+MOST = 10**9
+
+_BACKBONE = {
+    "energy": ("J", "energy of the motion"),
+    "frequency": ("Hz", "its frequency"),
+    "frequency_error": ("Hz", "estimate, nan where there is none"),
+    "damping_ratio": ("1", "its damping ratio"),
+    "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
+    "multipliers": ("1", "Floquet multipliers"),
+    "point_harmonics": ("m", "harmonics 0 to 20 of the points' displacements, (n, points, xy, k)"),
+    "point_amplitudes": ("m", "half the peak-to-peak of u_y"),
+    "stable": ("1", "whether no multiplier is outside the unit circle"),
+}
+_LOCUS = {
+    "frequency": ("Hz", "forcing frequency"),
+    "value": ("1", "factor on the second parameter"),
+    "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
+    "multiplier": ("1", "the one on the unit circle, nan for grazing"),
+}
+_SWEPT = {
+    "frequency": ("Hz", "mean forcing frequency of each cycle"),
+    "point_amplitudes": ("m", "half the peak-to-peak of u_y in a cycle"),
+    "contact_peak": ("N", "largest contact resultant in a cycle"),
+}
+_BASINS = {
+    "reached": ("1", "number of the orbit that each initial state leads to, -1: none"),
+    "periods": ("1", "forcing periods until that was known"),
+    "states": ("m sqrt(kg)/s", "initial states (Omega q, q')"),
+}
+
+
+def save_result(result: Any, path: str) -> None:
+    """Write a result of nonlinear vibration; the file takes its name when it is whole.
+
+    Parameters
+    ----------
+    result : Orbit, Branch, Backbone, Locus, Basins, SweptResponse, QuasiPeriodic or QuasiPeriodicBranch
+        Or a sequence of Locus, or of SweptResponse.
+    path : str
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it cannot be written.
+    """
+    if isinstance(result, Orbit):
+        return orbits.save_orbit(result, path)
+    if isinstance(result, Branch):
+        return save_branch(result, path)
+    items = list(result) if isinstance(result, (list, tuple)) else [result]
+    several = isinstance(result, (list, tuple))
+    fits = [
+        kind
+        for kind, (of, *_) in _KINDS.items()
+        if all(isinstance(item, of) for item in items) and (not several or kind in LISTED)
+    ]
+    if not fits:
+        raise TypeError(
+            f"save_result: result = {shown(result)} must be an Orbit, Branch, Backbone, Locus, Basins, "
+            "SweptResponse, QuasiPeriodic or QuasiPeriodicBranch, or several Locus or SweptResponse"
+        )
+    kind = fits[0]
+    write = _KINDS[kind][1]
+    with new_hdf5(path, WHAT, FORM, VERSION) as file:
+        file.attrs["kind"], file.attrs["several"] = kind, several
+        if kind in LISTED:
+            group = file.create_group("items")
+            for k, item in enumerate(items):
+                write(group.create_group(f"{k:04d}"), item)
+        else:
+            write(file, result)
+    return None
+
+
+def read_result(path: str) -> Any:
+    """Read what `save_result`, `save_orbit` or `save_branch` wrote.
+
+    Returns
+    -------
+    Orbit, Branch, Backbone, Locus, Basins, SweptResponse, QuasiPeriodic, QuasiPeriodicBranch, or a tuple
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the file is missing, truncated, damaged or of another kind.
+
+    Warns
+    -----
+    IncompleteBranch
+        See `read_branch`.
+    """
+    forms = {FORM: VERSION, orbits.FORM: orbits.VERSION, branch_file.FORM: branch_file.VERSION}
+    with opened(path, WHAT, forms) as file:
+        form = file.attrs["format"]
+        if form == orbits.FORM:
+            return orbits.orbit_in(file)
+        if form == FORM:
+            kind, several = text(file, "kind"), truth(file, "several")
+            if kind not in _KINDS or (several and kind not in LISTED):
+                raise ValueError(f"kind = {kind!r} is none of {', '.join(_KINDS)}")
+            read = _KINDS[kind][2]
+            if kind not in LISTED:
+                return read(file)
+            found = tuple(read(file["items"][name]) for name in sorted(file["items"]))
+            if not several and len(found) != 1:
+                raise ValueError(f"it has {len(found)} items instead of one")
+            return found if several else found[0]
+    return read_branch(os.fspath(path))
+
+
+# ---------------------------------------------------------------------- each kind
+def _put_all(group: h5py.Group, table: dict[str, tuple[str, str]], result: Any) -> None:
+    for name, (unit, meaning) in table.items():
+        put(group, name, getattr(result, name), unit, meaning)
+
+
+def _write_backbone(group: h5py.Group, found: Backbone) -> None:
+    group.attrs.update(
+        {
+            "mode": found.mode,
+            "steps": found._system.steps,
+            "damped": bool(found.damped),
+            "complete": bool(found.complete),
+            "reason": found.reason,
+        }
+    )
+    _put_all(group, _BACKBONE, found)
+    put(group, "passed", np.reshape(found.passed, (-1, 2)), "J", "energies beside interactions passed over")
+    put(group, "excitation", found._excitation, "1/s", "self-excitation that makes up for damping")
+    put(group, "own_frequency", found._own_frequency, "Hz", "that of the steps")
+    write_reduced_model(group.create_group("reduced_model"), found.reduced)
+
+
+def _backbone_in(group: h5py.Group) -> Backbone:
+    reduced = read_reduced_model(group["reduced_model"])
+    modes, points = len(reduced.omega), len(reduced.points.names)
+    count = len(numbers(group, "energy", None, least=0.0))
+    mode, steps = whole(group, "mode", least=1, most=modes), whole(group, "steps", least=1, most=10**6)
+    if not count:
+        raise ValueError("'energy' is empty")
+    return Backbone(
+        mode=mode,
+        energy=numbers(group, "energy", count),
+        frequency=numbers(group, "frequency", count, least=1e-300),
+        frequency_error=numbers(group, "frequency_error", count, finite=False),
+        damping_ratio=numbers(group, "damping_ratio", count),
+        states=numbers(group, "states", count, 2 * modes),
+        multipliers=numbers(group, "multipliers", count, None, kinds="c"),
+        point_harmonics=numbers(group, "point_harmonics", count, points, 2, None, kinds="c"),
+        point_amplitudes=numbers(group, "point_amplitudes", count, points, least=0.0),
+        passed=tuple((float(one), float(other)) for one, other in numbers(group, "passed", None, 2)),
+        damped=truth(group, "damped"),
+        reason=text(group, "reason"),
+        complete=truth(group, "complete"),
+        _system=FreeSystem(reduced, mode - 1, steps),
+        _excitation=numbers(group, "excitation", count),
+        _own_frequency=numbers(group, "own_frequency", count, least=1e-300),
+    )
+
+
+def _write_locus(group: h5py.Group, line: Locus) -> None:
+    group.attrs.update(
+        {
+            "kind": line.kind,
+            "parameter": line.parameter,
+            "periods": line.periods,
+            "reason_begin": line.reasons[0],
+            "reason_end": line.reasons[1],
+        }
+    )
+    _put_all(group, _LOCUS, line)
+
+
+def _locus_in(group: h5py.Group) -> Locus:
+    kind, parameter = text(group, "kind"), text(group, "parameter")
+    if kind not in KINDS or parameter not in SECOND_PARAMETERS:
+        raise ValueError(f"it is a line of {kind!r} over {parameter!r}")
+    count = len(numbers(group, "value", None, least=0.0))
+    return Locus(
+        kind,
+        parameter,
+        numbers(group, "frequency", count, least=0.0),
+        numbers(group, "value", count),
+        numbers(group, "states", count, None),
+        numbers(group, "multiplier", count, finite=False, kinds="c"),
+        (text(group, "reason_begin"), text(group, "reason_end")),
+        whole(group, "periods", least=1, most=10**7),
+    )
+
+
+def _write_swept(group: h5py.Group, swept: SweptResponse) -> None:
+    group.attrs.update({"duration": swept.duration, "settling": swept.settling})
+    _put_all(group, _SWEPT, swept)
+    write_reduced_model(group.create_group("reduced_model"), swept.reduced)
+
+
+def _swept_in(group: h5py.Group) -> SweptResponse:
+    reduced = read_reduced_model(group["reduced_model"])
+    count = len(numbers(group, "frequency", None, least=0.0))
+    if not count:
+        raise ValueError("'frequency' is empty")
+    return SweptResponse(
+        numbers(group, "frequency", count),
+        number(group, "duration", least=1e-300),
+        numbers(group, "point_amplitudes", count, len(reduced.points.names), least=0.0),
+        numbers(group, "contact_peak", count, least=0.0),
+        whole(group, "settling", most=MOST),
+        reduced,
+    )
+
+
+def _write_basins(group: h5py.Group, basins: Basins) -> None:
+    group.attrs["frequency"] = basins.frequency
+    _put_all(group, _BASINS, basins)
+    orbit_group, axes = group.create_group("orbits"), group.create_group("axes")
+    for k, orbit in enumerate(basins.orbits):
+        orbits.write_orbit(orbit_group.create_group(f"{k:04d}"), orbit)
+    for k, axis in enumerate(basins.axes):
+        part = axes.create_group(f"{k:04d}")
+        part.attrs.update(
+            {"kind": axis.kind, "mode": axis.mode, "point": axis.point or "", "direction": axis.direction}
+        )
+        put(part, "values", axis.values, "SI", axis.label)
+
+
+def _basins_in(group: h5py.Group) -> Basins:
+    found = tuple(orbits.orbit_in(group["orbits"][name]) for name in sorted(group["orbits"]))
+    axes = tuple(_axis_in(group["axes"][name]) for name in sorted(group["axes"]))
+    dataset = group.get("reached")
+    shape = tuple(len(axis.values) for axis in axes) or getattr(dataset, "shape", ())
+    reached = numbers(group, "reached", *shape, kinds="i", least=-1)
+    if reached.size == 0 or reached.max() >= len(found):
+        raise ValueError(f"'reached' names no orbit but the {len(found)} there are")
+    points = {name for orbit in found for name in orbit.points}
+    for axis in axes:
+        if axis.point is not None and axis.point not in points:
+            raise ValueError(f"point {axis.point!r} of an axis is none of its orbits'")
+    sizes: set[int | None] = {2 * o.states.q.shape[1] for o in found if isinstance(o.states, ModalStates)}
+    states = numbers(group, "states", *shape, *(sizes or {None}))
+    return Basins(
+        frequency=number(group, "frequency", least=1e-300),
+        orbits=found,
+        reached=reached,
+        periods=numbers(group, "periods", *shape, kinds="i", least=0),
+        states=states,
+        axes=axes,
+    )
+
+
+def _axis_in(group: h5py.Group) -> StartAxis:
+    return StartAxis(
+        tuple(numbers(group, "values", None).tolist()),
+        text(group, "kind"),
+        whole(group, "mode", least=1, most=MOST),
+        text(group, "point") or None,
+        text(group, "direction"),
+    )
+
+
+# Kinds by the names in a file: what they are of, and what writes and reads one.
+_KINDS: dict[str, tuple[type, Callable[[h5py.Group, Any], None], Callable[[h5py.Group], Any]]] = {
+    "backbone": (Backbone, _write_backbone, _backbone_in),
+    "loci": (Locus, _write_locus, _locus_in),
+    "swept responses": (SweptResponse, _write_swept, _swept_in),
+    "basins": (Basins, _write_basins, _basins_in),
+    "quasi-periodic": (QuasiPeriodic, write_torus, torus_in),
+    "quasi-periodic branch": (QuasiPeriodicBranch, write_torus_branch, torus_branch_in),
+}
