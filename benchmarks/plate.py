@@ -7,8 +7,8 @@
 
 Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
 rank during it and what it leaves (where /proc tells). `--file` writes the table as JSON, `--compare` sets two
-of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. Options of PETSc
-may follow, after `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
+of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. `--mesh` keeps a
+mesh for the next run. Options of PETSc may follow, after `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
 -static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
 """
 
@@ -18,6 +18,7 @@ import argparse
 import contextlib
 import json
 import math
+import os
 import resource
 import sys
 import time
@@ -121,10 +122,16 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         print(f"{'stage':14s} {'wall s':>9s} {'CPU s':>9s} {'peak MB':>9s} {'left MB':>9s}")
 
     def make() -> BoundaryMesh:
+        if arguments.mesh and os.path.exists(arguments.mesh):
+            return BoundaryMesh.load(arguments.mesh)
         if arguments.notches:
-            return notched_beam(arguments.notches, arguments.order)
-        body = plate(arguments.cracks, arguments.holes, arguments.seed)
-        return plate_mesh(body, arguments.unknowns, arguments.order)
+            made = notched_beam(arguments.notches, arguments.order)
+        else:
+            body = plate(arguments.cracks, arguments.holes, arguments.seed)
+            made = plate_mesh(body, arguments.unknowns, arguments.order)
+        if arguments.mesh:
+            made.save(arguments.mesh)
+        return made
 
     mesh = stages("mesh", lambda: sb.on_root(comm, make))
     clamped, load = (
@@ -206,6 +213,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--modes", type=int, default=0)
     parser.add_argument("--flexibility", action="store_true", help="also all contact rows' flexibility")
+    parser.add_argument("--mesh", metavar="FILE", help="read from here if it exists, else saved to it")
     parser.add_argument("--file")
     parser.add_argument("--compare", nargs=2, metavar="FILE", help="set two tables side by side, and end")
     arguments = parser.parse_args(sys.argv[1:_SPLIT])

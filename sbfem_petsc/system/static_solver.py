@@ -43,6 +43,8 @@ class StaticSolver:
         self.matrix, self.refinement = model.stiffness, model.refinement
         self._comm = self.matrix.comm.tompi4py()
         self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
+        # the stiffness never changes, though it becomes a block of bordered matrices
+        self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
         self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
