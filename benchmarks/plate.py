@@ -8,8 +8,9 @@
 Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
 rank during it and what it leaves (where /proc tells). `--file` writes the table as JSON, `--compare` sets two
 of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. `--mesh` keeps a
-mesh for the next run. Options of PETSc may follow, after `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
--static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
+mesh for the next run. Options of PETSc may follow, after `--`: multigrid instead of the factorisation is
+`-- -static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg
+-static_pc_type hypre`. Set OMP_NUM_THREADS=1.
 """
 
 from __future__ import annotations
