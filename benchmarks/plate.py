@@ -2,6 +2,7 @@
 
     python benchmarks/plate.py --unknowns 100000 --cracks 10 --holes 2 --modes 20 --file plate.json
     mpiexec -n 2 python benchmarks/plate.py --unknowns 100000 --cracks 10
+    python benchmarks/plate.py --unknowns 1000000 --structured
     python benchmarks/plate.py --notches 100
     python benchmarks/plate.py --compare before.json after.json
 
@@ -20,6 +21,7 @@ import contextlib
 import json
 import math
 import os
+import pathlib
 import resource
 import sys
 import time
@@ -32,7 +34,10 @@ import petsc4py
 _SPLIT = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
 petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
 import sbfem_petsc as sb
+from benchmarks.structured_plate import structured_plate
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc.petsc import MPI, PETSc, version_line
 
@@ -127,6 +132,10 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
             return BoundaryMesh.load(arguments.mesh)
         if arguments.notches:
             made = notched_beam(arguments.notches, arguments.order)
+        elif arguments.structured:
+            made = structured_plate(
+                arguments.unknowns, cracks=arguments.cracks, order=arguments.order, seed=arguments.seed
+            )
         else:
             body = plate(arguments.cracks, arguments.holes, arguments.seed)
             made = plate_mesh(body, arguments.unknowns, arguments.order)
@@ -155,7 +164,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "ranks": comm.size,
         **{
             name: getattr(arguments, name)
-            for name in ("order", "cracks", "holes", "notches", "seed", "modes")
+            for name in ("order", "cracks", "holes", "notches", "structured", "seed", "modes")
         },
         "s_elements": model.elements,
         "shapes": model.shapes,
@@ -211,6 +220,7 @@ def main() -> None:
     parser.add_argument("--cracks", type=int, default=10)
     parser.add_argument("--holes", type=int, default=0)
     parser.add_argument("--notches", type=int, default=0, help="a beam with so many instead of the plate")
+    parser.add_argument("--structured", action="store_true", help="rows and columns of cells, without gmsh")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--modes", type=int, default=0)
     parser.add_argument("--flexibility", action="store_true", help="also all contact rows' flexibility")
@@ -218,6 +228,8 @@ def main() -> None:
     parser.add_argument("--file")
     parser.add_argument("--compare", nargs=2, metavar="FILE", help="set two tables side by side, and end")
     arguments = parser.parse_args(sys.argv[1:_SPLIT])
+    if arguments.holes and arguments.structured:
+        parser.error("--structured: rows and columns of cells have no holes; leave out --holes")
     if arguments.compare:
         return compare(*arguments.compare)
     result = run(arguments)
