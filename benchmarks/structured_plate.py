@@ -93,7 +93,7 @@ def structured_plate(
         # looking from the first tip along the crack, the right hand is below
         right, left = along[rows, columns], again[rows, columns]
         sets[f"{name}_right"], sets[f"{name}_left"] = right, left
-        start, end = (tuple(map(float, vertices[v])) for v in (ends[right[0], 0], ends[right[-1], 1]))
+        start, end = (_place(vertices[v]) for v in (ends[right[0], 0], ends[right[-1], 1]))
         named.append(Crack(name, start, (1.0, 0.0), 0.0, end[0] - start[0], -1))
         both = (f"{name}_left", f"{name}_right")
         tips.append(Tip(f"{name}:1", k, start, (1.0, 0.0), 0.0, -1, both))
@@ -157,6 +157,10 @@ def _pairs(right: np.ndarray, left: np.ndarray, nodes: np.ndarray, crack: int) -
         arc[inside],
         weight[inside],
     )
+
+
+def _place(vertex: np.ndarray) -> tuple[float, float]:
+    return float(vertex[0]), float(vertex[1])
 
 
 def _none() -> ContactPairs:

@@ -148,4 +148,5 @@ def coefficient_matrices(
         matrices[:, :2] += matrices[:, -2:]
         matrices[:, :, :2] += matrices[:, :, -2:]
         matrices = matrices[:, :-2, :-2]
-    return Coefficients(*matrices, straight=quadrature == order + 1)
+    e0, e1, e2, m0 = matrices
+    return Coefficients(e0, e1, e2, m0, straight=quadrature == order + 1)
