@@ -5,15 +5,18 @@
 The plate is clamped at its left edge, pulled at its right one; errors are those of the strain energy and of
 the 20 lowest frequencies (the largest), against S-elements of order 8 on the smallest of their sizes.
 scikit-fem is given the same cells, each divided into triangles from its scaling centre, graded towards the
-tips as its user would grade them. What a run costs is CPU time from the mesh in memory to the result. Faces are free to overlap, for scikit-fem has no contact.
-Set OMP_NUM_THREADS=1.
+tips as its user would grade them. Each run has a process of its own; it costs CPU time from the mesh in memory
+to the result, and the memory that it adds at most to what the process had. Faces are free to overlap,
+for scikit-fem has no contact. Set OMP_NUM_THREADS=1.
 """
 
 from __future__ import annotations
 
 import argparse
 import gc
+import json
 import pathlib
+import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -104,31 +107,42 @@ def measured(work: Callable[[], Any]) -> tuple:
     return result, time.process_time() - start, memory()[0] - before
 
 
+RUNS = {"S-elements": s_elements, "triangles": scikit_fem}
+
+
+def alone(cracks: int, name: str, order: int, size: float) -> list:
+    """A run in a process of its own."""
+    words = [sys.executable, __file__, "--cracks", str(cracks), "--one", name, str(order), str(size)]
+    done = subprocess.run(words, check=True, capture_output=True, text=True)
+    return json.loads(done.stdout.splitlines()[-1])
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
     parser.add_argument("--cracks", type=int, default=5)
-    parser.add_argument("--sizes", type=float, nargs="+", default=[0.2, 0.1, 0.05], help="of cells, m")
-    parser.add_argument("--triangle-sizes", type=float, nargs="+", default=[0.1, 0.05, 0.025, 0.0125])
+    parser.add_argument("--sizes", type=float, nargs="+", default=[0.2, 0.1], help="of cells, m")
+    parser.add_argument("--triangle-sizes", type=float, nargs="+", default=[0.2, 0.1, 0.05])
     parser.add_argument("--orders", type=int, nargs="+", default=[3, 5])
     parser.add_argument("--triangle-orders", type=int, nargs="+", default=[2, 3, 4], choices=ELEMENTS)
+    parser.add_argument("--one", nargs=3, metavar=("KIND", "ORDER", "SIZE"), help="one run, as JSON")
     own = parser.parse_args()
-    body = plate(own.cracks, 0, 0)
-    energy, frequencies = s_elements(body, 8, min(own.sizes))[1:3]
+    if own.one:
+        name, order, size = own.one
+        found = RUNS[name](plate(own.cracks, 0, 0), int(order), float(size))
+        print(json.dumps([np.asarray(part).tolist() for part in found]))
+        return
+    energy, frequencies = alone(own.cracks, "S-elements", 8, min(own.sizes))[1:3]
     print("| | size, m | unknowns | error, statics | error, modes | s, statics | s, modes | MB | MB, modes |")
     print("|---|---|---|---|---|---|---|---|---|")
-    runs = [("S-elements of order", s_elements, p, size) for p in own.orders for size in own.sizes]
-    runs += [
-        ("triangles of order", scikit_fem, p, size)
-        for p in own.triangle_orders
-        for size in own.triangle_sizes
-    ]
-    for name, solve, order, size in runs:
-        unknowns, own_energy, found, first, second, added, more = solve(body, order, size)
+    runs = [("S-elements", p, size) for p in own.orders for size in own.sizes]
+    runs += [("triangles", p, size) for p in own.triangle_orders for size in own.triangle_sizes]
+    for name, order, size in runs:
+        unknowns, own_energy, found, *cost = alone(own.cracks, name, order, size)
         static_error = abs(own_energy / energy - 1.0)
-        error = np.abs(found / frequencies - 1.0).max()
+        error = np.abs(np.array(found) / frequencies - 1.0).max()
         print(
-            f"| {name} {order} | {size:g} | {unknowns:,d} | {static_error:.1e} | {error:.1e} | {first:.2f} | "
-            f"{second:.2f} | {added:.0f} | {more:.0f} |",
+            f"| {name} of order {order} | {size:g} | {unknowns:,d} | {static_error:.1e} | {error:.1e} | "
+            f"{cost[0]:.2f} | {cost[1]:.2f} | {cost[2]:.0f} | {cost[3]:.0f} |",
             flush=True,
         )
 
