@@ -5,8 +5,8 @@
 The plate is clamped at its left edge, pulled at its right one; errors are those of the strain energy and of
 the 20 lowest frequencies (the largest), against S-elements of order 8 on the smallest of their sizes.
 scikit-fem is given the same cells, each divided into triangles from its scaling centre, graded towards the
-tips as its user would grade them. Each run has a process of its own; it costs CPU time from the mesh in memory
-to the result, and the memory that it adds at most to what the process had. Faces are free to overlap,
+tips as its user would grade them. Each run has a process of its own; it costs CPU time from the mesh in
+memory to the result, and the memory that it adds at most to what the process had. Faces are free to overlap,
 for scikit-fem has no contact. Set OMP_NUM_THREADS=1.
 """
 

@@ -72,6 +72,8 @@ def main() -> None:
         "history_resultant": difference(whole.contact_resultant[1:], between),
         "history_forces": difference(whole.contact_force[1:], forces),
     }
+    if comm.rank == 0:
+        print(found, flush=True)
     if own.orbit:
         asked = {"frequency": own.frequency, "steps": own.steps}
         short = stages("reduced orbit", lambda: sb.periodic(reduced, load, stability=False, **asked))
