@@ -2,7 +2,7 @@
 
 Times are those of one core of a server with MUMPS, beams of 3,000 to 37,000 unknowns with 16 to 41 contact
 pairs and 46 to 80 modes: the rules meet them within a factor of two or three. Memory is fitted to plates
-with ten cracks of 72,000 to 473,000 unknowns, statics and 20 modes apart, on one and two ranks: the rules are
+with ten cracks of 72,000 to 980,000 unknowns, statics and 20 modes apart, on one and two ranks: the rules are
 above what was measured, by less than a half.
 """
 
