@@ -2,14 +2,16 @@
 
     python benchmarks/plate.py --unknowns 100000 --cracks 10 --holes 2 --modes 20 --file plate.json
     mpiexec -n 2 python benchmarks/plate.py --unknowns 100000 --cracks 10
+    python benchmarks/plate.py --unknowns 1000000 --structured
     python benchmarks/plate.py --notches 100
     python benchmarks/plate.py --compare before.json after.json
 
 Every stage has its wall and CPU seconds (of the slowest rank) and the largest peak of resident memory of a
 rank during it and what it leaves (where /proc tells). `--file` writes the table as JSON, `--compare` sets two
-of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. Options of PETSc
-may follow, after `--`: multigrid instead of the factorisation is `-- -static_ksp_type cg -static_pc_type gamg
--static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg -static_pc_type hypre`. Set OMP_NUM_THREADS=1.
+of them side by side: versions, sizes (with the exponent of the growth) or numbers of ranks. `--mesh` keeps a
+mesh for the next run. Options of PETSc may follow, after `--`: multigrid instead of the factorisation is
+`-- -static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05`, or `-- -static_ksp_type cg
+-static_pc_type hypre`. Set OMP_NUM_THREADS=1.
 """
 
 from __future__ import annotations
@@ -18,6 +20,8 @@ import argparse
 import contextlib
 import json
 import math
+import os
+import pathlib
 import resource
 import sys
 import time
@@ -30,7 +34,10 @@ import petsc4py
 _SPLIT = sys.argv.index("--") if "--" in sys.argv else len(sys.argv)
 petsc4py.init([sys.argv[0], *sys.argv[_SPLIT + 1 :]])
 
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
+
 import sbfem_petsc as sb
+from benchmarks.structured_plate import structured_plate
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc.petsc import MPI, PETSc, version_line
 
@@ -121,10 +128,20 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         print(f"{'stage':14s} {'wall s':>9s} {'CPU s':>9s} {'peak MB':>9s} {'left MB':>9s}")
 
     def make() -> BoundaryMesh:
+        if arguments.mesh and os.path.exists(arguments.mesh):
+            return BoundaryMesh.load(arguments.mesh)
         if arguments.notches:
-            return notched_beam(arguments.notches, arguments.order)
-        body = plate(arguments.cracks, arguments.holes, arguments.seed)
-        return plate_mesh(body, arguments.unknowns, arguments.order)
+            made = notched_beam(arguments.notches, arguments.order)
+        elif arguments.structured:
+            made = structured_plate(
+                arguments.unknowns, cracks=arguments.cracks, order=arguments.order, seed=arguments.seed
+            )
+        else:
+            body = plate(arguments.cracks, arguments.holes, arguments.seed)
+            made = plate_mesh(body, arguments.unknowns, arguments.order)
+        if arguments.mesh:
+            made.save(arguments.mesh)
+        return made
 
     mesh = stages("mesh", lambda: sb.on_root(comm, make))
     clamped, load = (
@@ -147,7 +164,7 @@ def run(arguments: argparse.Namespace) -> dict[str, Any]:
         "ranks": comm.size,
         **{
             name: getattr(arguments, name)
-            for name in ("order", "cracks", "holes", "notches", "seed", "modes")
+            for name in ("order", "cracks", "holes", "notches", "structured", "seed", "modes")
         },
         "s_elements": model.elements,
         "shapes": model.shapes,
@@ -203,12 +220,16 @@ def main() -> None:
     parser.add_argument("--cracks", type=int, default=10)
     parser.add_argument("--holes", type=int, default=0)
     parser.add_argument("--notches", type=int, default=0, help="a beam with so many instead of the plate")
+    parser.add_argument("--structured", action="store_true", help="rows and columns of cells, without gmsh")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--modes", type=int, default=0)
     parser.add_argument("--flexibility", action="store_true", help="also all contact rows' flexibility")
+    parser.add_argument("--mesh", metavar="FILE", help="read from here if it exists, else saved to it")
     parser.add_argument("--file")
     parser.add_argument("--compare", nargs=2, metavar="FILE", help="set two tables side by side, and end")
     arguments = parser.parse_args(sys.argv[1:_SPLIT])
+    if arguments.holes and arguments.structured:
+        parser.error("--structured: rows and columns of cells have no holes; leave out --holes")
     if arguments.compare:
         return compare(*arguments.compare)
     result = run(arguments)

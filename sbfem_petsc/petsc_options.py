@@ -11,6 +11,8 @@ PREFIXES = {
     "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
     "-modal_st_pc_... (its linear solves)",
     "static_": "static displacement, contact, static part of a reduction: -static_ksp_..., -static_pc_...",
+    "contact_dual": "contact forces by iteration, without their flexibility: -contact_dual, "
+    "-contact_dual_ksp_...",
     "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
     "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., "
     "-shooting_pc_... (its linear solves)",

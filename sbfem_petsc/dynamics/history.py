@@ -43,7 +43,9 @@ class Motion:
 
     @property
     def contact_force(self) -> np.ndarray:
-        """(n, pairs): forces of the contact pairs, N, compression positive."""
+        """(n, pairs): forces of the contact pairs, N, compression positive; those of an unreduced model are
+        means over the step that ends at the instant.
+        """
         return self.states.contact[:, : self.states.pairs]
 
     @property

@@ -16,13 +16,14 @@ class SElementError(ValueError):
 @dataclass(frozen=True, eq=False)
 class Coefficients:
     """Coefficient matrices of one S-element with n degrees of freedom (x and y of each node in turn), all (n,
-    n).
+    n), and whether its edges are straight with evenly mapped nodes.
     """
 
     e0: np.ndarray
     e1: np.ndarray
     e2: np.ndarray
     m0: np.ndarray
+    straight: bool = False
 
 
 def edge_nodes(nodes: int, order: int, closed: bool) -> np.ndarray:
@@ -113,7 +114,8 @@ def coefficient_matrices(
         If the scaling centre does not see the whole boundary.
     """
     connectivity = edge_nodes(len(coordinates), order, closed)
-    values, derivatives, weights = tabulated(order, quadrature_points(coordinates, order, connectivity))
+    quadrature = quadrature_points(coordinates, order, connectivity)
+    values, derivatives, weights = tabulated(order, quadrature)
     first, second, jacobian = strain_operators(coordinates[connectivity], values, derivatives)
     edges, points, width = *jacobian.shape, order + 1
     if elasticity.ndim == 3:
@@ -146,4 +148,5 @@ def coefficient_matrices(
         matrices[:, :2] += matrices[:, -2:]
         matrices[:, :, :2] += matrices[:, :, -2:]
         matrices = matrices[:, :-2, :-2]
-    return Coefficients(*matrices)
+    e0, e1, e2, m0 = matrices
+    return Coefficients(e0, e1, e2, m0, straight=quadrature == order + 1)

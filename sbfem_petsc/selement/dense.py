@@ -25,6 +25,11 @@ def cholesky(matrix: np.ndarray, what: str) -> np.ndarray:
     return factor
 
 
+def is_definite(matrix: np.ndarray) -> bool:
+    """Whether a Cholesky factor exists."""
+    return bool(lapack.dpotrf(matrix, lower=1, clean=0)[1] == 0)
+
+
 def cholesky_solve(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
     """(L L^T)^-1 right."""
     return lapack.dpotrs(factor, right, lower=1)[0]
@@ -33,6 +38,16 @@ def cholesky_solve(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
 def lower_solve(factor: np.ndarray, right: np.ndarray) -> np.ndarray:
     """L^-1 right."""
     return lapack.dtrtrs(factor, right, lower=1)[0]
+
+
+def upper_factor(matrix: np.ndarray, what: str) -> np.ndarray:
+    """Upper triangular X with X X^T = matrix, or an `SElementError` as by `cholesky`."""
+    return np.asfortranarray(cholesky(matrix[::-1, ::-1], what)[::-1, ::-1])
+
+
+def upper_solve(triangle: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """X^-1 right, X upper triangular."""
+    return lapack.dtrtrs(triangle, right)[0]
 
 
 def solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -59,14 +74,13 @@ def growing_subspace(matrix: np.ndarray) -> tuple[np.ndarray, int]:
     return vectors, int(count)
 
 
-def lyapunov(schur_form: tuple[np.ndarray, np.ndarray], shift: float, right: np.ndarray) -> np.ndarray:
-    """Symmetric Y with (U + shift I) Y + Y (U + shift I)^T = right, from the real Schur form (T, Q) of U."""
-    triangle, basis = schur_form
+def lyapunov(triangle: np.ndarray, shift: float, right: np.ndarray) -> np.ndarray:
+    """Symmetric Y with (T + shift I) Y + Y (T + shift I)^T = right, T quasi upper triangular."""
     shifted = triangle.copy(order="F")
     shifted.reshape(-1, order="A")[:: len(shifted) + 1] += shift
-    solution = basis.T @ right @ basis
+    solution = np.array(right)
     _solve_triangular(shifted, solution)
-    return symmetric(basis @ solution @ basis.T)
+    return symmetric(solution)
 
 
 def _solve_triangular(triangle: np.ndarray, right: np.ndarray) -> None:

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .coefficients import Coefficients, SElementError, coefficient_matrices
-from .dense import ADVICE, cholesky, cholesky_solve, largest, symmetric
+from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, symmetric
 from .inertia import Inertia, continued_fraction
+from .polynomial_modes import PolynomialModes, polynomial_modes
 from .rigid_motions import rigid_motions
-from .stiffness import static_stiffness
+from .stiffness import ACCEPTED, static_stiffness, stiffness_beyond
 from .symmetry import invariant_subspaces
 
 # Round-off of the stiffness and the Lyapunov solves grows with the number of unknowns; up to 400 unknowns an
@@ -68,17 +69,12 @@ class SElement:
 
         Computed each time: of many S-elements it would take as much memory as their stiffness.
         """
-        coefficients, bases, factors = self._equations()
-        return _radial(self.stiffness, coefficients, factors, bases)
+        return self._equations().radial(self.stiffness)
 
-    def _equations(self) -> tuple[Coefficients, _Bases, list[np.ndarray]]:
-        """Coefficient matrices, invariant subspaces and the factors of E0 there."""
-        coefficients = coefficient_matrices(
-            self.coordinates, self.order, self.closed, self.elasticity, density=self.density
+    def _equations(self) -> _Equations:
+        return _equations(
+            self.coordinates, self.order, self.closed, self.elasticity, self.isotropic, self.density
         )
-        mirrored = self.isotropic and _uniform(self.elasticity, self.density)
-        bases = _bases(self.coordinates, self.order, self.closed, mirrored)
-        return coefficients, bases, _factors(coefficients, bases)
 
     @property
     def mass(self) -> np.ndarray:
@@ -116,9 +112,8 @@ class SElement:
         SElementError
             If a matrix that is positive definite in exact arithmetic is not.
         """
-        coefficients, bases, factors = self._equations()
-        radial = _radial(self.stiffness, coefficients, factors, bases)
-        return replace(self, dynamics=_dynamics(coefficients, factors, radial, bases, terms))
+        equations = self._equations()
+        return replace(self, dynamics=_dynamics(equations, equations.radial(self.stiffness), terms))
 
 
 def solve_selement(
@@ -150,7 +145,8 @@ def solve_selement(
     density : (edges,) array, optional
         Densities of the sectors in units of the one that the inertia is scaled with; default: 1.
     method : {"doubling", "schur"}, optional
-        How the stiffness is computed (`stiffness.static_stiffness`).
+        How the stiffness is computed (`stiffness.static_stiffness`); default: what goes beyond the polynomial
+        modes, where these are known, else all of it by doubling.
 
     Raises
     ------
@@ -158,22 +154,11 @@ def solve_selement(
         If the boundary is not visible from the scaling centre or a check fails.
     """
     elasticity = np.asarray(elasticity, dtype=float)
-    coefficients = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
+    equations = _equations(coordinates, order, closed, elasticity, isotropic, density)
     motions = rigid_motions(coordinates)
-    bases = _bases(coordinates, order, closed, isotropic and _uniform(elasticity, density))
-    factors = _factors(coefficients, bases)
-    parts = [
-        _solve_subspace(coefficients, factor, motions[:, :2], basis, method)
-        for basis, factor in zip(bases, factors)
-    ]
-    stiffness = symmetric(_whole([part[0] for part in parts], bases))
-    radial = _radial(stiffness, coefficients, factors, bases)
-    asymmetry = max(part[1] for part in parts)
-    scale = largest(stiffness)
-    riccati = largest((stiffness - coefficients.e1) @ radial - coefficients.e2) / max(
-        largest(coefficients.e2), scale
-    )
-    rigid = largest(stiffness @ motions) / scale
+    solved = _beyond_polynomials(equations) if method is None else None
+    stiffness, asymmetry, radial, riccati = solved or _by_subspaces(equations, motions[:, :2], method)
+    rigid = largest(stiffness @ motions) / largest(stiffness)
     for name, value in (
         ("residual of the Riccati equation", riccati),
         ("asymmetry of the stiffness", asymmetry),
@@ -195,25 +180,68 @@ def solve_selement(
         asymmetry,
         rigid,
         density,
-        None if terms is None else _dynamics(coefficients, factors, radial, bases, terms),
+        None if terms is None else _dynamics(equations, radial, terms),
     )
 
 
 # A basis is None where the whole space is taken: products with an identity would cost as much as others.
 _Bases = list[np.ndarray] | list[None]
+# Stiffness, its asymmetry, A, and the residual of the Riccati equation.
+_Solved = tuple[np.ndarray, float, np.ndarray, float]
 
 
-def _uniform(elasticity: np.ndarray, density: np.ndarray | None) -> bool:
-    """Whether all sectors are of one material, so that the outline's mirrors are the S-element's."""
-    return elasticity.ndim == 2 and density is None
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """What the stiffness and the inertia of an S-element follow from.
+
+    Attributes
+    ----------
+    coefficients : Coefficients
+    bases : list
+        Bases of the subspaces that the S-element's matrices leave invariant.
+    factors : list of arrays
+        Lower Cholesky factors of E0 in the subspaces.
+    known : PolynomialModes or None
+    """
+
+    coefficients: Coefficients
+    bases: _Bases
+    factors: list[np.ndarray]
+    known: PolynomialModes | None
+
+    def radial(self, stiffness: np.ndarray) -> np.ndarray:
+        """A from K."""
+        right = stiffness - self.coefficients.e1.T
+        parts = [cholesky_solve(f, _restricted(right, b)) for f, b in zip(self.factors, self.bases)]
+        return _whole(parts, self.bases)
+
+    def judged(self, stiffness: np.ndarray) -> tuple[np.ndarray, float]:
+        """A, and the relative residual of the Riccati equation."""
+        c, radial = self.coefficients, self.radial(stiffness)
+        residual = largest((stiffness - c.e1) @ radial - c.e2)
+        return radial, residual / max(largest(c.e2), largest(stiffness))
 
 
-def _bases(coordinates: np.ndarray, order: int, closed: bool, mirrored: bool) -> _Bases:
-    """Bases of the subspaces that the S-element's matrices leave invariant."""
-    if not mirrored:
-        return [None]
-    bases = invariant_subspaces(coordinates, order, closed, True)
-    return [None] if len(bases) == 1 else bases
+def _equations(
+    coordinates: np.ndarray,
+    order: int,
+    closed: bool,
+    elasticity: np.ndarray,
+    isotropic: bool,
+    density: np.ndarray | None,
+) -> _Equations:
+    coefficients = coefficient_matrices(coordinates, order, closed, elasticity, density=density)
+    uniform = elasticity.ndim == 2
+    # the outline's mirrors are the S-element's if all sectors are of one material
+    mirrored = isotropic and uniform and density is None
+    bases: _Bases = invariant_subspaces(coordinates, order, closed, True) if mirrored else [None]
+    known = None
+    if len(bases) == 1:
+        bases = [None]
+        if closed and uniform:
+            known = polynomial_modes(coordinates, order, elasticity, coefficients)
+    factors = [cholesky(_restricted(coefficients.e0, b), "coefficient matrix E0") for b in bases]
+    return _Equations(coefficients, bases, factors, known)
 
 
 def _restricted(matrix: np.ndarray, basis: np.ndarray | None) -> np.ndarray:
@@ -227,9 +255,25 @@ def _whole(parts: list[np.ndarray], bases: _Bases) -> np.ndarray:
     return np.sum([basis @ part @ basis.T for basis, part in zip(bases, parts)], axis=0)
 
 
-def _factors(coefficients: Coefficients, bases: _Bases) -> list[np.ndarray]:
-    """Lower Cholesky factors of E0 in the subspaces."""
-    return [cholesky(_restricted(coefficients.e0, basis), "coefficient matrix E0") for basis in bases]
+def _beyond_polynomials(equations: _Equations) -> _Solved | None:
+    """The solution from the polynomial modes; None where they are not known or cost digits."""
+    if equations.known is None:
+        return None
+    found = stiffness_beyond(equations.coefficients, equations.factors[0], equations.known)
+    if found is None:
+        return None
+    radial, riccati = equations.judged(found[0])
+    return (*found, radial, riccati) if riccati <= ACCEPTED and is_definite(_shifted(found[0])) else None
+
+
+def _by_subspaces(equations: _Equations, translations: np.ndarray, method: str | None) -> _Solved:
+    """The solution by doubling or by Schur forms."""
+    parts = [
+        _solve_subspace(equations.coefficients, factor, translations, basis, method)
+        for basis, factor in zip(equations.bases, equations.factors)
+    ]
+    stiffness = symmetric(_whole([part[0] for part in parts], equations.bases))
+    return (stiffness, max(part[1] for part in parts), *equations.judged(stiffness))
 
 
 def _solve_subspace(
@@ -245,28 +289,24 @@ def _solve_subspace(
         coefficients = Coefficients(e0, e1, e2, coefficients.m0)
         translations = basis.T @ translations
     stiffness, asymmetry = static_stiffness(coefficients, factor, translations, method)
-    # K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or something
-    # is wrong
-    shifted = stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
-    cholesky(shifted, "stiffness")
+    cholesky(_shifted(stiffness), "stiffness")
     return stiffness, asymmetry
 
 
-def _radial(
-    stiffness: np.ndarray, coefficients: Coefficients, factors: list[np.ndarray], bases: _Bases
-) -> np.ndarray:
-    """A from K."""
-    right = stiffness - coefficients.e1.T
-    return _whole([cholesky_solve(f, _restricted(right, basis)) for f, basis in zip(factors, bases)], bases)
+def _shifted(stiffness: np.ndarray) -> np.ndarray:
+    """K is singular for rigid-body motions alone: a shift at round-off's level makes it definite, or
+    something is wrong.
+    """
+    return stiffness + TOLERANCE * largest(stiffness) * np.eye(len(stiffness))
 
 
-def _dynamics(
-    coefficients: Coefficients, factors: list[np.ndarray], radial: np.ndarray, bases: _Bases, terms: int
-) -> Inertia:
+def _dynamics(equations: _Equations, radial: np.ndarray, terms: int) -> Inertia:
     """Inertia from that of the subspaces."""
+    m0, bases, known = equations.coefficients.m0, equations.bases, equations.known
+    form = None if known is None else known.schur_form(radial)
     parts = [
-        continued_fraction(_restricted(coefficients.m0, basis), factor, _restricted(radial, basis), terms)
-        for basis, factor in zip(bases, factors)
+        continued_fraction(_restricted(m0, basis), factor, _restricted(radial, basis), terms, form=form)
+        for basis, factor in zip(bases, equations.factors)
     ]
     if bases[0] is None:
         return parts[0]

@@ -8,9 +8,15 @@ complement P the equation is ``a^T X + X a - X g X + q = 0`` with X = P^T K P.
 Structure-preserving doubling (Chu, Fan, Lin 2005) solves it by products and linear systems alone and keeps
 the symmetry. Where it does not reach round-off the invariant subspace of an ordered real Schur form is taken,
 never eigenvectors: the radial modes are nearly dependent.
+
+Where polynomial modes are known (`polynomial_modes`), with K V = Y on an orthonormal basis V of them, the
+same is done on their complement W, with K0 = Y V^T + V Y^T W W^T in the place of zero:
+``a = -W^T F (K0 - E1^T) W`` and ``q = W^T (E2 - (K0 - E1) F (K0 - E1^T)) W``.
 """
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from scipy.linalg import lapack
@@ -26,6 +32,7 @@ from .dense import (
     solve,
     symmetric,
 )
+from .polynomial_modes import PolynomialModes
 
 # Doubling converges quadratically: an increment below this is followed by one below round-off. From 1 to 400
 # unknowns it takes 4 to 14 steps; its residual is 1e-15 to 1e-13, and beyond ACCEPTED the Schur form is
@@ -67,14 +74,42 @@ def static_stiffness(
     return complement @ symmetric(reduced) @ complement.T, largest(reduced - reduced.T) / largest(reduced)
 
 
-def _doubling(a: np.ndarray, g: np.ndarray, q: np.ndarray) -> np.ndarray | None:
-    """X by structured doubling, or None where it fails or its residual is above round-off."""
+def stiffness_beyond(
+    coefficients: Coefficients, factor: np.ndarray, known: PolynomialModes
+) -> tuple[np.ndarray, float] | None:
+    """K, and its relative asymmetry, from what it does to the polynomial modes and by doubling on the rest;
+    None where that does not reach round-off.
+    """
+    rest, forces = known.rest, known.forces
+    if rest.shape[1] == 0:
+        reduced, mixed = np.zeros((0, 0)), np.zeros((len(known.basis[0]), 0))
+    else:
+        mixed = forces.T @ rest  # V^T K W
+        right = known.basis @ mixed - coefficients.e1.T @ rest  # (K0 - E1^T) W
+        solved = cholesky_solve(factor, np.concatenate([rest, right], axis=1))
+        inverse, inverse_right = solved[:, : rest.shape[1]], solved[:, rest.shape[1] :]
+        q = rest.T @ (coefficients.e2 @ rest) - right.T @ inverse_right
+        found = _doubling(-(rest.T @ inverse_right), symmetric(rest.T @ inverse), symmetric(q), True)
+        if found is None:
+            return None
+        reduced = found
+    half = known.basis.T @ forces  # V^T K V
+    both = forces @ known.basis.T
+    both += (known.basis @ mixed + rest @ reduced) @ rest.T
+    return symmetric(both), largest(half - half.T) / largest(half)
+
+
+def _doubling(a: np.ndarray, g: np.ndarray, q: np.ndarray, high: bool = False) -> np.ndarray | None:
+    """X by structured doubling, or None where it fails or its residual is above round-off; `high`: the lowest
+    radial exponents are none of the problem.
+    """
     m = len(a)
     identity = np.eye(m)
     # The eigenvalues are the radial exponents, from 1/2 or 1 to a few times their root mean square, which
-    # the trace of the squared Hamiltonian gives; the shift lies in the geometric middle.
+    # the trace of the squared Hamiltonian gives; the shift lies in the geometric middle, which is about that
+    # mean without the lowest ones.
     mean_square = float(abs((a * a.T).sum() + (g * q).sum())) / m
-    shift = 2.0 * mean_square**0.25
+    shift = math.sqrt(mean_square) if high else 2.0 * mean_square**0.25
     for _ in range(4):
         inverse, info = _inverse(a - shift * identity)
         # an eigenvalue of a near the shift costs digits though it is none of the problem

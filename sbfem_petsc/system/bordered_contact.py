@@ -210,26 +210,37 @@ def _bordered(model, index: np.ndarray, scale: float) -> PETSc.Mat:
     """The bordered matrix; the last rank owns the rows of the forces."""
     comm, operator = model.comm, model.gap_operator
     count, last = len(index), comm.size - 1
-    starts, columns, values = model.stiffness.getValuesCSR()
-    owned, width = len(starts) - 1, int(model.ranges[-1])
     border = -scale * operator.rows.matrix[index]
-    rows = sparse.hstack(
-        [sparse.csr_matrix((values, columns, starts), shape=(owned, width)), border.T], format="csr"
-    )
     borders = comm.gather(border, last)
+    rows = sparse.csr_matrix((0, int(model.ranges[-1])))
+    own = sparse.csr_matrix((0, count))
     if comm.rank == last:
-        own = -(scale**2) * operator.flexibility[index][:, index]
-        rows = sparse.vstack([rows, sparse.hstack([*borders, own])], format="csr")
+        rows = sparse.hstack(borders, format="csr")
+        every = np.arange(count)
         # PETSc wants the places of the diagonal even where it is zero
-        rows = rows + sparse.csr_matrix(
-            (np.zeros(count), (owned + np.arange(count), width + np.arange(count))), shape=rows.shape
+        own = sparse.csr_matrix(-(scale**2) * operator.flexibility[index][:, index])
+        own = own + sparse.csr_matrix((np.zeros(count), (every, every)), shape=own.shape)
+    ends = np.where(np.arange(comm.size + 1) > last, count, 0)
+    blocks = [
+        from_rows(comm, rows_of, columns_of, _compressed(part), symmetric=False)
+        for rows_of, columns_of, part in (
+            (model.ranges, ends, border.T),
+            (ends, model.ranges, rows),
+            (ends, ends, own),
         )
-    rows.sort_indices()
-    ranges = model.ranges.copy()
-    ranges[-1] += count
-    matrix = from_rows(comm, ranges, ranges, (rows.indptr, rows.indices, rows.data), symmetric=False)
+    ]
+    # PETSc puts them together without copies in between, which would be the most that contact needs
+    nest = PETSc.Mat().createNest([[model.stiffness, blocks[0]], blocks[1:]], comm=comm)
+    matrix = nest.convert("aij", PETSc.Mat())
+    free(comm, nest, *blocks)
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return matrix
+
+
+def _compressed(matrix: sparse.spmatrix) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rows = matrix.tocsr()
+    rows.sort_indices()
+    return rows.indptr, rows.indices, rows.data
 
 
 def worthwhile(model, rows: int) -> bool:

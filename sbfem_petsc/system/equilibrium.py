@@ -10,7 +10,7 @@ import numpy as np
 from ..contact.complementarity import Complementarity, solve_complementarity
 from ..contact.law import RowLaws
 from ..petsc import free
-from . import bordered_contact
+from . import bordered_contact, dual_contact
 from .boundary import LoadColumns
 from .model import Model
 
@@ -73,8 +73,11 @@ def equilibrium(
         force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
         if contact and gap_operator.laws.touched(gap).any():
             result = None
-            if solve is solve_complementarity and bordered_contact.worthwhile(model, len(gap)):
-                result = bordered_contact.solve_bordered(model, gap)
+            if solve is solve_complementarity:
+                if dual_contact.worthwhile(model, len(gap)):
+                    result = dual_contact.solve_dual(model, gap)
+                elif bordered_contact.worthwhile(model, len(gap)):
+                    result = bordered_contact.solve_bordered(model, gap)
             if result is None:
                 result = solve(model.compliance.gaps, gap, gap_operator.laws)
             force, gap, active, iterations = result.force, result.gap, result.active, result.iterations

@@ -104,9 +104,8 @@ def number_unknowns(mesh, fixed: np.ndarray, ranks: int) -> Numbering:
     centroids = np.stack(
         [np.bincount(element_of, ends[:, k], mesh.elements) / edges_of for k in (0, 1)], axis=1
     )
-    # Assembled entries grow with the square of an element's nodes; the kernel's cube is shared by congruent
-    # shapes.
-    assignment = bisect(centroids, (edges_of * mesh.order) ** 2.0, ranks)
+    # the cost of an S-element grows with the cube of its unknowns
+    assignment = bisect(centroids, (edges_of * mesh.order) ** 3.0, ranks)
     owner = np.full(len(mesh.nodes), ranks)
     touching = mesh.edges[mesh.element_edges]
     np.minimum.at(owner, touching, assignment[element_of][:, None])

@@ -22,8 +22,9 @@ _SMALL, _LARGE, _SUITED = 300_000, 5_000_000, 50
 
 def block_width(model) -> int:
     """Right-hand sides that are solved for at a time."""
-    column = 8 * max(1, model.boundary_unknowns // model.comm.size)
-    return min(max(_BLOCK_BYTES // column, _LEAST), _MOST)
+    if model.comm.size > 1:
+        return _LEAST  # PETSc gathers the block for MUMPS on one rank, with lists of all its entries
+    return min(max(_BLOCK_BYTES // (8 * max(1, model.boundary_unknowns)), _LEAST), _MOST)
 
 
 class StaticSolver:
@@ -43,6 +44,8 @@ class StaticSolver:
         self.matrix, self.refinement = model.stiffness, model.refinement
         self._comm = self.matrix.comm.tompi4py()
         self.ksp = make_ksp(self.matrix, "static_", by_ranks=model.stiffness_by_ranks)
+        # the stiffness never changes, though it becomes a block of bordered matrices
+        self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
         self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")

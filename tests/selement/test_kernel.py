@@ -5,7 +5,7 @@ import pytest
 from scipy import linalg
 
 from sbfem_petsc.material import Material, OrthotropicMaterial
-from sbfem_petsc.selement import inertia, stiffness
+from sbfem_petsc.selement import polynomial_modes, solution, stiffness
 from sbfem_petsc.selement.coefficients import coefficient_matrices
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
@@ -67,6 +67,59 @@ def test_schur_where_doubling_fails(monkeypatch):
     assert called == [1]
 
 
+POLYNOMIAL = [name for name, case in CASES.items() if case[2]]
+
+
+@pytest.mark.parametrize("case", POLYNOMIAL)
+def test_beyond_polynomial_modes(case, monkeypatch):
+    """What is left to solve beyond the polynomial modes gives the stiffness and the inertia of the whole, and
+    the modes of degree k have the exponent k.
+    """
+    corners, order, closed, material = CASES[case]
+    shape, elasticity = polygon(corners, order, closed), material.elasticity
+    found = solve_selement(shape, order, closed, elasticity, 1)
+    schur = solve_selement(shape, order, closed, elasticity, method="schur").stiffness
+    assert relative(found.stiffness, schur) < 1e-12
+    known = solution._equations(shape, order, closed, elasticity, False, None).known
+    count = known.basis.shape[1]
+    exponents = [0, 0, *np.repeat(range(1, order + 1), 4)]
+    np.testing.assert_allclose(known.radial.diagonal(), exponents[:count], rtol=1e-14)
+    np.testing.assert_allclose(known.basis.T @ known.basis, np.eye(count), atol=1e-14)
+    # round-off of the whole A, whose entries grow with the aspect ratio
+    missed = found.radial @ known.basis - known.basis @ known.radial
+    assert np.abs(missed).max() < 1e-12 * np.abs(found.radial).max()
+    monkeypatch.setattr(polynomial_modes, "_MIXED", -1.0)
+    own = found.with_inertia(1)
+    assert relative(found.mass, own.mass) < 1e-12
+    stiffness_of = [(e.coupling / (1.0 - 0.3 * e.inertia)) @ e.coupling.T for e in (found, own)]
+    assert relative(*stiffness_of) < 1e-11
+
+
+@pytest.mark.parametrize("material", [STRESS, ORTHOTROPIC], ids=["isotropic", "orthotropic"])
+def test_fields_of_plane_elasticity_are_among_the_polynomial_modes(material):
+    """Pure bending, of degree 2, and a cubic field of shear that varies along a beam, from their stresses."""
+    order, elasticity = 3, material.elasticity
+    shape = polygon(QUADRILATERAL, order)
+    equations = solution._equations(shape, order, True, elasticity, False, None)
+    assert equations.known.basis.shape[1] == 14
+    (x, y), s = shape.T, np.linalg.inv(elasticity)
+    # sigma_xx = y alone: strains s[:, 0] y
+    u = s[0, 0] * x * y + 0.5 * s[2, 0] * y**2
+    v = 0.5 * s[1, 0] * y**2 - 0.5 * s[0, 0] * x**2
+    field = np.stack([u, v], axis=1).ravel()
+    rest = equations.known.rest.T @ field
+    assert np.abs(rest).max() < 1e-14 * np.abs(field).max()
+    # its nodal forces do the work of the stress: area integral of s00 y^2
+    forces = solve_selement(shape, order, True, elasticity).stiffness @ field
+    at, weight = np.polynomial.legendre.leggauss(6)
+    corners = np.array([*QUADRILATERAL, QUADRILATERAL[0]])
+    area = 0.0
+    for a, b in zip(corners, corners[1:]):  # of the polygon, by triangles from the origin
+        along = 0.5 * (1 - at)[:, None] * a + 0.5 * (1 + at)[:, None] * b
+        area += np.cross(a, b) * (0.5 * weight * along[:, 1] ** 2).sum() / 4.0
+    assert field @ forces == pytest.approx(s[0, 0] * area, rel=1e-12)
+
+
 @pytest.mark.parametrize("order", [1, 3, 8, 16])
 @pytest.mark.parametrize("closed", [True, False])
 def test_mass_solves_its_lyapunov_equation(order, closed):
@@ -81,20 +134,33 @@ def test_mass_solves_its_lyapunov_equation(order, closed):
 
 @pytest.mark.parametrize("terms", [1, 2, 4])
 @pytest.mark.parametrize("order", [2, 5, 9])
-def test_one_schur_form_for_all_terms(terms, order, monkeypatch):
-    """The equations in the first term's Schur form and each in one of its own give one dynamic stiffness."""
+def test_continued_fraction_by_scipy(terms, order):
+    """The recursion (12)-(19) with SciPy's solver of Lyapunov equations in the nodal basis, and lower
+    triangular scalings: the dynamic stiffness is the same.
+    """
     shape = polygon(QUADRILATERAL, order)
-
-    def dynamic():
-        element = solve_selement(shape, order, True, STRESS.elasticity, terms)
-        return element.coupling / (1.0 - 0.3 * element.inertia) @ element.coupling.T
-
-    monkeypatch.setattr(inertia, "_CONDITION", 0.0)
-    own = dynamic()
-    monkeypatch.setattr(inertia, "_CONDITION", 1e3)
-    assert relative(dynamic(), own) < 1e-11
-    monkeypatch.undo()
-    assert relative(dynamic(), own) < 1e-12
+    element = solve_selement(shape, order, True, STRESS.elasticity, terms)
+    c = coefficient_matrices(shape, order, True, STRESS.elasticity)
+    identity = np.eye(len(shape) * 2)
+    u, inverse = element.radial.T, np.linalg.inv(c.e0)
+    v = element.mass @ inverse
+    a, levels = v @ element.mass, []
+    for _ in range(terms):
+        x = np.linalg.cholesky(linalg.solve_continuous_lyapunov(u + 2.0 * identity, a))
+        back = np.linalg.inv(x)
+        b1 = (back @ v @ x).T
+        u = back @ u @ x + 2.0 * identity
+        s1 = linalg.solve_continuous_lyapunov(u + identity, b1 + b1.T)
+        levels.append((x, s1))
+        inner = back @ a @ back.T
+        a = s1 @ inner @ s1 - s1 @ b1.T - b1 @ s1 + x.T @ inverse @ x
+        v, inverse = s1 @ inner - b1, inner
+    w2 = 0.3
+    share = np.zeros_like(identity)
+    for x, s1 in reversed(levels):
+        share = x @ np.linalg.solve(identity - w2 * s1 - w2**2 * share, x.T)
+    found = element.coupling / (1.0 - w2 * element.inertia) @ element.coupling.T
+    assert relative(found, share) < 1e-11
 
 
 @pytest.mark.parametrize("isotropic", [True, False])

@@ -6,6 +6,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
+from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.selement import solution
 from sbfem_petsc.system import assembly, bordered_contact
 from sbfem_petsc.system.assembly import ElementBlocks, assemble
@@ -135,3 +136,28 @@ def test_bordered_contact(monkeypatch, load, law, close):
         assert np.abs(one - other).max(initial=0.0) <= 1e-9 * np.abs(other).max(initial=0.0), name
     for tip, value in expected.stress_intensity.items():
         np.testing.assert_allclose(found.stress_intensity[tip], value, rtol=1e-8, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("load, law", [(LOADS[1], sb.Unilateral()), (LOADS[0], sb.Unilateral(1e-13))])
+def test_dual_contact(load, law):
+    """Conjugate gradients on the contact forces, which stop at 1e-11 of the gaps, against the flexibility of
+    all rows.
+    """
+    mesh = cracked()
+    make = lambda: sb.Model(mesh, STEEL, clamped="edge1", contact_laws=law)
+    expected = sb.static(make(), load)
+    assert expected.active.any()
+    options = PETSc.Options()
+    options["contact_dual"] = "true"
+    try:
+        model = make()
+        found = sb.static(model, load)
+    finally:
+        options.delValue("contact_dual")
+    assert "compliance" not in model.__dict__
+    assert (found.active == expected.active).all()
+    owned = expected.equilibrium.owned
+    assert np.abs(found.equilibrium.owned - owned).max() < 1e-9 * np.abs(owned).max()
+    most = np.abs(expected.contact_force).max()
+    np.testing.assert_allclose(found.contact_force, expected.contact_force, atol=1e-7 * most)
