@@ -178,10 +178,10 @@ def main():
     finer, _ = events.run(still, nothing, stop, 4 * PERIODS * SAMPLES)
     print(f"events, sets known {spent:9.4f} s   {np.linalg.norm(weights * (finer - exact)) / size:.1e}")
     for steps in STEPS[:-1]:
-        driven = Period(
+        longer = Period(
             reduced, Excitation(np.array([PERIODS]), excitation.amplitudes, PERIODS), PERIODS * steps
         )
-        at = driven.at(FREQUENCY)
+        at = longer.at(FREQUENCY)
         spent, motion = seconds(at.run, 0.0 * orbit.state)
         error = np.linalg.norm(motion.residual - weights * exact) / size
         print(f"{steps:6d} steps        {spent:9.4f} s   {error:.1e}")

@@ -18,7 +18,7 @@ import numpy as np
 from scipy import linalg
 
 from .coefficients import coefficient_matrices
-from .dense import cholesky, cholesky_solve, lyapunov, schur
+from .dense import cholesky, cholesky_solve, lyapunov, schur, symmetric
 from .interior import radial_displacement
 from .solution import SElement
 
@@ -66,10 +66,11 @@ def _held_fields(element: SElement, radial: np.ndarray, levels: np.ndarray, term
         element.coordinates, element.order, element.closed, element.elasticity, density=element.density
     )
     factor = cholesky(coefficients.e0, "coefficient matrix E0")
-    form, series = schur(radial.T), [element.mass]
+    (triangle, vectors), series = schur(radial.T), [element.mass]
     for q in range(2, terms + 1):
         right = sum(series[m] @ cholesky_solve(factor, series[q - 2 - m]) for m in range(q - 1))
-        series.append(lyapunov(form, float(q), 0.5 * (right + right.T)))
+        solved = lyapunov(triangle, float(q), vectors.T @ symmetric(right) @ vectors)
+        series.append(vectors @ solved @ vectors.T)
     # states xi^2k w_(T-k): what decays inwards is marched inwards
     size = (terms + 1) * n
     inner = np.zeros((size, size))
