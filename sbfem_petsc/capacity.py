@@ -166,7 +166,8 @@ def _neighbours(comm: MPI.Comm) -> int:
 
 def _share(ranks: int) -> float:
     """Bytes for each of the ranks here: they share the machine's memory, each has its own address space."""
-    return max(0.0, min(machine_memory() / ranks, address_space()))
+    free = available_memory()
+    return free if ranks == 1 else max(0.0, min(machine_memory() / ranks, free))
 
 
 def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:
