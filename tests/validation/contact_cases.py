@@ -136,6 +136,7 @@ def whole_rings() -> Iterator[Row]:
     "as the initial gap of the line between them, then half of a roller and a block as drawn, with the "
     "circle. Half-width and peak from a straight line through the squares of the pairs' pressures over the "
     "squares of their places.",
+    long=True,
 )
 def roller() -> Iterator[Row]:
     radius, force, poisson = 0.05, 35e6, 0.3
