@@ -5,6 +5,7 @@ the harmonics.
 from __future__ import annotations
 
 import numpy as np
+import scipy.optimize
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
@@ -388,6 +389,28 @@ def told(found: dict, damping: float) -> str:
     return f"{what} (ζ = {damping:g})"
 
 
+def most_unstable(force: float, found):
+    """Steady state with the largest multiplier, between the points around that point of the curve which has it:
+    the curve's own steps are as long as Newton's method allows.
+    """
+    largest = int(np.argmax(np.abs(found.multipliers[:, 0])))
+    kept = [found.orbit(largest)]
+    around = found.frequency[max(largest - 1, 0) : largest + 2]
+    if not (np.diff(around) > 0.0).all():
+        return kept[0]
+
+    def negative(frequency: float) -> float:
+        nearest = min(kept, key=lambda o: abs(o.frequency - frequency))
+        orbit = sb.periodic(found.reduced, push(force), float(frequency), steps=STEPS, start=nearest)
+        kept.append(orbit)
+        return -abs(orbit.multipliers[0])
+
+    scipy.optimize.minimize_scalar(
+        negative, bounds=(around[0], around[-1]), method="bounded", options={"xatol": 0.1}
+    )
+    return max(kept, key=lambda o: abs(o.multipliers[0]))
+
+
 def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     """What a history does that starts, disturbed, from the most unstable steady state of a curve.
 
@@ -398,7 +421,7 @@ def beyond(bench: Bench, force: float, damping: float, found) -> dict:
     unstable = np.flatnonzero(~found.stable)
     if not len(unstable):
         return {"frequency": None, "growth": 0.0, "announced": None, "line": 0.0, "line_over_drive": None}
-    orbit = found.orbit(int(unstable[np.argmax(np.abs(found.multipliers[unstable, 0]))]))
+    orbit = most_unstable(force, found)
     frequency, multiplier = orbit.frequency, orbit.multipliers[0]
     result = {
         "frequency": frequency,
