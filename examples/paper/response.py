@@ -390,7 +390,7 @@ def told(found: dict, damping: float) -> str:
 
 
 def most_unstable(force: float, found):
-    """Steady state with the largest multiplier, between the points around that point of the curve which has it:
+    """Steady state with the largest multiplier, between the points around the most unstable one of a curve:
     the curve's own steps are as long as Newton's method allows.
     """
     largest = int(np.argmax(np.abs(found.multipliers[:, 0])))
