@@ -31,6 +31,8 @@ class ClosedSet:
         U.
     residual : (c, c) array
         R.
+    weight : (c,) array
+        Inverse roots of R's diagonal, which make the rows of one size.
     closed : (c,) bool array
 
     Attributes
@@ -44,12 +46,12 @@ class ClosedSet:
         If R is not definite in these rows.
     """
 
-    def __init__(self, left: np.ndarray, residual: np.ndarray, closed: np.ndarray):
-        self.rows, self.count = np.flatnonzero(closed), len(closed)
-        block = residual[self.rows[:, None], self.rows]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self._weight = 1.0 / np.sqrt(np.diagonal(block))
-            scaled = self._weight[:, None] * block * self._weight
+    def __init__(self, left: np.ndarray, residual: np.ndarray, weight: np.ndarray, closed: np.ndarray):
+        (self.rows,), self.count = closed.nonzero(), len(closed)
+        self._weight = weight[self.rows]
+        scaled = residual[self.rows[:, None], self.rows]
+        scaled *= self._weight
+        scaled *= self._weight[:, None]
         # LAPACK itself: of matrices this small, the checks of its wrappers take most of the time
         self._factor, failed = linalg.lapack.dpotrf(scaled.T, lower=1) if len(scaled) else (scaled, 0)
         if failed:
@@ -73,7 +75,7 @@ class ClosedSet:
     def stiffness(self, row: int) -> float:
         """Diagonal of R_AA^-1 at one of its rows, N/m."""
         unit = np.zeros(len(self.rows))
-        place = int(np.searchsorted(self.rows, row))
+        place = int(self.rows.searchsorted(row))
         unit[place] = self._weight[place]
         solved, _ = linalg.lapack.dtrtrs(self._factor, unit, lower=1)
         return float(solved @ solved)
@@ -92,6 +94,8 @@ class ClosedSets:
 
     def __init__(self, left: np.ndarray, residual: np.ndarray):
         self.left, self.residual = left, residual
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self._weight = 1.0 / np.sqrt(np.diagonal(residual))
         self._known: dict[bytes, ClosedSet] = {}
 
     def __getitem__(self, closed: np.ndarray) -> ClosedSet:
@@ -100,7 +104,7 @@ class ClosedSets:
         if found is None:
             if len(self._known) > 4096:
                 self._known.clear()
-            found = self._known[key] = ClosedSet(self.left, self.residual, closed)
+            found = self._known[key] = ClosedSet(self.left, self.residual, self._weight, closed)
         return found
 
 
