@@ -201,8 +201,8 @@ def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
 
 
 def _least(order: int) -> float:
-    """Cells whose size times omega / c_s is less are left out: of the estimates for 80 modes of the beam with a
-    notch that is a 250th.
+    """Cells whose size times omega / c_s is less are left out: a 250th of the estimates for 80 modes of the
+    beam with a notch.
     """
     return 0.4 * SAFE[min(order, len(SAFE) - 1)]
 

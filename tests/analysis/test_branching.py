@@ -68,6 +68,7 @@ def test_motion_takes_two_periods(orbit):
     assert 0.005 * first < half < first
 
 
+@pytest.mark.slow
 def test_a_history_stays_on_it(reduction, orbit):
     """A stable motion of two periods: a time history from it, of the same steps, repeats after two forcing
     periods and not after one, for 40.
@@ -164,12 +165,14 @@ def test_subcritical_doubling():
     assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
 
 
+@pytest.mark.slow
 def test_only_from_a_period_doubling(curve):
     other = next(item for item in curve.bifurcations if item.kind != "period doubling")
     with pytest.raises(ValueError, match="is no period doubling"):
         sb.switch_branch(curve, other)
 
 
+@pytest.mark.slow
 def test_orbit_file(orbit, tmp_path):
     """A motion read back is the same to the last digit; other files are told apart."""
     path = str(tmp_path / "orbit.h5")

@@ -36,6 +36,7 @@ def test_states_are_static_solutions(model, history):
         )
 
 
+@pytest.mark.slow
 def test_along_a_line(model, history):
     """Statics, a history of statics, a motion and a steady state give along a line what they give at its
     places, named points among them; the stress through a section is in balance with the load, to 5e-3 on this

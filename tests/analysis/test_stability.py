@@ -236,6 +236,7 @@ def test_multipliers_converge_with_the_steps(beam, force, frequency):
 # ---------------------------------------------------------------- two masses and a stop: a published example
 
 
+@pytest.mark.slow
 def test_grazing_peak_and_folds(up):
     """Grazing at 0.582, peak of the second mass' fundamental harmonic 0.936 at 0.751, folds at 0.7556 and
     0.655 rad/s, within 1 %.
@@ -279,6 +280,7 @@ def test_grazing_is_told_where_the_stop_is_met(compliance, kind):
     assert beside[0] == pytest.approx(0.94, abs=1e-3) and beside[1] > (1.0 if compliance == 1e-2 else 1.3)
 
 
+@pytest.mark.slow
 def test_verdicts_do_not_flip(up):
     """Six changes along 90 points, each with its bifurcation: a Neimark-Sacker point where the stop is met, a
     second one, two period doublings, two folds.
@@ -292,6 +294,7 @@ def test_verdicts_do_not_flip(up):
     np.testing.assert_allclose(np.abs(up.multipliers[away, 0]), exact, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_period_doublings_are_bracketed(up):
     """A real multiplier passes -1 between the points beside each, first at 0.7388 rad/s, and again next to
     the upper fold: there the frequency itself may turn between them, so that they are told by the chord.
@@ -306,6 +309,7 @@ def test_period_doublings_are_bracketed(up):
         assert 0.0 <= chord @ (b.state - up.states[b.after - 1]) <= chord @ chord
 
 
+@pytest.mark.slow
 def test_located_bifurcations_are_motions(up):
     """The states that come with them are fixed points, and their directions eigenvectors of the monodromy
     with the multiplier named.
@@ -321,6 +325,7 @@ def test_located_bifurcations_are_motions(up):
         ) * np.linalg.norm(matrix, 2)
 
 
+@pytest.mark.slow
 def test_period_doubled_motion(up):
     """Between the doublings a history beside the unstable motion settles on one of twice the period;
     `periods=2` from there finds it, and it is stable.
@@ -343,6 +348,7 @@ def test_period_doubled_motion(up):
     assert np.abs(multipliers(shot.driven, shot.motion).values[0]) < 1.0
 
 
+@pytest.mark.slow
 def test_coexisting_stable_branches(up):
     """Between 0.655 and 0.739 rad/s: two stable motions at one frequency, small without impacts and large
     with them; each is kept by its own history and the third one is unstable.

@@ -176,6 +176,7 @@ def test_closed_crack_under_pressure_is_no_crack():
         assert abs(pressed.stress_intensity["crack1"][0]) < 1e-9 * open_crack.stress_intensity["crack1"][0]
 
 
+@pytest.mark.slow
 def test_point_forces_have_no_limit():
     """Halving the edges moves the loaded point by ln 2 times Flamant's and Michell's logarithm: 2 F / (pi E)
     on a straight edge, F (1 / (a + sin a) + 1 / (a - sin a)) / E at the corner of a = pi / 2. With edges of

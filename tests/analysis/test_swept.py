@@ -70,6 +70,7 @@ def test_a_linear_resonance_has_no_jumps():
     assert swept.jumps("A") == () and not swept.contact_peak.any() and swept.settling == 6
 
 
+@pytest.mark.slow
 def test_picture_and_table(branch, sweeps, tmp_path):
     axes = plot_swept(branch, sweeps[0], title="one mass with a stop")
     drawn = {line.get_label(): line.get_xydata() for line in axes.lines}
@@ -84,6 +85,7 @@ def test_picture_and_table(branch, sweeps, tmp_path):
     assert np.loadtxt(tmp_path / "swept.csv", delimiter=",", skiprows=1).shape == (CYCLES[0], 3)
 
 
+@pytest.mark.slow
 def test_bad_input(branch):
     orbit = branch.orbit(0)
     for keywords, error, sentence in (

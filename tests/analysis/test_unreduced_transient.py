@@ -219,6 +219,7 @@ def test_bad_rayleigh_factors(value, error):
         sb.Model(Beam(0.1, 0.005).mesh(order=2), ALUMINIUM, rayleigh=value)
 
 
+@pytest.mark.slow
 def test_start_at_equilibrium(model):
     """Under a constant load nothing moves, contact included."""
     load = sb.PointForce("A", fy=300.0)

@@ -38,6 +38,7 @@ def test_files_and_pictures(ran):
     assert done.stderr == "" and "…" not in done.stdout
 
 
+@pytest.mark.slow
 def test_frequencies(results):
     """Measured: 1.1e-5, mode 46."""
     found = results.modal["frequencies"]
@@ -45,6 +46,7 @@ def test_frequencies(results):
     np.testing.assert_allclose(found, frequencies("crack80_nu33")[:46], rtol=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force, tolerance", [("1 N", 1e-4), ("100 N", 2e-4), ("300 N", 2e-4)])
 def test_statics(results, force, tolerance):
     """The tolerances of tests/analysis/test_static.py, the project's statement of accuracy; measured: 1.5e-5,
@@ -55,6 +57,7 @@ def test_statics(results, force, tolerance):
         assert points[point][axis] == pytest.approx(exact[point][name], rel=tolerance), point
 
 
+@pytest.mark.slow
 def test_resultant(results):
     """300 N closes the whole notch: within 5 % on the default tip element; measured: 1.8 %."""
     assert results.static["300 N"]["active"].all()
@@ -63,6 +66,7 @@ def test_resultant(results):
     )
 
 
+@pytest.mark.slow
 def test_printed_tables(ran):
     """The largest error stands below the table of frequencies."""
     text = ran[0].stdout

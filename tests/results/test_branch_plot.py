@@ -121,6 +121,7 @@ def test_smooth_lines_through_equal_points():
 
 @pytest.mark.long
 # ---------------------------------------------------------------------- pictures
+@pytest.mark.slow
 def test_lines_follow_the_verdict(curves):
     """Solid where stable, broken where not; the parts hang together and hold all points; a grey line without
     contact.
@@ -149,6 +150,7 @@ def test_lines_follow_the_verdict(curves):
     assert labels[:2] == ["stop", "no stop"] and {"unstable", "fold", "period doubling"} <= set(labels)
 
 
+@pytest.mark.slow
 def test_amplitude_at_a_fold(curves):
     """Between those of the points beside it; bifurcations come in order of the arc."""
     curve = curves["stop"]
@@ -178,6 +180,7 @@ def test_pictures(curves, orbits, tmp_path):
     )
 
 
+@pytest.mark.slow
 def test_stems_stand_on_the_least_harmonic_shown(orbits):
     """Not on 1e-14 where the harmonics end at 1e-6: the axis begins at the power of ten below the least
     one.
@@ -189,6 +192,7 @@ def test_stems_stand_on_the_least_harmonic_shown(orbits):
     assert low <= least < 20.0 * low and high > levels.max()
 
 
+@pytest.mark.slow
 def test_harmonics_drawn_are_those_above_rounding(orbits):
     """The motion that does not touch has the first alone."""
     assert orbits["open"].contact_resultant.max() == 0.0 < orbits["touching"].contact_resultant.max()
@@ -197,6 +201,7 @@ def test_harmonics_drawn_are_those_above_rounding(orbits):
     assert len(heads["open"]) == 1 and round(float(heads["open"][0])) == 1 and len(heads["touching"]) > 5
 
 
+@pytest.mark.slow
 def test_a_motion_of_two_periods(curves, tmp_path):
     """One mark each forcing period; time counts forcing periods."""
     curve = curves["stop"]
@@ -217,6 +222,7 @@ def test_a_curve_over_the_load(oscillator, tmp_path):
         plot_branches({"load": curve, "frequency": replace(curve, parameter="frequency")}, "two")
 
 
+@pytest.mark.slow
 def test_bad_requests(curves, orbits):
     with pytest.raises(ValueError, match="no branch is given"):
         plot_branches({})

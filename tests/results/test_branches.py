@@ -103,6 +103,7 @@ def test_what_is_read_is_what_was_found(whole):
         np.testing.assert_array_equal(found.orbit(k).displacement("2"), curve.orbit(k).displacement("2"))
 
 
+@pytest.mark.slow
 def test_the_file_explains_itself(whole):
     _, path = whole
     with h5py.File(path) as file:
@@ -168,6 +169,7 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
         same(read_branch(path), resumed)
 
 
+@pytest.mark.slow
 def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
     curve, path = whole
 
@@ -217,6 +219,7 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     assert follow(file=path, resume=True, stability=False).complete
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "change, sentence",
     [
@@ -246,12 +249,14 @@ def test_another_run_is_not_continued(whole, change, sentence):
     assert open(path, "rb").read() == before
 
 
+@pytest.mark.slow
 def test_a_load_curve_does_not_continue_a_frequency_curve(whole):
     _, path = whole
     with pytest.raises(ValueError, match="was written with parameter = frequency, not load"):
         sb.load_response(two_masses(), [0.1], 0.1, steps=2048, file=path, resume=True)
 
 
+@pytest.mark.slow
 def test_files_that_are_no_curves(tmp_path, whole):
     _, path = whole
     with pytest.raises(ValueError, match="does not exist"):
@@ -325,6 +330,7 @@ def test_two_writers(tmp_path, monkeypatch):
     assert tried and os.listdir(tmp_path) == ["branch.h5"]
 
 
+@pytest.mark.slow
 def test_changed_bytes_are_told(whole, tmp_path):
     """Any byte that is turned round is told of, or changes nothing that is read."""
     branch, path = whole
@@ -342,6 +348,7 @@ def test_changed_bytes_are_told(whole, tmp_path):
     assert told > 100
 
 
+@pytest.mark.slow
 def test_as_a_table(whole, tmp_path):
     branch, _ = whole
     path = tmp_path / "branch.csv"

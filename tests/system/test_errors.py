@@ -132,6 +132,7 @@ sb.Model(mesh, sb.Material(1.0, 0.3, 1.0), damping=0.0 if MPI.COMM_WORLD.rank ==
     assert "damping" in done.stderr
 
 
+@pytest.mark.slow
 def test_unexpected_error_ends_all_ranks():
     """A plain exception of a user's program on one rank does not leave the others waiting."""
     program = """
