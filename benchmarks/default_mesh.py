@@ -2,9 +2,9 @@
 
 80 modes, 512 steps a period, a modal damping ratio of 0.002. Seconds are CPU seconds, one BLAS thread, the
 least of several repeats (curves: one run); compiling is not counted but in the last line, which starts Python
-anew with an empty cache. The floor is what the products of large matrices and the eigenvalues alone take at
-the rates of the libraries in this run: of an orbit, one derivative for each Newton iteration that made one,
-and twice a monodromy and its eigenvalues, for the multipliers and for their uncertainty.
+anew with an empty cache. The floor of orbits and curves is what the products of large matrices and the
+eigenvalues alone take at the rates of the libraries in this run: two products with each row of contact for
+every derivative that was made, and the eigenvalues of every monodromy matrix.
 
     ./run python benchmarks/default_mesh.py
 """
@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 import warnings
+from unittest import mock
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -28,9 +29,8 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.dynamics.period_map import DrivenPeriod
-from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
-from sbfem_petsc.dynamics.shooting import shoot
+from sbfem_petsc.contact.tangent import BLOCK, Derivative
+from sbfem_petsc.dynamics import stability
 
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
 MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002
@@ -75,18 +75,22 @@ def line(name: str, spent: float, asked: float, note: str = "") -> None:
     print(f"{name:38s}{spent:9.3f}{asked:9.2f}   {note}", flush=True)
 
 
-def floor(reduced, frequency: float) -> float:
-    """Seconds of the large products and the eigenvalues of one orbit; see above."""
-    period = prepare("periodic", reduced, push(300.0), frequency, settings=PeriodSettings())
-    driven: DrivenPeriod = period.at(frequency)
-    found = shoot(period, driven.linear_state, frequency)
-    size = 2 * period.modes
-    matrix = driven.monodromy(found.motion)
-    derivative = driven._derivative(found.motion, np.zeros((period.steps + 1, period.pairs, 0)), True, False)
-    rows = len(derivative.contacts.factors)
-    one, other = np.ones((rows, size)), np.eye(size)
-    products = seconds(lambda: (one @ other, one.T @ one[:, :size]), 20)[0]
-    return (found.derivatives + 2) * products + 2 * seconds(lambda: np.linalg.eigvals(matrix), 20)[0]
+def floor(work, modes: int) -> float:
+    """Seconds of the large products and the eigenvalues of some work; see above."""
+    size, rows, own = 2 * modes, [], Derivative.__call__
+
+    def counted(derivative, q, v, sources=None):
+        rows.append(len(derivative.contacts.factors))
+        return own(derivative, q, v, sources)
+
+    with (
+        mock.patch.object(Derivative, "__call__", counted),
+        mock.patch.object(stability.linalg, "eigvals", wraps=stability.linalg.eigvals) as values,
+    ):
+        work()
+    block, square = np.ones((BLOCK, size)), np.random.default_rng(0).random((size, size))
+    products = seconds(lambda: (block @ square, block.T @ block), 50)[0] / BLOCK
+    return sum(rows) * products + values.call_count * seconds(lambda: np.linalg.eigvals(square), 20)[0]
 
 
 def main() -> None:
@@ -106,13 +110,9 @@ def main() -> None:
         alone, _ = seconds(
             lambda f=frequency: sb.periodic(reduced, push(300.0), f, stability=False), own.repeats
         )
-        note = f"{orbit.iterations} iterations, {alone:.3f} without multipliers, "
-        line(
-            f"orbit, 300 N, {frequency:g} Hz",
-            spent,
-            ASKED["orbit"],
-            note + f"floor {floor(reduced, frequency):.3f}",
-        )
+        least = floor(lambda f=frequency: sb.periodic(reduced, push(300.0), f), len(reduced.omega))
+        note = f"{orbit.iterations} iterations, {alone:.3f} without multipliers, floor {least:.3f}"
+        line(f"orbit, 300 N, {frequency:g} Hz", spent, ASKED["orbit"], note)
 
     def whole():
         with model() as fresh:
@@ -122,10 +122,13 @@ def main() -> None:
 
     line("the same from the model, 3000 Hz", min(whole() for _ in range(5)), ASKED["from the model"])
     for force in (300.0, 1500.0):
-        spent, curve = seconds(
-            lambda f=force: sb.frequency_response(reduced, push(f), *RANGE, progress=None), 1
-        )
-        note = f"{len(curve.value)} points, {len(curve.bifurcations)} bifurcations"
+
+        def follow(force=force):
+            return sb.frequency_response(reduced, push(force), *RANGE, progress=None)
+
+        spent, curve = seconds(follow, 1)
+        note = f"{len(curve.value)} points, {len(curve.bifurcations)} bifurcations, "
+        note += f"floor {floor(follow, len(reduced.omega)):.2f}"
         line(f"curve of Fig. 11, {force:g} N", spent, ASKED[force], note)
     load = push(sb.ToneBurst(300.0, 3000.0, 20))
     spent, _ = seconds(lambda: sb.transient(reduced, load, 0.033, step=1e-6, progress=None), 3)
