@@ -10,13 +10,13 @@ import numpy as np
 from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
+from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
 from ..dynamics.free_branch import FreeBranch
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import CONTACT_STEP, period_memory
-from ..dynamics.shooting import FixedPoint
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
 from ..reduction.build import reduced

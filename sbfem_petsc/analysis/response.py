@@ -15,7 +15,7 @@ from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
 from ..dynamics.branch_following import HARMONICS, follow, linear_branch
-from ..dynamics.continuation import ContinuationSettings, ParameterRange
+from ..dynamics.branch_range import ContinuationSettings, ParameterRange
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.period_map import Period

@@ -12,9 +12,9 @@ from ..errors import UnknownName
 from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
 from .bifurcations import Bifurcation
+from .fixed_point import FixedPoint
 from .orbit import FLOOR, Orbit, axis_number, make_orbit
 from .period_map import Period
-from .shooting import FixedPoint
 
 
 class BranchWarning(UserWarning):

@@ -12,12 +12,13 @@ import numpy as np
 from ..errors import SolveError, on_all_ranks
 from .bifurcations import between, locate, several
 from .branch import Branch, BranchWarning
-from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
+from .branch_range import ContinuationSettings, ParameterRange
+from .continuation import Continuation, ContinuationPoint
 from .excitation import one_sided
+from .fixed_point import FixedPoint
 from .orbit import modal_motion, multiplier_error
 from .period_map import Period
 from .several_periods import distances, minimal_periods
-from .shooting import FixedPoint
 from .stability import Multipliers, multipliers_of
 
 # Harmonics kept of every point.

@@ -17,9 +17,10 @@ from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .branch import Branch
+from .fixed_point import FixedPoint
 from .locus import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion
-from .shooting import FixedPoint, shoot
+from .shooting import shoot
 
 # Distance of a grazing point from the last one that is open, in steps of the branch: further away it belongs
 # to another part of it.

@@ -11,10 +11,11 @@ from __future__ import annotations
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
+from .fixed_point import FixedPoint
+from .newton import RELATIVE, ROUND_OFF
 from .orbit import FLOOR, moved_by_half_a_step
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .periodic_schur import product_eigenvalues
-from .shooting import RELATIVE, ROUND_OFF, FixedPoint
 
 ITERATIONS = 40
 # Shares of Newton's step of which the first is taken whose residual is below one of the last few: where pairs

@@ -13,9 +13,10 @@ import numpy as np
 from ..checks import choice
 from ..errors import SolveError, on_all_ranks
 from .excitation import one_sided
+from .fixed_point import FixedPoint
 from .history import Motion
 from .period_map import DrivenPeriod, Period, PeriodMotion
-from .shooting import FixedPoint, shoot, shoot_nearby
+from .shooting import shoot, shoot_nearby
 from .stability import Multipliers, multipliers_of
 from .states import ModalStates, Point
 

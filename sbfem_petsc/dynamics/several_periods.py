@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from .fixed_point import FixedPoint
 from .period_map import DrivenPeriod, PeriodMotion
-from .shooting import FixedPoint
 
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7

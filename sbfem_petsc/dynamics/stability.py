@@ -12,8 +12,9 @@ from scipy import linalg, optimize
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc, configure
+from .fixed_point import FixedPoint
 from .period_map import DrivenPeriod, PeriodMotion
-from .shooting import WHOLE, FixedPoint
+from .shooting import WHOLE
 
 PREFIX = "floquet_"
 # With little damping all multipliers lie near the unit circle: only a large subspace finds those of the

@@ -15,9 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .continuation import Continuation, ContinuationPoint, ContinuationSettings, ParameterRange
+from .branch_range import ContinuationSettings, ParameterRange
+from .continuation import Continuation, ContinuationPoint
+from .fixed_point import FixedPoint
 from .period_map import Period
-from .shooting import FixedPoint, shoot
+from .shooting import shoot
 
 
 @dataclass(frozen=True)

@@ -144,7 +144,7 @@ class BranchFile:
         Parameters
         ----------
         period : dynamics.period_map.Period
-        parameter : dynamics.continuation.ParameterRange
+        parameter : dynamics.branch_range.ParameterRange
 
         Returns
         -------

@@ -10,9 +10,9 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.dynamics.fixed_point import FixedPoint
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.several_periods import minimal_periods
-from sbfem_petsc.dynamics.shooting import FixedPoint
 from tests.systems import two_masses
 
 TURN = 2.0 * np.pi

@@ -1,0 +1,69 @@
+"""A fixed point of the period of a reduced model (`period_map`)."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from .period_map import DrivenPeriod, PeriodMotion
+
+
+class FixedPoint:
+    """A fixed point of a period.
+
+    Attributes
+    ----------
+    state : (2 m,) array
+        x(0).
+    parameters : (e,) array
+        Values of the free parameters.
+    driven : DrivenPeriod
+    motion : PeriodMotion
+    residuals : tuple of float
+        Norm of x(T) - x(0), and of the conditions on the parameters, at each Newton iterate.
+    derivatives : int
+        How many of the iterations had a derivative of their own.
+    """
+
+    def __init__(
+        self,
+        state: np.ndarray,
+        parameters: np.ndarray,
+        driven: DrivenPeriod,
+        motion: PeriodMotion,
+        residuals: tuple[float, ...],
+        derivatives: int = 0,
+    ):
+        self.state, self.parameters, self.residuals = state, parameters, residuals
+        self.derivatives = derivatives
+        self._driven: DrivenPeriod | None = driven
+        self._motion: PeriodMotion | None = motion
+        self._conditions = driven.period, driven.frequency, driven.factor
+
+    @property
+    def driven(self) -> DrivenPeriod:
+        """The period at the point's conditions."""
+        if self._driven is None:
+            period, frequency, factor = self._conditions
+            return period.at(frequency, factor)
+        return self._driven
+
+    @property
+    def motion(self) -> PeriodMotion:
+        """One period from the state."""
+        return self.driven.run(self.state) if self._motion is None else self._motion
+
+    @functools.cached_property
+    def monodromy(self) -> np.ndarray:
+        """(2 m, 2 m): dx(T) / dx(0), with switches located inside their steps."""
+        return self.driven.monodromy(self.motion)
+
+    def forget(self) -> None:
+        """Let go of what takes memory; it is computed again where it is asked for."""
+        self._driven = self._motion = None
+
+    @property
+    def effort(self) -> float:
+        """Newton iterations; three with an updated derivative count as one."""
+        return self.derivatives + (len(self.residuals) - 1 - self.derivatives) / 3.0

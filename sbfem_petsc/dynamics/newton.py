@@ -1,0 +1,223 @@
+"""Newton's method for the period of a reduced model by SNES (prefix ``shooting_``)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..errors import SolveError, on_all_ranks
+from ..petsc import PETSc, configure
+from .fixed_point import FixedPoint
+from .period_map import DrivenPeriod, Period, PeriodMotion
+
+# SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
+RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
+# An iteration with an updated derivative that gains less than this factor is the last one with it; so
+# converging more slowly, a smaller residual is asked for.
+GAIN, RELATIVE_UPDATED = 0.3, 1e-11
+PREFIX = "shooting_"
+
+
+class Newton:
+    """SNES on the residual of a period and conditions on its free parameters."""
+
+    def __init__(
+        self,
+        period: Period,
+        jacobian: str,
+        parameters: tuple[str, ...],
+        condition,
+        iterations: int | None = None,
+    ):
+        self.iterations = ITERATIONS if iterations is None else iterations
+        self.period, self.jacobian, self.parameters, self.condition = period, jacobian, parameters, condition
+        self.residuals: list[float] = []
+        self.key: bytes | None = None
+        self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # derivative of x(T) to begin with, and that of the last iteration
+        self.near: np.ndarray | None = None
+        self.derivative: np.ndarray | None = None
+        self.derivatives = 0
+        self.last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
+        m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
+        # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
+        # all unknowns of one order
+        self.driven, self.first = driven, values
+        self.scale = (
+            max(float(np.linalg.norm(state)), float(np.linalg.norm(driven(values).linear_state)), 1e-300)
+            / max(abs(float(values[0])), 1e-300)
+            if len(values)
+            else 1.0
+        )
+        snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        snes.setOptionsPrefix(PREFIX)
+        x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
+        x.array = np.concatenate([state, np.zeros(len(values))])
+        snes.setFunction(self._function, f)
+        ksp = snes.getKSP()
+        if self.jacobian == "matrix-free":
+            matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.GMRES)
+            ksp.setGMRESRestart(min(size, 200))
+            ksp.setTolerances(rtol=1e-11, max_it=2 * size)
+            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+            ksp.getPC().setPythonContext(_Uncoupled(self))
+        else:
+            matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.PREONLY)
+            ksp.getPC().setType(PETSc.PC.Type.LU)
+        snes.setJacobian(self._jacobian, matrix)
+        size_of_state = float(np.linalg.norm(driven(values).linear_state))
+        snes.setTolerances(
+            rtol=self.relative,
+            atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
+            stol=0.0,
+            max_it=self.iterations,
+        )
+        snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
+        configure(snes)
+        try:
+            try:
+                snes.solve(None, x)
+            except PETSc.Error as error:
+                raise on_all_ranks(
+                    SolveError(
+                        "periodic: the linear system of Newton's method cannot be solved (PETSc's error "
+                        f"{error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the "
+                        "periodic motion undetermined"
+                    )
+                ) from None
+            self._check(snes, size_of_state)
+            state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
+            driven, motion = self._motion(x.array_r)
+            if self.jacobian == "updated" and self.last is not None:
+                self.derivative = matrix.getDenseArray() + np.eye(size)
+        finally:
+            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
+            for item in (snes, ksp, x, f, matrix):
+                item.destroy()
+        own = self.derivatives if self.jacobian == "updated" else len(self.residuals) - 1
+        return FixedPoint(state, values, driven, motion, tuple(self.residuals), own)
+
+    def _motion(self, array: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
+        key = array.tobytes()
+        if key != self.key:
+            m2 = 2 * self.period.modes
+            driven = self.driven(self.first + array[m2:] / self.scale)
+            self.key, self.kept = key, (driven, driven.run(array[:m2]))
+        return self.kept
+
+    def _function(self, snes, x, f) -> None:
+        f.array[:] = self._residual(x.array_r)
+
+    def _residual(self, array: np.ndarray) -> np.ndarray:
+        m2 = 2 * self.period.modes
+        _, motion = self._motion(array)
+        if self.condition is None:
+            return motion.residual
+        return np.append(motion.residual, self.condition(array[:m2], float(array[m2] / self.scale))[0])
+
+    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+        if self.jacobian == "matrix-free":
+            matrix.getPythonContext().at = self._motion(x.array_r)
+        elif self.jacobian == "differences":
+            self._by_differences(x.array_r.copy(), matrix.getDenseArray())
+        elif self.jacobian == "dense":
+            self._by_derivative(x.array_r, matrix.getDenseArray())
+        else:
+            self._by_update(x.array_r.copy(), matrix.getDenseArray())
+        matrix.assemble()
+
+    def _by_differences(self, state: np.ndarray, array: np.ndarray) -> None:
+        driven, motion = self._motion(state)
+        step = np.sqrt(np.finfo(float).eps) * max(
+            np.linalg.norm(state), np.linalg.norm(driven.linear_state), 1e-300
+        )
+        for k, unit in enumerate(np.eye(len(state))):
+            array[:, k] = (driven.run(state + step * unit).residual - motion.residual) / step
+
+    def _by_derivative(self, x: np.ndarray, array: np.ndarray, near: np.ndarray | None = None) -> None:
+        """The exact derivative, or one of x(T) that is given."""
+        m2 = 2 * self.period.modes
+        if near is None:
+            driven, motion = self._motion(x)
+            near = driven.carried(motion, np.eye(m2), self.parameters)
+            self.derivatives += 1
+        array[:m2] = near
+        array[:m2, :m2] -= np.eye(m2)
+        array[:m2, m2:] /= self.scale
+        if self.condition is not None:
+            _, row, slope = self.condition(x[:m2], float(x[m2] / self.scale))
+            array[m2, :m2], array[m2, m2] = row, slope / self.scale
+
+    def _by_update(self, x: np.ndarray, array: np.ndarray) -> None:
+        """Broyden's update of the last iteration's derivative, if that was good enough."""
+        residual = self._residual(x)
+        if self.last is None:
+            self._by_derivative(x, array, self.near)
+        else:
+            step, change = x - self.last[0], residual - self.last[1]
+            if np.linalg.norm(residual) <= GAIN * np.linalg.norm(self.last[1]):
+                array += np.outer((change - array @ step) / (step @ step), step)
+            else:
+                self._by_derivative(x, array)
+        self.last = x, residual
+
+    def _check(self, snes, size: float) -> None:
+        reason = snes.getConvergedReason()
+        if reason > 0:
+            return
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): x(T) - x(0) is at "
+                f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from "
+                f"{(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take "
+                f"more steps, or see -{PREFIX}snes_..."
+            )
+        )
+
+
+def snes_reason(reason: int) -> str:
+    """PETSc's name of a reason for which SNES stopped."""
+    return next(
+        (
+            name
+            for name, value in vars(PETSc.SNES.ConvergedReason).items()
+            if isinstance(value, int) and value == reason
+        ),
+        str(reason),
+    )
+
+
+class _Products:
+    """Phi - 1 as products: one linearised period each."""
+
+    at: tuple[DrivenPeriod, PeriodMotion]
+
+    def __init__(self, newton: Newton):
+        self.newton = newton
+
+    def mult(self, matrix, x, y) -> None:
+        driven, motion = self.at
+        vector = x.array_r[:, None]
+        y.array[:] = (driven.carried(motion, vector) - vector)[:, 0]
+
+
+class _Uncoupled:
+    """Preconditioner: the motion without contact, closed form."""
+
+    def __init__(self, newton: Newton):
+        self.newton = newton
+
+    def setUp(self, pc) -> None:
+        pass
+
+    def apply(self, pc, x, y) -> None:
+        driven, _ = self.newton.kept
+        y.array[:] = driven.linear_resolvent(x.array_r)
