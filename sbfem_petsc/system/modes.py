@@ -302,8 +302,8 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         array[:, k] = x.array_r
     vectors = PETSc.Mat().createDense(size=(x.getSizes(), count), array=array, comm=model.comm)
     vectors.assemble()
-    products = [matrix.matMult(vectors) for matrix in (pencil.stiffness, pencil.mass)]
-    kx, mx = (product.getDenseArray() for product in products)
+    product = pencil.stiffness.matMult(vectors)
+    kx, mx = product.getDenseArray(), _products(pencil.mass, array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
     squares = _summed(model, array**2)
     noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_summed(model, mx**2))
@@ -354,7 +354,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     inertia = (array[pencil.owned :] / np.sqrt(sums[0])).T @ pencil.auxiliary_translation()
     model.comm.Allreduce(MPI.IN_PLACE, inertia)
     iterations = eps.getIterationNumber()
-    for item in (vectors, x, *products):
+    for item in (vectors, x, product):
         item.destroy()
     limits = np.maximum(RESIDUAL_LIMIT, round_off)
     limits[slender] = RESIDUAL_LIMIT
@@ -380,6 +380,19 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         pencil.unknowns,
         model,
     )
+
+
+def _products(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
+    """A symmetric matrix times this rank's rows of columns. Collective."""
+    right, left = matrix.createVecs()
+    result = np.empty_like(columns)
+    for k, column in enumerate(columns.T):
+        right.array = column
+        matrix.mult(right, left)
+        result[:, k] = left.array_r
+    right.destroy()
+    left.destroy()
+    return result
 
 
 def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np.ndarray) -> float:
