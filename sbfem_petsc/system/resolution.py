@@ -42,6 +42,9 @@ ANGULAR, WARNED_FACTOR = 3.0, 1e-3
 SAFE = (0.0, 0.0, 0.03, 0.25, 0.8, 1.5, 2.0)
 # The same without a continued fraction, with the mass alone: 1e-3 is passed at 0.6.
 SAFE_MASS = 0.3
+# Cells smaller than this share of what is safe are left out of the estimates: a 250th of them for 80 modes of
+# the beam with a notch.
+LEFT_OUT = 0.4
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
 
@@ -74,7 +77,9 @@ def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     shapes = np.stack([found.nodal(mode) for mode in modes], axis=-1)
     lost, edges = np.zeros(len(modes)), _Edges(model, len(modes))
     for group in model.moving_groups:
-        rows = np.flatnonzero(group.sizes * omega.max() / _shear_speed(model, group) >= _least(model.order))
+        rows = np.flatnonzero(
+            group.sizes * omega.max() / _shear_speed(model, group) >= LEFT_OUT * _safe(model)
+        )
         if len(rows):
             lost += _add_group(model, group.select(rows), omega, shapes, edges)
     lost = model.comm.allreduce(lost) + FURTHER * edges.energies()
@@ -151,8 +156,7 @@ def warn_of_tips(owner: str, model: Structure) -> None:
 
 def needs_look(model: Structure, frequency: float) -> bool:
     """Whether a cell is large enough for waves of a frequency (Hz) to be in doubt. Collective."""
-    safe = SAFE[min(model.order, len(SAFE) - 1)]
-    return cells_in_waves(model, frequency) > (safe if model.continued_fraction else min(safe, SAFE_MASS))
+    return cells_in_waves(model, frequency) > _safe(model)
 
 
 def cells_in_waves(model: Structure, frequency: float) -> float:
@@ -200,11 +204,10 @@ def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:
     return cast("Model", found.model).keep(key, lambda: frequency_errors(found, modes))
 
 
-def _least(order: int) -> float:
-    """Cells whose size times omega / c_s is less are left out: a 250th of the estimates for 80 modes of the
-    beam with a notch.
-    """
-    return 0.4 * SAFE[min(order, len(SAFE) - 1)]
+def _safe(model: Structure) -> float:
+    """Cells whose size times omega / c_s is less are in no doubt."""
+    safe = SAFE[min(model.order, len(SAFE) - 1)]
+    return safe if model.continued_fraction else min(safe, SAFE_MASS)
 
 
 def _shear_speed(model: Structure, group: Group) -> float:
