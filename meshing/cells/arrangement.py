@@ -100,6 +100,12 @@ def arrange(
                 vertex = builder.vertex(tuple(point))
                 if not path or path[-1] != vertex:
                     path.append(vertex)
+        if len(path) < 2:
+            x, y = result.vertices[path[0]]
+            raise ValueError(
+                f"crack {cracks[len(result.cracks)].name!r}: its points lie within {builder.snap:.3g} m near "
+                f"({x:.6g}, {y:.6g}) m, where all counts as one place; make it longer or leave it out."
+            )
         result.cracks.append(path)
     builder.check(cracks)
     for name, point in points.items():
@@ -238,6 +244,7 @@ class _Builder:
             return
         lines = shapely.linestrings(np.array([[vertices[a], vertices[b]] for a, b in segments]))
         tree = shapely.STRtree(lines)
+        self._check_passing(lines, segments, [cracks[owner].name for owner in owners], least)
         for number, path in enumerate(self.result.cracks):
             name = cracks[number].name
             for vertex in path:
@@ -267,6 +274,34 @@ class _Builder:
                     f"({x:.6g}, {y:.6g}) m; a piece of line belongs to one crack."
                 )
             seen[key] = owner
+
+    def _check_passing(
+        self, lines: np.ndarray, segments: list[tuple[int, int]], names: list[str], least: float
+    ) -> None:
+        """Lines between their vertices keep clear of holes and corners that they do not touch."""
+        for i, (centre, radius) in enumerate(self.holes):
+            gaps = shapely.distance(lines, shapely.Point(centre)) - radius
+            for k in np.flatnonzero(gaps < least):
+                if gaps[k] < -self.snap:
+                    raise ValueError(
+                        f"crack {names[k]!r}: it crosses hole {i + 1}; give each piece outside the hole as a "
+                        "crack of its own."
+                    )
+                if not set(segments[k]) & set(self.on_circle[i]):
+                    raise ValueError(
+                        f"crack {names[k]!r}: it passes hole {i + 1} at {max(gaps[k], 0.0):.3g} m, "
+                        f"{least:.3g} m or an end on the hole was expected; move it or let it end there."
+                    )
+        # the outline's corners are the first vertices
+        for corner, (x, y) in enumerate(self.result.vertices[: len(self.corners)]):
+            gaps = shapely.distance(lines, shapely.Point(x, y))
+            for k in np.flatnonzero(gaps < least):
+                if corner not in segments[k]:
+                    raise ValueError(
+                        f"crack {names[k]!r}: it passes the outline's corner ({x:.6g}, {y:.6g}) m at "
+                        f"{gaps[k]:.3g} m, {least:.3g} m or a point on the corner was expected; move it or "
+                        "let it end there."
+                    )
 
     def finish(self) -> None:
         """Sides and circles with the vertices found on them."""

@@ -69,13 +69,14 @@ def add_cracks(cells: CellComplex, groups: dict[str, list[Edge]], meshing: Crack
     Raises
     ------
     ValueError
-        A line lies on the outline, two cracks share an edge, faces do not meet in a tip.
+        A line lies on the outline, two cracks share an edge, faces do not meet in a tip, an edge set or point
+        has the name of a face.
     """
     cracks = []
     uses = cells.edge_uses()
     outline = {vertex for edge, count in uses.items() if count == 1 for vertex in edge}
     owner: dict[Edge, str] = {}
-    for name, parts in _named_parts(groups, origin).items():
+    for name, parts in _named_parts(groups, {*cells.edge_sets, *cells.points}, origin).items():
         crack = _CrackLines(name, f"{origin}: crack {name!r}")
         if "" in parts:
             edges = list(dict.fromkeys(edge_key(edge) for edge in parts[""]))
@@ -116,7 +117,9 @@ def _edges(path: Sequence[int]) -> list[Edge]:
     return list(zip(path, path[1:]))
 
 
-def _named_parts(groups: dict[str, list[Edge]], origin: str) -> dict[str, dict[str, list[Edge]]]:
+def _named_parts(
+    groups: dict[str, list[Edge]], taken: set[str], origin: str
+) -> dict[str, dict[str, list[Edge]]]:
     cracks: dict[str, dict[str, list[Edge]]] = {}
     for group, edges in groups.items():
         _, name, *sides = group.split(":")
@@ -128,6 +131,12 @@ def _named_parts(groups: dict[str, list[Edge]], origin: str) -> dict[str, dict[s
             )
         cracks.setdefault(name, {})[side] = edges
     for name, parts in cracks.items():
+        for face in (f"{name}_right", f"{name}_left"):
+            if face in taken:
+                raise ValueError(
+                    f"{origin}: the name {face!r} is that of a face of crack {name!r} and is given to "
+                    "something else too; choose another."
+                )
         if set(parts) not in ({""}, {"right", "left"}):
             raise ValueError(
                 f"{origin}: crack {name!r} has the parts {sorted(parts)}; "

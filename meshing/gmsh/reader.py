@@ -8,6 +8,7 @@ import os
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
+from meshing.cells.complex import edge_key
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
@@ -16,6 +17,7 @@ from meshing.gmsh.files import FOREIGN, IGES, collect
 from meshing.gmsh.isolation import run_child
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
+from meshing.gmsh.unjoined import check_joined
 from meshing.input_checks import checked_faces, checked_order, flag, number, positive
 from meshing.recipe import Recipe
 from meshing.whole_file import checked_path
@@ -101,15 +103,16 @@ def read_gmsh(
     Warns
     -----
     GmshWarning
-        What gmsh warns of; a model that seems to be drawn in mm; a curve inside a material that is no crack.
+        What gmsh warns of; a model that seems to be drawn in mm; a curve inside a material that is no crack;
+        outlines that lie on one another and are not joined.
 
     Raises
     ------
     TypeError, ValueError
         One sentence that names the file and the item: missing, truncated or not understood, statements that
         are refused, no physical groups, groups that hold nothing, a volume, no cells, too many cells, not
-        plane, inverted, degenerate or not star-convex cells, crack lines that do not lie on cell edges, faces
-        that do not match.
+        plane, inverted, degenerate or not star-convex cells, surfaces that overlap, crack lines that do not
+        lie on cell edges, faces that do not match, groups named like the faces of a crack.
     RuntimeError
         gmsh cannot be loaded, or no process can be started.
     """
@@ -146,6 +149,8 @@ def read_gmsh(
     built = Builder(model, origin)
     check_extent(model, origin, scale, list(built.vertex_of))
     extent = float(np.ptp(np.array(built.cells.vertices), axis=0).max())
+    faces = {edge_key(edge) for edges in built.crack_lines.values() for edge in edges}
+    check_joined(built.cells, faces, origin)
     meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
     add_cracks(built.cells, built.crack_lines, meshing, origin)
     recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)

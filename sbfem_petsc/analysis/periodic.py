@@ -86,7 +86,7 @@ def periodic(
     segments : int
         More than 1: multiple shooting over so many parts of the period, from `start` or the linear response
         alone, without a search; for periods in which disturbances grow by 1e6 or more, and for many periods
-        of a fast tone in one of a slow one. The steps are a multiple of it.
+        of a fast tone in one of a slow one. The period's steps are a multiple of it; the default is.
 
     Raises
     ------
@@ -97,8 +97,9 @@ def periodic(
         If no motion is found, by Newton's method, behind a history, or along a ramp of the load, the damping
         or the frequency (see `dynamics.steady`), or the tolerance is not met.
     """
-    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest)
     with collective(communicator(model)):
+        integer("periodic", "segments", segments, least=1, most=10**4)
+        settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
         flag("periodic", "stability", stability)
         settings.check("periodic")
         check_reduction("periodic", reduction)
@@ -107,7 +108,6 @@ def periodic(
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:
             real("periodic", "tolerance", tolerance, "relative", above=0.0, below=1.0)
-        integer("periodic", "segments", segments, least=1, most=10**4)
         if segments > 1 and (search is not None or jacobian != "auto" or reduction is None):
             raise ValueError(
                 f"periodic: segments = {segments} takes neither search nor jacobian nor reduction = None"
@@ -168,8 +168,8 @@ def _in_segments(task: _Task, period: Period, start: Orbit | None) -> Orbit:
     if period.steps % task.segments:
         raise on_all_ranks(
             ValueError(
-                f"periodic: {period.steps} steps are no multiple of segments = {task.segments}; give another "
-                "number of either"
+                f"periodic: {period.steps} steps a period are no multiple of segments = {task.segments}; "
+                "give another number of either"
             )
         )
     guess = None if start is None else _at_segments(start, period, task)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..errors import at_point
 from ..loads import Loads
+from ..parallel import agree
 from ..system.boundary import LoadColumns
 from ..system.equilibrium import Equilibrium
 from ..system.fracture import (
@@ -142,12 +143,14 @@ class Static:
     def reactions(self) -> dict[str, np.ndarray]:
         """Force of each support on the structure, (2,), N. Collective."""
         model = self.model
+        agree(model.comm, "reactions")
         nodal = self.columns.nodal[..., 0] + contact_nodal_forces(model, self.equilibrium.force)
         return reactions(model, self.field, nodal)
 
     @functools.cached_property
     def strain_energy(self) -> float:
         """J, that of elastic supports included. Collective."""
+        agree(self.model.comm, "strain_energy")
         found, columns, gap = self.equilibrium, self.columns, self.model.gap_operator
         # the forces on the free unknowns are in balance with K u
         by_loads = self.model.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
@@ -160,6 +163,7 @@ class Static:
         """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and at cracks that end at
         an interface. Collective.
         """
+        agree(self.model.comm, "energy_release_rate")
         return energy_release_rates(self.model, self.stress_intensity)
 
     @functools.cached_property
@@ -167,6 +171,7 @@ class Static:
         """Contact next to the tip of each V-notch that neither pairs nor pressure modes carry, N; in closed
         form from the K_I < 0 that they leave. `contact_resultant` is too small by their sum. Collective.
         """
+        agree(self.model.comm, "unresolved_contact")
         return unresolved_contact(self.model, self.stress_intensity)
 
     @functools.cached_property
@@ -174,6 +179,7 @@ class Static:
         """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches and
         interfaces. Collective.
         """
+        agree(self.model.comm, "t_stress")
         return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
 
     def to_csv(self, path: str) -> None:

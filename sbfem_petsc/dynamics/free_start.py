@@ -86,4 +86,12 @@ def _from_opened_gaps(
                 ) from None
             continue
         share, fall = lower, min(FALL, fall**1.5)
-    return system.without(point, ADDED)
+    try:
+        return system.without(point, ADDED)
+    except SolveError as error:
+        said = str(error).removeprefix("backbone: ")
+        raise SolveError(
+            f"backbone: mode {k + 1} is found at {point.frequency:.6g} Hz with a damping ratio of {ADDED:g} "
+            f"added, but not without it ({said}), as where multiples of its frequency meet those of high "
+            "modes; take damping=True, or other modes or steps"
+        ) from None

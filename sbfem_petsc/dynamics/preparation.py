@@ -43,6 +43,8 @@ class PeriodSettings:
     jacobian : {"auto", "dense", "matrix-free", "differences"}
     longest : int
         Most forcing periods in a common period of tones.
+    segments : int
+        The default number of steps is such that the period's is a multiple of it.
     """
 
     periods: int | None = None
@@ -51,6 +53,7 @@ class PeriodSettings:
     contact: bool = True
     jacobian: str = "auto"
     longest: int = LONGEST
+    segments: int = 1
 
     def check(self, owner: str) -> None:
         """Raise TypeError or ValueError for values that make no sense."""
@@ -113,6 +116,8 @@ def prepare(
         steps = STEPS
         if settings.contact and len(reduced.initial_gap):
             steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
+        multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
+        steps = multiple * math.ceil(steps / multiple)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 

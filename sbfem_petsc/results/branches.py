@@ -67,9 +67,16 @@ def read_branch(path: str) -> Branch:
         branch = Branch(**found, bifurcations=bifurcations, period=period)
         stop = float(file.attrs["stop"])
     if not branch.complete:
+        last, reason = float(branch.value[-1]), branch.reason
+        where = f"{last:.8g}" if last == stop else f"{last:.8g} of {stop:.8g}"
+        if reason == "unfinished":
+            why = "resume=True continues it"
+        elif reason.endswith(" points"):
+            why = f"it was given {reason}; resume=True with more of them continues it"
+        else:
+            why = f"its run has ended: {reason}"
         warnings.warn(
-            f"{WHAT} {os.fspath(path)!r} is incomplete: it ends at {branch.value[-1]:.8g} of {stop:.8g}; "
-            "resume=True continues it",
+            f"{WHAT} {os.fspath(path)!r} is incomplete: it ends at {where}; {why}",
             IncompleteBranch,
             stacklevel=2,
         )

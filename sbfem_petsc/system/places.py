@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import integer, real, shown
-from ..parallel import collective
+from ..parallel import agree, collective
 from ..petsc import MPI
 from ..selement.points import TOLERANCE, Located, locate, point_operators
 from .rows import Rows, flat_entries
@@ -97,8 +97,11 @@ def places(model, points: list[tuple[float, float]]) -> Places:
     ------
     ValueError
         If a point lies outside the structure; on all ranks.
+    RanksDiffer, SolveError
+        If the ranks ask for different places, or another rank does not ask.
     """
     comm = model.comm
+    agree(comm, "a result at places", places=points)
     homes = [_home(model, np.array(point)) for point in points]
     mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)

@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
+from sbfem_petsc.dynamics.free import FreeSystem
 from tests.reference import paper_beam
 from tests.systems import coarse_beam
 
@@ -293,6 +294,17 @@ def test_bad_requests(arguments, sentence):
     given = {"mode": 1, "start": 4e-4, "stop": 1.0, **arguments}
     with pytest.raises((ValueError, TypeError), match=sentence):
         sb.backbone(one_mass(), **given)
+
+
+def test_a_motion_that_is_found_with_damping_only(monkeypatch):
+    """Then the sentence says so, and what to do."""
+
+    def without(*_):
+        raise sb.SolveError("backbone: Newton's method did not converge at 1 Hz")
+
+    monkeypatch.setattr(FreeSystem, "without", without)
+    with pytest.raises(sb.SolveError, match="with a damping ratio of .* not without it .*take damping=True"):
+        sb.backbone(replace(one_mass(), initial_gap=np.zeros(1)), 1, 0.1, 0.2)
 
 
 def test_a_branch_cut_short():

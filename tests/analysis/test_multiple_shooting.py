@@ -203,7 +203,7 @@ def test_a_fast_tone_on_a_slow_one(mass):
 @pytest.mark.parametrize(
     "options, sentence",
     [
-        ({"segments": 7}, "64 steps are no multiple of segments = 7"),
+        ({"segments": 7}, "64 steps a period are no multiple of segments = 7"),
         ({"segments": 0}, "segments"),
         ({"segments": 4, "jacobian": "dense"}, "segments = 4 takes neither search nor jacobian"),
     ],
@@ -211,3 +211,10 @@ def test_a_fast_tone_on_a_slow_one(mass):
 def test_bad_requests(mass, options, sentence):
     with pytest.raises(ValueError, match=sentence):
         sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=1, **options)
+
+
+def test_the_default_steps_fit_the_segments(mass):
+    """Three segments of 171 steps, the motion of one segment of 512 up to the steps' own difference."""
+    found, single = (sb.periodic(mass, [1.0], FAST, periods=1, segments=count) for count in (3, 1))
+    assert len(found.time) == 513 and len(single.time) == 512
+    assert abs(found.harmonics("x")[1]) == pytest.approx(abs(single.harmonics("x")[1]), rel=1e-4)

@@ -255,6 +255,12 @@ def test_refused_plates(plate, says):
         ([[(0.05, 0.1), (0.05, 0.000003)]], "end it on the edge or move it"),
         ([[(0.02, 0.02), (0.03, 0.08)]], "crosses hole 1"),
         ([[(0.025, 0.05), (0.05, 0.08)]], "is inside hole 1"),
+        # lines that pass between their points: touching a hole, next to one, cutting off a sliver of one
+        ([[(0.01, 0.055), (0.05, 0.055)]], "it passes hole 1 at 0 m"),
+        ([[(0.01, 0.05500001), (0.05, 0.05500001)]], "it passes hole 1 at 1e-08 m"),
+        ([[(0.01, 0.0549999), (0.05, 0.0549999)]], "crosses hole 1"),
+        ([[(0.0000001, 0.0), (0.05, 0.02)]], "it passes the outline's corner (0, 0) m at 1e-07 m"),
+        ([[(0.05, 0.05), (0.05, 0.05000000001)]], "where all counts as one place"),
     ],
 )
 def test_refused_cracks(cracks, says):

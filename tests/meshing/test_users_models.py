@@ -200,6 +200,21 @@ WRONG = {
         {},
         "part of its line lies on the outline",
     ),
+    "an edge set named like a face": (
+        cracked(*EDGE, groups=within("crack:c", 0.5, 0.6, 0.5, 1) + within("c_left", 0, 0, 0, 1)),
+        {},
+        "'c_left' is that of a face of crack 'c'",
+    ),
+    "surfaces that overlap": (
+        HALVES.replace("{1, 0, 0, 1, 1}", "{0.5, 0, 0, 1, 1}") + 'Physical Surface("a") = {1, 2};\n',
+        {},
+        "surfaces overlap near (1, ",
+    ),
+    "a disk over the surface": (
+        HALVES + 'Coherence; Disk(9) = {0.5, 0.5, 0, 0.1}; Physical Surface("a") = {1, 2, 9};\n',
+        {},
+        "surfaces overlap near (0.4",
+    ),
     "a surface in two groups": (
         LINES + NAMES + 'Physical Surface("all") = {1};\n',
         {},
@@ -267,6 +282,16 @@ WARNED = {
     "a notch without contact": (
         LINES + NAMES + 'Physical Curve("crack_left") = {3};\n',
         "'crack_left' lies on the outline and is an edge set without contact",
+    ),
+    "halves that are not joined": (
+        HALVES + 'Physical Surface("a") = {1, 2}; Mesh.MeshSizeMax = 0.5;\n',
+        r"outlines lie on one another near \(1, 0.\d*\) m and are not joined",
+    ),
+    "a disk that is not joined": (
+        'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 1, 1}; Disk(2) = {0.5, 0.5, 0, 0.2};\n'
+        "BooleanDifference{ Surface{1}; Delete; }{ Surface{2}; Delete; }\nDisk(2) = {0.5, 0.5, 0, 0.2};\n"
+        'Mesh.MeshSizeMax = 0.2; Physical Surface("steel") = Surface{:};\n',
+        "outlines lie on one another near",
     ),
     "what gmsh warns of": (LINES + NAMES + 'Warning("mind the gap");\n', "gmsh warns: mind the gap"),
 }

@@ -4,6 +4,7 @@ refused.
 
 import os
 import warnings
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -187,7 +188,7 @@ def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
 def test_resume_without_a_file_begins(tmp_path):
     path = str(tmp_path / "new.h5")
     assert len(follow(file=path, resume=True, points=5, stability=False, steps=512).value) == 5
-    with pytest.warns(IncompleteBranch):
+    with pytest.warns(IncompleteBranch, match="it was given 5 points; resume=True with more of them"):
         assert len(read_branch(path).value) == 5
     # more points are allowed: it goes on
     assert len(follow(file=path, resume=True, points=9, stability=False, steps=512).value) == 9
@@ -195,6 +196,16 @@ def test_resume_without_a_file_begins(tmp_path):
     follow(file=path, points=3, stability=False, steps=512)
     with pytest.warns(IncompleteBranch):
         assert len(read_branch(path).value) == 3
+
+
+def test_a_curve_that_has_ended_is_not_said_to_go_on(whole, tmp_path):
+    """One that left its range where it came in: resuming it would find nothing further."""
+    curve, _ = whole
+    path = str(tmp_path / "ended.h5")
+    save_branch(replace(curve, complete=False, reason=f"end of the range at {START:.8g}"), path)
+    with pytest.warns(IncompleteBranch, match="its run has ended: end of the range at 0.0795") as caught:
+        read_branch(path)
+    assert "resume" not in str(caught[0].message)
 
 
 @pytest.mark.long
