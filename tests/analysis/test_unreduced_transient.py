@@ -5,6 +5,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
+from sbfem_petsc.dynamics import unreduced_steps
 from sbfem_petsc.system.model import rayleigh_factors
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
@@ -51,6 +52,19 @@ def test_second_order_in_the_step(model):
         )
         far.append(relative(history.displacement("A"), reference))
     assert far[0] / far[1] == pytest.approx(4, rel=0.2)
+
+
+@pytest.mark.parametrize("scheme", ["newmark", "paper"])
+def test_contact_by_a_second_solve(model, scheme, monkeypatch):
+    """Many contact rows: the forces are solved for with the loads, instead of responses that are kept."""
+    load, found = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0, phase=1.0)), []
+    for kept in (200, 0):
+        monkeypatch.setattr(unreduced_steps, "KEPT_RESPONSES", kept)
+        history = sb.transient(model, load, 1e-4, 5e-6, scheme=scheme, start="equilibrium", reduction=None)
+        found.append((history.displacement("A"), history.contact_force, history.energy.total))
+    assert found[0][1].max() > 1.0
+    for one, other in zip(*found):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-10 * np.abs(one).max())
 
 
 @pytest.mark.long
