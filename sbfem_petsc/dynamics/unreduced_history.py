@@ -36,7 +36,7 @@ from .initial import unreduced_state
 from .integration import Column, Rows, Steps
 from .kept_fields import KeptFields
 from .states import SampledStates
-from .unreduced_steps import UnreducedSteps
+from .unreduced_steps import KEPT_RESPONSES, UnreducedSteps
 
 # Steps between two settlements of the state, records on disk and reports of progress.
 CHUNK = 256
@@ -73,7 +73,7 @@ class UnreducedIntegrator:
         warn_of_tips("transient", model)
         self.model, self.signals, self.steps = model, signals, steps
         self.comm, self.chunk = model.comm, CHUNK
-        require_steps("transient", model, modes if model.damping else 0)
+        require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
         self.pencil = Pencil(model, 1.0, 0.0)
         self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)

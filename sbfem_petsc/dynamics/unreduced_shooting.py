@@ -31,7 +31,7 @@ from .orbit import Orbit
 from .preparation import STEPS, PeriodSettings
 from .states import SampledStates
 from .unreduced_history import unreduced_columns
-from .unreduced_steps import UnreducedSteps
+from .unreduced_steps import KEPT_RESPONSES, UnreducedSteps
 
 # The linear solves need no more than Newton's next iterate is good for.
 RELATIVE, LINEAR, ITERATIONS, RESTART = 1e-8, 1e-4, 20, 100
@@ -106,7 +106,7 @@ def _require_room(model: Model, count: int, modes: int) -> None:
         lambda share: f"give at most {int(share * count):,d}",
     )
     # GMRES keeps two vectors (u, v) an iteration; few take more than a quarter of its most
-    require_steps("periodic", model, modes, vectors=RESTART // 2)
+    require_steps("periodic", model, modes, KEPT_RESPONSES, vectors=RESTART // 2)
 
 
 class _UnreducedPeriod:

@@ -11,6 +11,9 @@ Modal damping, C = sum of 2 zeta omega (M phi)(M phi)^T over computed modes, tou
 carry, and there the equations of a step fall apart into single ones. The large vectors are therefore advanced
 without it, the modes with and without it beside them, and the difference of the two, a few numbers, is added
 to the probes and the energies in each step and to the large vectors now and then (`settle`).
+
+The contact problem of a step needs the responses to contact forces at the probes alone. The large vector
+follows from kept responses of all unknowns where the contact rows are few, else from a second solve.
 """
 
 from __future__ import annotations
@@ -25,14 +28,19 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.marching import contact_forces
 from ..errors import SolveError, on_all_ranks
 from ..loads import SupportMotion
-from ..petsc import MPI, free
+from ..petsc import MPI, free, stage
 from ..system.model import Model
 from ..system.modes import Modal
 from ..system.pencil import CondensedSolve, Pencil
+from ..system.static_solver import block_width
 from .initial import full_shapes
 
 # The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
 RUNAWAY = 1.1
+
+# Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
+# second solve does.
+KEPT_RESPONSES = 200
 
 
 @compiled
@@ -144,11 +152,7 @@ class UnreducedSteps:
         self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
         self._probes(units, contact)
         self._modes(found)
-        self.responses = np.empty((size, self.pairs), order="F")
-        for k in range(self.pairs):
-            self.right.array = self.probes[[k]].toarray()[0]
-            self._solve_into(self.responses[:, k])
-        self.probe_responses = self.summed(self.probes @ self.responses)
+        self._respond()
         flexibility = (
             self.probe_responses[: self.pairs]
             - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
@@ -196,6 +200,25 @@ class UnreducedSteps:
         self.load_places, self.load_columns = _columns(sparse.csr_matrix(forces))
         self.gap_places, self.gap_columns = _columns(gaps)
 
+    @stage("Contact")
+    def _respond(self) -> None:
+        """Responses to unit contact forces within a step: at the probes, and if they are kept of all
+        unknowns.
+        """
+        size, count = self.u.size, self.pairs
+        kept = count <= KEPT_RESPONSES
+        self.responses = np.empty((size, count), order="F") if kept else None
+        self.probe_responses = np.empty((self.probes.shape[0], count))
+        width = block_width(self.model)
+        for first in range(0, count, width):
+            block = slice(first, min(first + width, count))
+            found = self.solve.of_rows(self.model.gap_operator.rows, block)
+            found /= self.stretch
+            self.probe_responses[:, block] = self.probes @ found
+            if self.responses is not None:
+                self.responses[:, block] = found
+        self.probe_responses = self.summed(self.probe_responses)
+
     def _modes(self, found: Modal | None) -> None:
         """Modes over all unknowns, and the scalars of their steps."""
         pencil = self.pencil
@@ -213,11 +236,6 @@ class UnreducedSteps:
         array = np.ascontiguousarray(array)
         self.model.comm.Allreduce(MPI.IN_PLACE, array)
         return array
-
-    def _solve_into(self, target: np.ndarray) -> None:
-        self.solve.apply(None, self.right, self.d)
-        target[:] = self.d.array_r
-        target /= self.stretch
 
     def _times(self, matrix, array: np.ndarray) -> np.ndarray:
         self.d.array = array
@@ -365,13 +383,10 @@ class UnreducedSteps:
         _form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
         if self.loads:
             self.right.array[self.load_places] += self.load_columns @ drive
-        self.solve.apply(None, self.right, self.d)
-        d = self.d.array
-        if self.stretch != 1.0:
-            d /= self.stretch
         if self.carried.any():
-            _add_columns(d, self.responses, self.carried)
-        probes = self.summed(self.probes @ d)
+            self.right.array[self.gap_places] += self.gap_columns @ self.carried
+        self._solve_for_increment()
+        probes = self.summed(self.probes @ self.d.array_r)
         modal_force = (
             self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
         )
@@ -386,15 +401,28 @@ class UnreducedSteps:
                 touched = acting.any()
             if touched:
                 force, gap = self._contact(gap) if acting is None else self._kept(gap, acting)
-                _add_columns(d, self.responses, self.share * force)
+                self._push(self.share * force)
                 probes += self.probe_responses @ (self.share * force)
                 damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
             else:
                 self.active[:], self._members[-1] = False, 0
-        applied = self.share * force + self.carried
-        if applied.any():
-            self.right.array[self.gap_places] += self.gap_columns @ applied
         return _Solved(probes, damped, undamped, force, gap)
+
+    def _solve_for_increment(self) -> None:
+        """d of `right`."""
+        self.solve.apply(None, self.right, self.d)
+        if self.stretch != 1.0:
+            self.d.scale(1.0 / self.stretch)
+
+    def _push(self, force: np.ndarray) -> None:
+        """Let contact forces join `right`, and what they do `d`."""
+        if not force.any():
+            return
+        self.right.array[self.gap_places] += self.gap_columns @ force
+        if self.responses is None:
+            self._solve_for_increment()
+        else:
+            _add_columns(self.d.array, self.responses, force)
 
     def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Increments of the modal coordinates, damped and not."""
@@ -443,7 +471,8 @@ class UnreducedSteps:
         responses = np.empty((self.u.size, self.loads))
         for k in range(self.loads):
             self.right.array = self.probes[[self.pairs + k]].toarray()[0]
-            self._solve_into(responses[:, k])
+            self._solve_for_increment()
+            responses[:, k] = self.d.array_r
         return np.concatenate([self.probe_responses, self.summed(self.probes @ responses)], axis=1)
 
     def check_energy(self, energies: np.ndarray, time: float) -> None:

@@ -85,7 +85,7 @@ def require_modes(model: Any, count: int, basis: int, whole: bool = False) -> No
     )
 
 
-def require_steps(owner: str, model: Any, modes: int, vectors: int = 0) -> None:
+def require_steps(owner: str, model: Any, modes: int, responses: int, *, vectors: int = 0) -> None:
     """Refuse the steps of the unreduced model if its matrices, the factor and the responses to contact would
     not find room. Collective.
 
@@ -93,6 +93,8 @@ def require_steps(owner: str, model: Any, modes: int, vectors: int = 0) -> None:
     ----------
     modes : int
         That are damped.
+    responses : int
+        To unit contact forces that are kept at most.
     vectors : int
         Further vectors over all unknowns, displacements and velocities, of a linear solver.
 
@@ -101,7 +103,7 @@ def require_steps(owner: str, model: Any, modes: int, vectors: int = 0) -> None:
     ValueError
     """
     matrices = matrix_entries(model, model.continued_fraction) + matrix_entries(model)
-    columns = 16 + modes + len(model.gap_operator) + 2 * vectors
+    columns = 16 + modes + 2 * min(len(model.gap_operator), responses) + 2 * vectors
     needed = ENTRY * matrices + factor_memory(model) + 8.0 * model.unknowns * columns
     require_memory(
         owner,

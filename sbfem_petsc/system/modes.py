@@ -165,7 +165,8 @@ def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
         # far enough below for round-off not to count the last one itself: a residual of 1e-7 is usual; the
         # eigenvalues that are counted are those of the assembled stiffness, refined or not
         model = pencil.model
-        squares = float(_summed(model, found.shapes[:, :count] ** 2).max())
+        chosen = found.shapes[:, :count]
+        squares = float(_inner(model, chosen, chosen).max())
         margin = max(
             1e-6,
             30.0 * float(found.residuals[:count].max()),
@@ -305,35 +306,34 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     product = pencil.stiffness.matMult(vectors)
     kx, mx = product.getDenseArray(), _products(pencil.mass, array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
-    squares = _summed(model, array**2)
-    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_summed(model, mx**2))
+    squares = _inner(model, array, array)
+    noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(model, mx, mx))
     slender = np.flatnonzero(noise > NEEDED * np.abs(values))
     if not (model.supported and solve.refinement):
         slender = slender[:0]
     if len(slender):
         # those next to them, too, for a factorisation's round-off reaches ten times that of the matrix,
         # unless it makes them worse by more than round-off would
-        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _summed(model, array * mx))
+        noise = np.maximum(noise, 10.0 * model.refinement.scale * squares / _inner(model, array, mx))
         near = np.flatnonzero(noise > NEEDED * np.abs(values))
         shapes, inertia = array[:, near], mx[:, near]
         refined = kx[:, near].copy()
         refined[: pencil.owned] = model.refinement.operator(shapes[: pencil.owned])
-        quotients = _summed(model, shapes * refined) / _summed(model, shapes * inertia)
+        quotients = _inner(model, shapes, refined) / _inner(model, shapes, inertia)
         errors = [
-            _summed(model, (product - value * inertia) ** 2)
+            model.comm.allreduce(_misfits(product, value, inertia))
             for product, value in ((kx[:, near], values[near]), (refined, quotients))
         ]
         kept = np.isin(near, slender) | (errors[1] <= WORSE**2 * errors[0])
         kx[:, near[kept]], values[near[kept]] = refined[:, kept], quotients[kept]
     sums = np.stack(
         [
-            (array * mx).sum(axis=0),
-            (mx * mx).sum(axis=0),
-            ((kx - values * mx) ** 2).sum(axis=0),
-            (array * array).sum(axis=0),
+            _inner(model, array, mx),
+            _inner(model, mx, mx),
+            model.comm.allreduce(_misfits(kx, values, mx)),
+            squares,
         ]
     )
-    model.comm.Allreduce(MPI.IN_PLACE, sums)
     # a rigid-body mode has no strain energy to compare with: an elastic scale of the structure stands in
     floor = lowest_scale(model) if not model.supported else 0.0
     sizes = np.maximum(np.abs(values), floor) * np.sqrt(sums[1])
@@ -350,12 +350,14 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         * np.sqrt(sums[3])
         / sizes
     )
-    shapes = array[: pencil.owned] / np.sqrt(sums[0])
-    inertia = (array[pencil.owned :] / np.sqrt(sums[0])).T @ pencil.auxiliary_translation()
-    model.comm.Allreduce(MPI.IN_PLACE, inertia)
-    iterations = eps.getIterationNumber()
+    del kx, mx
     for item in (vectors, x, product):
         item.destroy()
+    array /= np.sqrt(sums[0])
+    shapes = array[: pencil.owned].copy(order="F")
+    inertia = array[pencil.owned :].T @ pencil.auxiliary_translation()
+    model.comm.Allreduce(MPI.IN_PLACE, inertia)
+    iterations = eps.getIterationNumber()
     limits = np.maximum(RESIDUAL_LIMIT, round_off)
     limits[slender] = RESIDUAL_LIMIT
     if len(slender):
@@ -402,16 +404,21 @@ def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np
         right.array = forces
         solve.apply(None, right, left)
         left.array -= shape
-        size = math.sqrt(float(_summed(pencil.model, shape[:, None] ** 2)[0]))
+        size = math.sqrt(float(pencil.model.comm.allreduce(shape @ shape)))
         return left.norm() / size
     finally:
         left.destroy()
         right.destroy()
 
 
-def _summed(model: Structure, products: np.ndarray) -> np.ndarray:
-    """(n,): sums of the columns over all ranks."""
-    return model.comm.allreduce(products.sum(axis=0))
+def _inner(model: Structure, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """(n,): inner products of the columns of two distributed arrays."""
+    return model.comm.allreduce(np.einsum("ij,ij->j", one, other))
+
+
+def _misfits(kx: np.ndarray, values: np.ndarray, mx: np.ndarray) -> np.ndarray:
+    """(n,): squares of this rank's part of K x - value M x, without another array of that size."""
+    return np.array([((kx[:, k] - value * mx[:, k]) ** 2).sum() for k, value in enumerate(values)])
 
 
 def lowest_scale(model: Structure) -> float:

@@ -16,7 +16,9 @@ from ..parallel import alone
 from ..petsc import PETSc, check_ksp, configure, direct_solver, free, make_ksp, solving
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import ElementBlocks, assemble, from_rows
+from .rows import Rows
 from .shapes import Group
+from .static_solver import is_direct, solve_rows
 from .structure import Structure
 
 
@@ -281,6 +283,7 @@ class CondensedSolve:
         self.refinement = pencil.model.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
+        self.checked = False
         if shift != 0.0:
             self.auxiliary = pencil.coupling.createVecRight()
 
@@ -303,6 +306,30 @@ class CondensedSolve:
         target = left.array
         target[:owned] = self.left.array_r
         target[owned:] = scaled
+
+    def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
+        """(K - shift M)^-1 of the transposes of some rows, (local unknowns, k). Collective."""
+        if is_direct(self.ksp):
+            if not self.checked:
+                self.right.set(1.0)
+                self._solve()  # its reason tells a factorisation that failed
+                self.checked = True
+            upper = solve_rows(self.ksp, rows, chosen)
+        else:
+            given = rows.columns(chosen)
+            upper = np.empty(given.shape, order="F")
+            for k in range(given.shape[1]):
+                self.right.array = given[:, k]
+                self._solve()
+                upper[:, k] = self.left.array_r
+        found = np.zeros((len(upper) + len(self.diagonal), upper.shape[1]), order="F")
+        found[: len(upper)] = upper
+        if self.shift != 0.0:
+            for k in range(upper.shape[1]):
+                self.left.array = upper[:, k]
+                self.pencil.coupling.multTranspose(self.left, self.auxiliary)
+                found[len(upper) :, k] = self.shift * self.auxiliary.array_r / self.diagonal
+        return found
 
     def _solve(self) -> None:
         self.ksp.solve(self.right, self.left)

@@ -6,9 +6,10 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import sparse
 
 from ..errors import SolverWarning
-from ..petsc import PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name, stage
+from ..petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name, stage
 from .rows import Rows
 
 # Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
@@ -48,7 +49,7 @@ class StaticSolver:
         self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
         # products of a factor with a block of columns read it once; only a direct solve has one
-        self.direct = self.ksp.getType() == "preonly" and self.ksp.getPC().getType() in ("cholesky", "lu")
+        self.direct = is_direct(self.ksp)
         self._checked, self._most = False, 0
 
     def judge(self, owner: str) -> None:
@@ -118,9 +119,10 @@ class StaticSolver:
         return self._refined(right, self._dense(right, what), what)
 
     def _dense(self, right: np.ndarray, what: str) -> np.ndarray:
+        self._check(what)
         given = dense_columns(self.matrix, np.asfortranarray(right))
         try:
-            return self._block(given, np.empty(right.shape, order="F"), what)
+            return block_solve(self.ksp, given, np.empty(right.shape, order="F"))
         finally:
             free(self._comm, given)
 
@@ -132,48 +134,72 @@ class StaticSolver:
 
     def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
         """K^-1 of the transposes of some rows, (owned, k)."""
-        if not (self.direct and self._sparse_right_sides):
+        if not self.direct:
             return self.columns(rows.columns(chosen), what)
-        some = rows.matrix[chosen].tocsr()
-        given = PETSc.Mat().createAIJ(
-            (some.shape[0], self._sizes[0]),
-            csr=(some.indptr.astype(PETSc.IntType), some.indices.astype(PETSc.IntType), some.data),
-            comm=self.matrix.comm,
-        )
-        turned = PETSc.Mat().createTranspose(given)
+        self._check(what)
+        return self._refined(rows.columns(chosen), solve_rows(self.ksp, rows, chosen), what)
+
+    def _check(self, what: str) -> None:
+        """One solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
+        if self._checked:
+            return
+        source, target = self.matrix.createVecs()
         try:
-            found = self._block(turned, np.empty((self._sizes[0], some.shape[0]), order="F"), what)
+            source.set(1.0)
+            self.solve(source, target, what)
         finally:
-            free(self._comm, turned, given)
-        return self._refined(rows.columns(chosen), found, what)
-
-    @property
-    def _sizes(self) -> tuple[int, int]:
-        return self.matrix.getSizes()[0]
-
-    @property
-    def _sparse_right_sides(self) -> bool:
-        """Whether the direct solver passes over zeros of the right-hand sides: MUMPS, which takes them from
-        one rank alone.
-        """
-        return self.matrix.comm.size == 1 and self.ksp.getPC().getFactorSolverType() == "mumps"
-
-    def _block(self, given: PETSc.Mat, result: np.ndarray, what: str) -> np.ndarray:
-        """The factor applied to a block of right-hand sides, into `result` (owned, k) in Fortran's order."""
-        if not self._checked:
-            # one solve through the KSP: it factorises, and its reason tells a factorisation that failed
-            source, target = self.matrix.createVecs()
-            try:
-                source.set(1.0)
-                self.solve(source, target, what)
-            finally:
-                free(self._comm, source, target)
-            self._checked = True
-        return block_solve(self.ksp, given, result)
+            free(self._comm, source, target)
+        self._checked = True
 
     def destroy(self) -> None:
         """Free the factors."""
         self.ksp.destroy()
+
+
+def is_direct(ksp: PETSc.KSP) -> bool:
+    """Whether a solver is a factor and nothing else."""
+    return ksp.getType() == "preonly" and ksp.getPC().getType() in ("cholesky", "lu")
+
+
+def solve_rows(ksp: PETSc.KSP, rows: Rows, chosen: slice) -> np.ndarray:
+    """The factor of a direct solver that has solved before applied to the transposes of some rows, (owned,
+    k). Collective.
+
+    MUMPS passes over the zeros of right-hand sides that rank 0 has without them.
+    """
+    matrix = ksp.getOperators()[0]
+    local, size = matrix.getSizes()[0]
+    some = rows.matrix[chosen].tocsr()
+    result = np.empty((local, some.shape[0]), order="F")
+    if ksp.getPC().getFactorSolverType() != "mumps":
+        given = turned = dense_columns(matrix, rows.columns(chosen))
+    else:
+        whole, (count, width) = _on_first_rank(rows.comm, some, matrix.getOwnershipRange()[0], size)
+        given = PETSc.Mat().createAIJ(
+            ((count, None), (width, size)),
+            csr=(whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data),
+            comm=matrix.comm,
+        )
+        turned = PETSc.Mat().createTranspose(given)
+    try:
+        return block_solve(ksp, turned, result)
+    finally:
+        free(rows.comm, turned, *([given] if turned is not given else []))
+
+
+def _on_first_rank(
+    comm: MPI.Comm, some: sparse.csr_matrix, first: int, size: int
+) -> tuple[sparse.csr_matrix, tuple[int, int]]:
+    """Rows over all unknowns on rank 0, none elsewhere, and their shape here. Collective."""
+    if comm.size == 1:
+        return some, some.shape
+    entries = some.tocoo()
+    parts = comm.gather((entries.data, entries.row, entries.col + first))
+    if parts is None:
+        return sparse.csr_matrix((0, 0)), (0, 0)
+    values, numbers, unknowns = (np.concatenate(part) for part in zip(*parts))
+    shape = (some.shape[0], size)
+    return sparse.coo_matrix((values, (numbers, unknowns)), shape=shape).tocsr(), shape
 
 
 @dataclass(frozen=True, eq=False)

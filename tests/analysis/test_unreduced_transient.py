@@ -1,11 +1,16 @@
 """The unreduced model against the reduced one, its order in the step, damping, energy and solver options."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from meshing import Beam
+from meshing import Beam, VNotch
+from sbfem_petsc.dynamics import unreduced_steps
+from sbfem_petsc.dynamics.unreduced_steps import UnreducedSteps
 from sbfem_petsc.system.model import rayleigh_factors
+from sbfem_petsc.system.pencil import Pencil
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 
@@ -51,6 +56,44 @@ def test_second_order_in_the_step(model):
         )
         far.append(relative(history.displacement("A"), reference))
     assert far[0] / far[1] == pytest.approx(4, rel=0.2)
+
+
+@pytest.mark.parametrize("scheme", ["newmark", "paper"])
+def test_contact_by_a_second_solve(model, scheme, monkeypatch):
+    """Many contact rows: the forces are solved for with the loads, instead of responses that are kept."""
+    load, found = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0, phase=1.0)), []
+    for kept in (200, 0):
+        monkeypatch.setattr(unreduced_steps, "KEPT_RESPONSES", kept)
+        history = sb.transient(model, load, 1e-4, 5e-6, scheme=scheme, start="equilibrium", reduction=None)
+        found.append((history.displacement("A"), history.contact_force, history.energy.total))
+    assert found[0][1].max() > 1.0
+    for one, other in zip(*found):
+        np.testing.assert_allclose(other, one, rtol=0.0, atol=1e-10 * np.abs(one).max())
+
+
+def test_memory_of_many_contact_rows(monkeypatch):
+    """No array with a column for each contact row, but up to three of a block of them, and one of the rows by
+    themselves.
+    """
+    notches = [VNotch(x, 0.005, 0.0) for x in (0.02, 0.04, 0.06, 0.08)]
+    model = sb.Model(Beam(0.1, 0.01, notches).mesh(order=3), ALUMINIUM)
+    rows, pencil = len(model.gap_operator), Pencil(model, 1.0, 0.0)
+    march = UnreducedSteps(model, pencil, [], 1e-6, None, True, "implicit")
+    monkeypatch.setattr(unreduced_steps, "block_width", lambda _: 8)
+
+    def columns() -> float:
+        tracemalloc.start()
+        try:
+            march._respond()
+            return tracemalloc.get_traced_memory()[1] / (8 * model.unknowns)
+        finally:
+            tracemalloc.stop()
+
+    assert columns() > rows > 100
+    monkeypatch.setattr(unreduced_steps, "KEPT_RESPONSES", 0)
+    assert columns() < 3 * 8 + 2 * rows**2 / model.unknowns
+    march.release()
+    pencil.destroy()
 
 
 @pytest.mark.long
