@@ -33,7 +33,7 @@ _HOME = {
     "rayleigh_factors": "system.model",
     "MeshWarning": "system.resolution",
     "modal": "analysis.modal",
-    "Modal": "system.modes",
+    "Modal": "system.modal_result",
     "static": "analysis.static",
     "Static": "analysis.static_result",
     "load_history": "analysis.load_history",

@@ -8,8 +8,9 @@ import numpy as np
 
 from ..checks import flag, integer, numbers_of, real, shown
 from ..parallel import agree, collective
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import TOLERANCE, Modal, lowest_modes, modes_in_band
+from ..system.modes import TOLERANCE, lowest_modes, modes_in_band
 from ..system.resolution import warn_of_modes
 from .estimate import checked_accuracy, refined
 

@@ -13,7 +13,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..selement.basis import shape_functions
 from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import interior_fields
-from ..system.modes import Modal
+from ..system.modal_result import Modal
 from ..system.pencil import Pencil
 from ..system.shapes import Group
 from ..system.structure import Structure

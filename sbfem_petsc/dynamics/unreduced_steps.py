@@ -23,17 +23,17 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from ..contact.compiled import compiled
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.marching import contact_forces
 from ..errors import SolveError, on_all_ranks
 from ..loads import SupportMotion
 from ..petsc import MPI, free, stage
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from ..system.pencil import CondensedSolve, Pencil
 from ..system.static_solver import block_width
 from .initial import full_shapes
+from .unreduced_kernels import add_columns, advance, form
 
 # The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
 RUNAWAY = 1.1
@@ -41,51 +41,6 @@ RUNAWAY = 1.1
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
 # second solve does.
 KEPT_RESPONSES = 200
-
-
-@compiled
-def _form(right, mass_v, stiffness_u, rate):
-    """Right side of a step but for the loads."""
-    for i in range(right.size):
-        right[i] = 2.0 * (rate * mass_v[i] - stiffness_u[i])
-
-
-@compiled
-def _add_columns(target, columns, values):
-    """target += columns @ values over the values that are not zero, four columns at a time: what counts is
-    the traffic from memory.
-    """
-    used = np.flatnonzero(values)
-    places, weights = np.zeros((used.size + 3) // 4 * 4, dtype=np.int64), np.zeros((used.size + 3) // 4 * 4)
-    places[: used.size], weights[: used.size] = used, values[used]
-    for j in range(0, places.size, 4):
-        one, two, three, four = (
-            columns[:, places[j]],
-            columns[:, places[j + 1]],
-            columns[:, places[j + 2]],
-            columns[:, places[j + 3]],
-        )
-        for i in range(target.size):
-            target[i] += (one[i] * weights[j] + two[i] * weights[j + 1]) + (
-                three[i] * weights[j + 2] + four[i] * weights[j + 3]
-            )
-
-
-@compiled
-def _advance(u, v, mass_v, stiffness_u, d, stiffness_d, right, inertia, stretch, rate):
-    """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products
-    of d with M d and K d.
-    """
-    by_mass, by_stiffness = 0.0, 0.0
-    for i in range(u.size):
-        mass_d = (right[i] - stretch * stiffness_d[i]) / inertia
-        by_mass += d[i] * mass_d
-        by_stiffness += d[i] * stiffness_d[i]
-        u[i] += d[i]
-        v[i] = rate * d[i] - v[i]
-        mass_v[i] = rate * mass_d - mass_v[i]
-        stiffness_u[i] += stiffness_d[i]
-    return by_mass, by_stiffness
 
 
 @dataclass
@@ -336,7 +291,7 @@ class UnreducedSteps:
         speed = self.velocities()
         solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
-        lost = _advance(
+        lost = advance(
             self.u,
             self.v,
             self.mass_v,
@@ -380,7 +335,7 @@ class UnreducedSteps:
 
         With `acting` (c,) the problem is the linearised one: these rows keep their gaps, there are no others.
         """
-        _form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
+        form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
         if self.loads:
             self.right.array[self.load_places] += self.load_columns @ drive
         if self.carried.any():
@@ -422,7 +377,7 @@ class UnreducedSteps:
         if self.responses is None:
             self._solve_for_increment()
         else:
-            _add_columns(self.d.array, self.responses, force)
+            add_columns(self.d.array, self.responses, force)
 
     def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Increments of the modal coordinates, damped and not."""

@@ -14,8 +14,8 @@ from matplotlib.ticker import MaxNLocator
 from ..analysis.static import Static
 from ..checks import instance, integer, shown
 from ..parallel import agree, collective, on_root
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from .arguments import check
 from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, by_name, crack_title, figure, fill, style
 from .outlines import Piece, contact_lengths, gather_outline, loops

@@ -13,8 +13,8 @@ from ..loads import Load, SupportMotion, separate
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..system.idle_loads import warn_of_idle_loads
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from ..system.resolution import warn_of_tips
 from ..system.static_solver import block_width
 from .outputs import LinearOutput

@@ -11,8 +11,8 @@ from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI, free
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from ..system.sampling import Field
 from .outputs import LinearOutput
 

@@ -14,8 +14,8 @@ import scipy
 from ..analysis.static import Static
 from ..loads import as_loads
 from ..petsc import MPI, PETSc, SLEPc
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from .datasets import declare, put, put_fields, put_rows, written
 from .gather import global_size, stream
 

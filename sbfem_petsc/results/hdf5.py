@@ -14,8 +14,8 @@ from ..parallel import agree, collective
 from ..petsc import MPI
 from ..recording.hdf5 import new_hdf5, opened
 from ..recording.sound import numbers
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from ..writing import destination
 from .contents import write_head, write_inputs, write_mesh, write_modal, write_static
 from .datasets import WHAT, tree, written

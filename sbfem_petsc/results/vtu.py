@@ -12,8 +12,8 @@ import numpy as np
 
 from ..checks import flag, instance, integer, shown
 from ..parallel import agree, collective
+from ..system.modal_result import Modal
 from ..system.model import Model
-from ..system.modes import Modal
 from ..system.sampling import Patches, point_grid_cells, sample
 from ..writing import destination, replaced
 

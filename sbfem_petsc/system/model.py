@@ -18,7 +18,8 @@ from ..petsc import MPI, collect
 from ..supports import as_supports
 from .demand import require_factor
 from .distribution import declared_clamp
-from .modes import Modal, lowest_modes
+from .modal_result import Modal
+from .modes import lowest_modes
 from .static_solver import Compliance, StaticSolver, compliance
 from .structure import Structure
 

@@ -14,7 +14,8 @@ from meshing.gll import gll_nodes, lagrange_values
 
 from ..errors import listed
 from ..selement.solution import SElement, solve_selement
-from .modes import Modal, lowest_scale
+from .modal_result import Modal
+from .modes import lowest_scale
 from .shapes import Group
 from .structure import Structure
 
