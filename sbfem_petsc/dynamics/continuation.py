@@ -231,22 +231,6 @@ class Continuation:
             return np.zeros(len(heading))
         return (length / reach) ** 2 * (back + reach * heading)
 
-    def _derivative_ahead(self, length: float) -> np.ndarray:
-        """Derivative of x(T) a step further, from those at the last two points: Newton's method begins with
-        it.
-        """
-        name, last = self.parameter.name, self.points[-1]
-        found = last.derivative(name)
-        if len(self.points) < 2:
-            return found
-        before, (size, unit) = self.points[-2], self.metric()
-        apart = math.hypot(
-            float(np.linalg.norm(last.fixed.state - before.fixed.state)) / size,
-            (last.value - before.value) / unit,
-        )
-        # no further ahead than the last step went
-        return found + min(length / max(apart, length), 1.0) * (found - before.derivative(name))
-
     def _around(self, heading: np.ndarray, length: float) -> ContinuationPoint | None:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
@@ -305,7 +289,7 @@ class Continuation:
                 self.driven,
                 self.parameter.name,
                 lambda state, change: condition(state, change + begin - value),
-                self._derivative_ahead(length),
+                last.derivative(self.parameter.name),
             )
         except (SolveError, ValueError):
             return None
