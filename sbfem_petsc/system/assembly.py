@@ -48,6 +48,7 @@ def assemble(
     symmetric: bool = True,
     column_ranges: np.ndarray | None = None,
     block_size: int = 1,
+    upper: bool = False,
 ) -> PETSc.Mat:
     """Sum the element blocks of all ranks to a distributed matrix. Collective.
 
@@ -64,18 +65,22 @@ def assemble(
         Column ownership of a rectangular matrix.
     block_size : int
         Unknowns a node, where it is the same at all of them.
+    upper : bool
+        Keep the upper half alone: products then read half as much, and rows cannot be asked for.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
     with solving("assembly"):
-        lengths = row_lengths(comm, ranges, column_ranges, blocks)
+        lengths = row_lengths(comm, ranges, column_ranges, blocks, upper)
         matrix = PETSc.Mat().create(comm)
-        matrix.setType(PETSc.Mat.Type.AIJ)
+        matrix.setType(PETSc.Mat.Type.SBAIJ if upper else PETSc.Mat.Type.AIJ)
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
         matrix.setBlockSize(block_size)
         matrix.setPreallocationNNZ(lengths)
         # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless
         # it is said on all of them.
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
+        if upper:
+            matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
         for block in blocks:
             rows, columns = (
                 np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns)
@@ -153,7 +158,11 @@ def _mark(matrix: PETSc.Mat, symmetric: bool) -> None:
 
 
 def row_lengths(
-    comm: MPI.Comm, ranges: np.ndarray, column_ranges: np.ndarray, blocks: list[ElementBlocks]
+    comm: MPI.Comm,
+    ranges: np.ndarray,
+    column_ranges: np.ndarray,
+    blocks: list[ElementBlocks],
+    upper: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Numbers of nonzeros of this rank's rows, in the columns that it owns and in the others. Collective.
 
@@ -161,6 +170,8 @@ def row_lengths(
     ----------
     ranges, column_ranges : (ranks + 1,) int arrays
     blocks : list of ElementBlocks
+    upper : bool
+        Of the upper half alone.
     """
     first, last = (int(ranges[comm.rank + k]) for k in (0, 1))
     pattern = _Pattern(blocks)
@@ -181,19 +192,30 @@ def row_lengths(
             ),
             axis=1,
         )
-        _count(counts, pairs[0] - first, pairs[1], columns)
+        _count(counts, first, pairs[0], pairs[1], owned=columns, upper=upper)
     alone = np.flatnonzero(mine)
     alone = alone[~touched[pattern.rows[alone] - first]]
     for part in np.array_split(alone, max(1, len(alone) // 20_000)):
         rows, found = pattern.entries(part)
-        _count(counts, rows - first, found, columns)
+        _count(counts, first, rows, found, owned=columns, upper=upper)
     return counts[0], counts[1]
 
 
-def _count(counts: np.ndarray, rows: np.ndarray, columns: np.ndarray, owned: tuple[int, int]) -> None:
+def _count(
+    counts: np.ndarray,
+    first: int,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    *,
+    owned: tuple[int, int],
+    upper: bool,
+) -> None:
+    if upper:
+        kept = columns >= rows
+        rows, columns = rows[kept], columns[kept]
     diagonal = (columns >= owned[0]) & (columns < owned[1])
     for kind, chosen in enumerate((diagonal, ~diagonal)):
-        counts[kind] += np.bincount(rows[chosen], minlength=counts.shape[1]).astype(counts.dtype)
+        counts[kind] += np.bincount(rows[chosen] - first, minlength=counts.shape[1]).astype(counts.dtype)
 
 
 class _Pattern:

@@ -73,9 +73,8 @@ class Pencil:
                 self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()
-        self.mass = assemble(model.comm, self.ranges, mass)
-        # half of it is read in the products that take most of an eigensolver's time
-        self.mass.convert(PETSc.Mat.Type.SBAIJ)
+        # products with it take most of an eigensolver's time
+        self.mass = assemble(model.comm, self.ranges, mass, upper=True)
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
         """Numbers in the pencil of displacement unknowns; -1 stays -1."""
