@@ -3,8 +3,8 @@
 80 modes, 512 steps a period, a modal damping ratio of 0.002. Seconds are CPU seconds, one BLAS thread, the
 least of several repeats (curves: one run); compiling is not counted but in the last line, which starts Python
 anew with an empty cache. The floor of orbits and curves is what the products of large matrices and the
-eigenvalues alone take at the rates of the libraries in this run: two products with each row of contact for
-every derivative that was made, and the eigenvalues of every monodromy matrix.
+eigenvalues alone take at the rates of the libraries in this run: two products of each row of contact with the
+columns of every derivative that was made, and the eigenvalues of every monodromy matrix.
 
     ./run python benchmarks/default_mesh.py
 """
@@ -77,10 +77,10 @@ def line(name: str, spent: float, asked: float, note: str = "") -> None:
 
 def floor(work, modes: int) -> float:
     """Seconds of the large products and the eigenvalues of some work; see above."""
-    size, rows, own = 2 * modes, [], Derivative.__call__
+    size, entries, own = 2 * modes, [], Derivative.__call__
 
     def counted(derivative, q, v, sources=None):
-        rows.append(len(derivative.contacts.factors))
+        entries.append(len(derivative.contacts.factors) * q.shape[1])
         return own(derivative, q, v, sources)
 
     with (
@@ -89,8 +89,8 @@ def floor(work, modes: int) -> float:
     ):
         work()
     block, square = np.ones((BLOCK, size)), np.random.default_rng(0).random((size, size))
-    products = seconds(lambda: (block @ square, block.T @ block), 50)[0] / BLOCK
-    return sum(rows) * products + values.call_count * seconds(lambda: np.linalg.eigvals(square), 20)[0]
+    products = seconds(lambda: (block @ square, block.T @ block), 50)[0] / (BLOCK * size)
+    return sum(entries) * products + values.call_count * seconds(lambda: np.linalg.eigvals(square), 20)[0]
 
 
 def main() -> None:

@@ -401,7 +401,10 @@ def most_unstable(force: float, found):
 
     def negative(frequency: float) -> float:
         nearest = min(kept, key=lambda o: abs(o.frequency - frequency))
-        orbit = sb.periodic(found.reduced, push(force), float(frequency), steps=STEPS, start=nearest)
+        try:
+            orbit = sb.periodic(found.reduced, push(force), float(frequency), steps=STEPS, start=nearest)
+        except sb.SolveError:
+            return 0.0
         kept.append(orbit)
         return -abs(orbit.multipliers[0])
 

@@ -206,10 +206,9 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
     for k, i in enumerate(order):
         eps.getEigenvector(int(i), x)
         array[:, k] = x.array_r
-    vectors = PETSc.Mat().createDense(size=(x.getSizes(), count), array=array, comm=model.comm)
-    vectors.assemble()
-    product = pencil.stiffness.matMult(vectors)
-    kx, mx = product.getDenseArray(), _products(pencil.mass, array)
+    x.destroy()
+    # one by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns
+    kx, mx = (_products(matrix, array) for matrix in (pencil.stiffness, pencil.mass))
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
     squares = _inner(model, array, array)
     noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(model, mx, mx))
@@ -256,8 +255,6 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         / sizes
     )
     del kx, mx
-    for item in (vectors, x, product):
-        item.destroy()
     array /= np.sqrt(sums[0])
     shapes = array[: pencil.owned].copy(order="F")
     inertia = array[pencil.owned :].T @ pencil.auxiliary_translation()

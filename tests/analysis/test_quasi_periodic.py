@@ -56,6 +56,8 @@ def test_lines_of_a_history(beam, found):
     separate = {(1, 0): 5.0547e-5, (0, 1): 2.0550e-5, (1, 1): 3.173e-8, (1, -1): 2.193e-8}
     for (m, n), value in separate.items():
         assert abs(found.line(m, n, "A")) == pytest.approx(value, rel=3e-4 if 0 in (m, n) else 3e-3)
+    assert abs(found.line(1, 2, "A")) == pytest.approx(5.81e-9, rel=0.02)
+    assert abs(found.line(1, -2, "A")) == pytest.approx(3.97e-9, rel=0.02)
     assert found.stable and len(found.residuals) <= 6
 
 
