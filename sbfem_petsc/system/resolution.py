@@ -43,8 +43,8 @@ ANGULAR, WARNED_FACTOR = 3.0, 1e-3
 SAFE = (0.0, 0.0, 0.03, 0.25, 0.8, 1.5, 2.0)
 # The same without a continued fraction, with the mass alone: 1e-3 is passed at 0.6.
 SAFE_MASS = 0.3
-# Cells smaller than this share of what is safe are left out of the estimates: a thousandth of them for 80 modes
-# of the beam with a notch. With 0.4 the lowest modes of a short beam lose nearly all of theirs.
+# Cells smaller than this share of what is safe are left out of the estimates: a thousandth of them for 80
+# modes of the beam with a notch. With 0.4 the lowest modes of a short beam lose nearly all of theirs.
 LEFT_OUT = 0.3
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
