@@ -13,6 +13,7 @@ import signal
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Callable, Iterator, Mapping
 
 import pytest
@@ -98,6 +99,15 @@ def interruptible() -> None:
     with this signal ignored, and children inherit that.
     """
     signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
+def wait_for_a_signal() -> None:
+    """Sleep until a signal ends it, in small pieces: Python sees one that comes just before a sleep only
+    after it.
+    """
+    end = time.monotonic() + 600.0
+    while time.monotonic() < end:
+        time.sleep(0.05)
 
 
 def kill_all(process: subprocess.Popen[str]) -> None:

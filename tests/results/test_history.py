@@ -26,18 +26,19 @@ from tests.parallel import ROOT, answer, in_session, interruptible, on_ranks
 
 # 40 chunks of 256 steps; after the seventh the child waits for a signal, if it is to.
 PROGRAM = """
-import json, sys, time
+import json, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
 from sbfem_petsc.dynamics import reduced_history as module
 from tests.results.test_history import make, LOAD, RUN
+from tests.parallel import wait_for_a_signal
 module.CHUNK = 256
 path, wait, restart = sys.argv[1], sys.argv[2] == "wait", sys.argv[3] == "restart"
 def tell(done):
     print(f"done {done}", flush=True)
     if wait and done > 6.9 / 40:
-        time.sleep(600)
+        wait_for_a_signal()
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"u": found.displacement("A")[-1].tolist()}))

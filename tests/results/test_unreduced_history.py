@@ -18,12 +18,13 @@ from sbfem_petsc.results.history import IncompleteHistory, read_history
 from tests.parallel import answer, in_session, interruptible, on_ranks
 
 PROGRAM = """
-import json, os, signal, sys, time
+import json, os, signal, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
 from sbfem_petsc.dynamics import unreduced_history as module
 from tests.results.test_unreduced_history import make, LOAD, RUN
+from tests.parallel import wait_for_a_signal
 module.CHUNK = 64
 path, wait, restart, kill = sys.argv[1], sys.argv[2] == "wait", sys.argv[3] == "restart", len(sys.argv) > 4
 def tell(done):
@@ -32,7 +33,7 @@ def tell(done):
         if kill and done > 0.4:
             os.kill(os.getpid(), signal.SIGKILL)
     if wait and done > 0.29:
-        time.sleep(600)
+        wait_for_a_signal()
 found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     force = found.contact_resultant.tolist()

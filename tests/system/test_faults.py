@@ -24,10 +24,11 @@ SIGNALS = [signal.SIGKILL, signal.SIGTERM, signal.SIGINT]
 
 # Follows a branch, or integrates a history, slowly; each rank says who it is. Ends with the last value.
 PROGRAM = """
-import json, os, sys, time, warnings
+import json, os, sys, warnings
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from mpi4py import MPI
+from tests.parallel import wait_for_a_signal
 kind, file, wait = sys.argv[1], sys.argv[2], sys.argv[3] == "wait"
 warnings.simplefilter("ignore")
 mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.001)]).mesh(order=1, face_edges=2)
@@ -40,7 +41,7 @@ def tell(done):
     sys.stdout.write(f"rank {MPI.COMM_WORLD.rank} is {os.getpid()} at {done}\\n")
     sys.stdout.flush()
     if wait and told >= 4:
-        time.sleep(600)
+        wait_for_a_signal()
 if kind == "branch":
     push = sb.PointForce("A", fy=10.0)
     found = sb.frequency_response(model, push, 700.0, 800.0, modes=4, steps=64, points=40, stability=False,
