@@ -56,13 +56,15 @@ class Period:
     def __init__(self, reduced: ReducedModel, excitation: Excitation, steps: int, contact: bool = True):
         self.reduced, self.steps = reduced, steps
         r = reduced
-        rows = r.gap.modes if contact else r.gap.modes[:0]
-        self.pairs, self.modes = len(rows), len(r.omega)
-        self.rows = rows
-        self.left, self.right = thin_factors(rows)
+        self.rows = r.gap.modes if contact else r.gap.modes[:0]
+        self.pairs, self.modes = len(self.rows), len(r.omega)
         self.laws = r.contact_laws.first(self.pairs)
-        self.residual_flexibility = np.ascontiguousarray(r.gap.contact[: self.pairs, : self.pairs])
-        self.sets = ClosedSets(self.left, self.residual_flexibility)
+        if contact:
+            (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
+        else:
+            self.left, self.right = thin_factors(self.rows)
+            self.sets = ClosedSets(self.left, np.zeros((0, 0)))
+        self.residual_flexibility = self.sets.residual
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
         self._load(excitation)

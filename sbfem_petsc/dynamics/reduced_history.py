@@ -45,7 +45,7 @@ class ReducedIntegrator:
         self.flexibility = (gap_modes * self.coefficients[4]) @ gap_modes.T + r.gap.contact[
             : self.rows, : self.rows
         ]
-        self.factors = thin_factors(gap_modes)
+        self.factors = r.thin_gaps if steps.contact else thin_factors(gap_modes)
         self.q, self.v, self.force, self.active = _start(
             r, self._amplitudes(np.zeros(1))[0], steps.contact, start
         )

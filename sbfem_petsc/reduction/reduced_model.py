@@ -7,7 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ..contact.closed_sets import ClosedSets
 from ..contact.law import RowLaws
+from ..contact.marching import thin_factors
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI, free
@@ -82,6 +84,16 @@ class ReducedModel:
     def omega(self) -> np.ndarray:
         """(m,): rad/s."""
         return 2.0 * np.pi * self.frequencies
+
+    @functools.cached_property
+    def thin_gaps(self) -> tuple[np.ndarray, np.ndarray]:
+        """U and V of `gap.modes`, see `thin_factors`."""
+        return thin_factors(self.gap.modes)
+
+    @functools.cached_property
+    def closed_sets(self) -> ClosedSets:
+        """The sets of rows in contact that motions of this model have met."""
+        return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact))
 
     @property
     def comm(self) -> MPI.Comm:
