@@ -92,11 +92,14 @@ class Excitation:
                 "or frequencies nearer to each other"
             )
         count = 2 ** math.ceil(math.log2(instants))
-        time = np.arange(2 * count) * (periods / frequency / count)
-        values = np.array([s(time) for s in signals]).reshape(len(signals), 2 * count)
-        first, second = values[:, :count], values[:, count:]
-        if np.abs(second - first).max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
-            worst = int(np.argmax(np.abs(second - first).max(axis=1)))
+        apart = periods / frequency / count
+        first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
+        # two periods are compared between the samples: jumps stand on these, and there rounding decides
+        time = (np.arange(2 * count) + _BETWEEN) * apart
+        values = np.array([s(time) for s in signals]).reshape(len(signals), 2, count)
+        changes = np.abs(values[:, 1] - values[:, 0])
+        if changes.max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
+            worst = int(np.argmax(changes.max(axis=1)))
             raise ValueError(_not_periodic(signals[worst], periods, frequency))
         for signal, row in zip(signals, first):
             if not _repeats(signal, row, periods / frequency):
@@ -201,7 +204,6 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
     ):
         return True
     stride = max(1, len(row) // 64)
-    # between the samples: jumps stand on them, where rounding decides on which side of one a time is
     within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)
     expected, size = np.asarray(signal(period * within)), float(np.abs(row).max(initial=0.0))
     later = np.unique(np.concatenate([np.arange(2, 32), np.geomspace(32, LATEST, 64).astype(int)]))
