@@ -43,7 +43,7 @@ _HOME = {
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",
-    "StepWarning": "analysis.transient",
+    "StepWarning": "errors",
     "periodic": "analysis.periodic",
     "Orbit": "dynamics.orbit",
     "frequency_response": "analysis.response",

@@ -32,6 +32,10 @@ class BandWarning(UserWarning):
     """The modes kept, or the mesh behind them, do not reach the band of the loads."""
 
 
+class StepWarning(UserWarning):
+    """The time step is coarse for the load's highest frequency or for contact, or not every step is kept."""
+
+
 class RoundOffWarning(UserWarning):
     """Round-off limits the digits of a result to less than is usual."""
 

@@ -332,7 +332,16 @@ def _sizes(model: Model) -> tuple[float, float]:
 def _items(value: Any) -> dict[str, np.ndarray]:
     """A quantity as named arrays."""
     table = value if isinstance(value, Mapping) else {"": value}
-    return {str(name): np.atleast_1d(np.asarray(item)) for name, item in table.items()}
+    arrays = {str(name): np.atleast_1d(np.asarray(item)) for name, item in table.items()}
+    for array in arrays.values():
+        if array.dtype.kind not in "iufc":
+            raise on_all_ranks(
+                TypeError(
+                    f"estimate: the quantity is {shown(value)}; a number, an array of numbers or a dict of "
+                    "them was expected"
+                )
+            )
+    return arrays
 
 
 def _difference(one: Any, other: Any) -> float:

@@ -56,7 +56,8 @@ class LoadHistory:
             m, m and Pa.
         """
         line, points = checked_line(start, end, count)
-        places = self.states[0].model.places(points)
+        moved = any(state.columns.acceleration.any() for state in self.states)
+        places = self.states[0].model.places(points, inertia=moved)
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 
 from ..checks import flag, integer, numbers_of, real, shown
+from ..errors import listed
 from ..parallel import agree, collective
 from ..system.modal_result import Modal
 from ..system.model import Model
@@ -29,7 +31,7 @@ def modal(
     verify: bool = True,
     accuracy: float | None = None,
 ) -> Modal:
-    """Natural frequencies of the undamped structure, cracks open, no contact.
+    """Natural frequencies of the undamped structure, cracks open, no contact; tied ones are open too.
 
     Parameters
     ----------
@@ -63,6 +65,8 @@ def modal(
 
     Warns
     -----
+    UserWarning
+        If a crack's law is `Tied`.
     MeshWarning
         If one of the highest frequencies is off by more than 7e-4 because cells are long for its waves; if
         the accuracy asked for is not reached.
@@ -82,6 +86,14 @@ def modal(
         verify=verify,
         accuracy=accuracy,
     )
+    tied = [name for name, law in model.contact_laws.items() if law.tied]
+    if tied:
+        warnings.warn(
+            f"modal: the cracks {listed(tied)} are tied, but modes are those of open cracks; for a body "
+            "without them leave them out of the geometry",
+            UserWarning,
+            stacklevel=2,
+        )
 
     def solve(level: Model) -> Modal:
         if band is not None:

@@ -62,7 +62,7 @@ def periodic(
         several times as many where no motion of that period is found and a history settles on a longer one.
     steps : int, optional
         Time steps a forcing period. Default: 512, or as many as keep the step below 0.8 of the shortest modal
-        period: coarser ones let contact excite modes falsely.
+        period (coarser ones let contact excite modes falsely) and below 1 / 32 of the shortest load period.
     modes : int, optional
         Default: all modes up to 8 times the loads' highest frequency, at least 80.
     contact : bool

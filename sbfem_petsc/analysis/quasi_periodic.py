@@ -15,7 +15,7 @@ from ..checks import flag, instance, integer, numbers_of, real
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
-from ..dynamics.preparation import CONTACT_STEP, PeriodSettings, period_memory, prepare
+from ..dynamics.preparation import CONTACT_STEP, FAST_STEPS, PeriodSettings, period_memory, prepare
 from ..dynamics.tones import (
     EXPONENTS,
     TURNS,
@@ -72,7 +72,7 @@ def quasi_periodic(
         Phases of the slower tone: multiples up to half as many are resolved.
     steps : int, optional
         Time steps in a period of the faster tone. Default: 512, or as many as keep the step below 0.8 of the
-        shortest modal period.
+        shortest modal period and 1 / 32 of that of the highest multiple among the loads.
     modes : int, optional
         Default: as for `periodic`.
     start : QuasiPeriodic, optional
@@ -121,7 +121,8 @@ def quasi_periodic(
     if steps is None:
         contact = len(reduced.initial_gap) > 0
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
-        steps = max(STEPS, shortest if contact else 0)
+        fast = math.ceil(FAST_STEPS * _highest(drives, ordered) / ordered[0])
+        steps = max(STEPS, shortest, fast) if contact else STEPS
     require_compiler("quasi_periodic", comm)
     orders = max(len(drive.orders) for drive in drives)
     require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
@@ -278,7 +279,7 @@ def _belongs(part: Harmonic, frequencies: tuple[float, float]) -> tuple[int, int
                 return tone, order
     raise ValueError(
         f"quasi_periodic: {part!r} belongs to neither tone; its frequency must be {frequencies[0]:.12g} Hz "
-        f"or {frequencies[1]:.12g} Hz or a multiple of one of them"
+        f"or {frequencies[1]:.12g} Hz or a multiple of one of them, up to {MULTIPLES} times"
     )
 
 

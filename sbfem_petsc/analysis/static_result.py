@@ -89,7 +89,7 @@ class Static:
         """
         if isinstance(point, str):
             return at_point(self.point_displacements, point)
-        return self._at(self.model.places([checked_place("displacement", point)]).displacement, 2)[0]
+        return self._at(self._places([checked_place("displacement", point)]).displacement, 2)[0]
 
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
@@ -98,7 +98,7 @@ class Static:
         """
         if isinstance(place, str):
             place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
-        return self._at(self.model.places([checked_place("stress", place)]).stress, 3)[0]
+        return self._at(self._places([checked_place("stress", place)]).stress, 3)[0]
 
     def along(
         self, start: tuple[float, float], end: tuple[float, float], count: int = 101
@@ -111,16 +111,22 @@ class Static:
             m, m and Pa.
         """
         line, points = checked_line(start, end, count)
-        return line, *self.at_places(self.model.places(points))
+        return line, *self.at_places(self._places(points))
 
     def at_places(self, places: Places) -> tuple[np.ndarray, np.ndarray]:
         """Displacement (places, 2), m, and stress (places, 3), Pa. Collective."""
         return self._at(places.displacement, 2), self._at(places.stress, 3)
 
+    def _places(self, points: list[tuple[float, float]]) -> Places:
+        """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside.
+        Collective.
+        """
+        return self.model.places(points, inertia=bool(self.columns.acceleration.any()))
+
     def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
         """(places, components) of displacement or stress."""
         found = self.equilibrium
-        direct = forms.direct(self.model, self.columns.tip_forces, 1)[:, 0]
+        direct = forms.direct(self.model, self.columns)[:, 0]
         flat = forms.rows(found.owned) + forms.contact @ found.force + direct
         return flat.reshape(-1, components)
 

@@ -23,7 +23,7 @@ from ..dynamics.loading import Loading, communicator, loading, serving
 from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..errors import on_all_ranks
+from ..errors import StepWarning, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..progress import progress_bar
@@ -45,10 +45,6 @@ COARSE = 20
 
 # More steps than this are refused.
 MOST_STEPS = 1e9
-
-
-class StepWarning(UserWarning):
-    """The time step is coarse for the load's highest frequency or for contact, or not every step is kept."""
 
 
 def transient(

@@ -69,9 +69,10 @@ class Unilateral(ContactLaw):
 
 @dataclass(frozen=True)
 class Tied(ContactLaw):
-    """Faces that are joined: the gap keeps its initial value under forces of either sign.
+    """Faces that do not come apart: the gap keeps its initial value under forces of either sign.
 
-    The gap of a tied row is counted from its initial value.
+    They slide along each other as all faces do: a crack under shear is no intact body. The gap of a tied row
+    is counted from its initial value. `modal` knows no contact and leaves these cracks open, too.
 
     Attributes
     ----------

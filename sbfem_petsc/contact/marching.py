@@ -159,11 +159,16 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
 
 
 def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """U (pairs, r) and V (m, r) with rows = U V^T to round-off; V's columns are orthonormal."""
+    """U (pairs, r) and V (m, r) with rows = U V^T to round-off; V's columns are orthonormal.
+
+    Rows of zeros stay so: those of pairs that supports hold, which have no flexibility to meet a gap of
+    rounding with.
+    """
     if rows.size == 0:
         return np.zeros((rows.shape[0], 0)), np.zeros((rows.shape[1], 0))
     left, values, right = linalg.svd(rows, full_matrices=False)
     rank = int((values > ROUND_OFF * values[:1]).sum())
+    left[~rows.any(axis=1)] = 0.0
     return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
 
 

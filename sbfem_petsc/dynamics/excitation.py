@@ -20,6 +20,8 @@ UNKNOWN_BAND = 128
 # Most instants at which loads are sampled over a common period, and the last period in which they are
 # compared.
 INSTANTS, LATEST = 2**24, 4000
+# Where signals are compared between two samples, as a share of their distance.
+_BETWEEN = 0.381966
 # An undamped mode this near to a harmonic of the load, relative, is at resonance.
 RESONANCE = 1e-9
 
@@ -90,11 +92,14 @@ class Excitation:
                 "or frequencies nearer to each other"
             )
         count = 2 ** math.ceil(math.log2(instants))
-        time = np.arange(2 * count) * (periods / frequency / count)
-        values = np.array([s(time) for s in signals]).reshape(len(signals), 2 * count)
-        first, second = values[:, :count], values[:, count:]
-        if np.abs(second - first).max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
-            worst = int(np.argmax(np.abs(second - first).max(axis=1)))
+        apart = periods / frequency / count
+        first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
+        # two periods are compared between the samples: jumps stand on these, and there rounding decides
+        time = (np.arange(2 * count) + _BETWEEN) * apart
+        values = np.array([s(time) for s in signals]).reshape(len(signals), 2, count)
+        changes = np.abs(values[:, 1] - values[:, 0])
+        if changes.max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
+            worst = int(np.argmax(changes.max(axis=1)))
             raise ValueError(_not_periodic(signals[worst], periods, frequency))
         for signal, row in zip(signals, first):
             if not _repeats(signal, row, periods / frequency):
@@ -190,18 +195,19 @@ def _refuse_passing(signal: Signal) -> None:
 
 
 def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
-    """Whether a signal is the same in later periods as in the first one, whose values are given: in the next
-    ones one by one, then ever further apart. Of a signal whose formula is not known only what is sampled is
-    known.
+    """Whether a signal is the same in later periods as in the first one, at whose samples values are given:
+    in the next ones one by one, then ever further apart. Of a signal whose formula is not known only what is
+    sampled is known.
     """
     if not any(
         isinstance(part, Custom) or type(part).__module__ != Custom.__module__ for part in _parts(signal)
     ):
         return True
     stride = max(1, len(row) // 64)
-    expected, size = row[::stride], float(np.abs(row).max(initial=0.0))
+    within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)
+    expected, size = np.asarray(signal(period * within)), float(np.abs(row).max(initial=0.0))
     later = np.unique(np.concatenate([np.arange(2, 32), np.geomspace(32, LATEST, 64).astype(int)]))
-    time = period * (later[:, None] + np.arange(len(expected)) * stride / len(row))
+    time = period * (later[:, None] + within)
     values = np.asarray(signal(time.ravel())).reshape(time.shape)
     # the times themselves are rounded, by their own size
     slack = 1e-6 * max(size, float(np.abs(values).max(initial=0.0)))

@@ -61,7 +61,7 @@ class KeptFields:
             Forces of the contact rows, N.
         """
         forms, columns = getattr(self.model.places(points), kind), self.model.load_columns(self.units)
-        direct = forms.direct(self.model, columns.tip_forces, len(self.units))
+        direct = forms.direct(self.model, columns)
         flat = forms.rows(np.stack(self._owned, axis=1)) + forms.contact @ contact.T
         flat += direct @ np.array(self._amplitudes).reshape(len(self._owned), -1).T
         return flat.T.reshape(len(self._owned), len(points), -1)

@@ -136,9 +136,11 @@ class ModalStates:
 
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): xx, yy, xy, Pa. Collective."""
-        if isinstance(place, str) and self.reduced.model is not None:
+        if isinstance(place, str):
             self.reduced.points.of(place, "point")
-            place = self.reduced.model.points[place][0]
+            model = self.reduced.model
+            # without a model any place gets the sentence that says so
+            place = (0.0, 0.0) if model is None else model.points[place][0]
         output = self.reduced.output_at("stress", checked_place("stress", place))
         return output(self.q, self.amplitudes, self.contact)
 

@@ -126,15 +126,15 @@ class ReducedModel:
         """The components of several places one after the other, see `output_at`; not kept. Collective."""
         model, found = self._model(kind), self.modal
         assert found is not None
-        form = getattr(model.places(places), kind)
+        form = getattr(model.places(places, inertia=True), kind)
         columns = model.load_columns(self.loads)
         # K is symmetric: the responses to the form's own forces give those of all loads and contact rows
         answers = model.solver.columns(form.rows.columns(slice(None)), kind)
         by_loads = np.ascontiguousarray(answers.T @ columns.forces)
         model.comm.Allreduce(MPI.IN_PLACE, by_loads)
-        modes = form.rows(found.shapes)
+        modes = form.modes(model, found.shapes, self.omega)
         static = 1.0 / self.omega**2
-        loads = by_loads + form.direct(model, columns.tip_forces, len(self.loads))
+        loads = by_loads + form.direct(model, columns)
         contact = model.gap_operator.rows(answers).T + form.contact
         return LinearOutput(
             (),

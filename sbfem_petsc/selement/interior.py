@@ -3,9 +3,10 @@
 Along the radius the static solution is u(xi) = xi^A u(1) with A = `SElement.radial`; the strain at (xi, eta)
 is B1 u,xi + B2 u / xi with u,xi = A u / xi (eqs. (4), (10), (11) of Sepehry et al. 2020).
 
-The static interpolation serves mode shapes and other vibrating states too. Between the boundaries it neglects
-the element's own inertia, an error of relative order (k h)^2 with the wave number k and the element's size h;
-on the boundaries the solution is what the continued fraction gives.
+The static interpolation serves files and pictures of mode shapes and other vibrating states too. Between
+the boundaries it neglects the element's own inertia, an error of relative order (k h)^2 with the wave number
+k and the element's size h; on the boundaries the solution is what the continued fraction gives. Results at
+points add what inertia does inside, see `interior_motion`.
 """
 
 from __future__ import annotations

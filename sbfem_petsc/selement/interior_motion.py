@@ -20,7 +20,15 @@ from scipy import linalg
 from .coefficients import coefficient_matrices
 from .dense import cholesky, cholesky_solve, lyapunov, schur, symmetric
 from .interior import radial_displacement
+from .points import Located, PointOperators, PointRows
 from .solution import SElement
+
+# Below this xi what inertia adds is taken as here: it varies like xi^2 and stands beside 1 / xi^2k.
+_INNERMOST = 1e-2
+# Points whose fields are held at a time.
+_CHUNK = 64
+# Fields w_k that results at points are made of: more differ by rounding alone.
+_KRYLOV = 3
 
 
 def interior_fields(element: SElement, levels: np.ndarray, terms: int) -> tuple[np.ndarray, np.ndarray]:
@@ -46,21 +54,63 @@ def interior_fields(element: SElement, levels: np.ndarray, terms: int) -> tuple[
     count = len(element.inertia)
     if not count:
         return static, np.zeros((len(levels), n, 0))
-    fields = _held_fields(element, radial, levels, terms)
+    return static, _auxiliary(element, _held_fields(element, radial, levels, terms)[0])
+
+
+def inertial_operators(element: SElement, terms: int, located: Located) -> PointOperators:
+    """What inertia adds to displacement and stress at points, in the reference frame.
+
+    Columns: the auxiliary unknowns, then unit body forces along x and y (in units of E / h), with the
+    boundary held.
+
+    Parameters
+    ----------
+    element : SElement
+        With its inertia, of `terms` terms.
+    terms : int
+    located : Located
+    """
+    levels = np.maximum(located.level, _INNERMOST)
+    n, count, a = element.stiffness.shape[0], len(levels), len(element.inertia)
+    radial, translations = element.radial, np.tile(np.eye(2), (n // 2, 1))
+    at_point = PointRows(
+        element.coordinates, element.order, element.elasticity, located=located, closed=element.closed
+    )
+    displacement, stress = np.empty((count, 2, a + 2)), np.empty((count, 3, a + 2))
+    for start in range(0, count, _CHUNK):
+        distinct, which = np.unique(levels[start : start + _CHUNK], return_inverse=True)
+        fields, slopes = _held_fields(element, radial, distinct, min(max(terms, 1), _KRYLOV))
+        whole, steep = (
+            np.concatenate([_auxiliary(element, parts), parts[0] @ translations], axis=2)
+            for parts in (fields, slopes)
+        )
+        for i, k in enumerate(which.ravel(), start):
+            displacement[i], stress[i] = at_point(i, whole[k], whole[k], steep[k], levels[i])
+    if not element.closed:
+        stress[located.level == 0.0] = np.nan
+    return PointOperators(displacement, stress, 0)
+
+
+def _auxiliary(element: SElement, fields: list[np.ndarray]) -> np.ndarray:
+    """(l, n, a): V, from the first fields w_1, w_2, ... (l, n, n), or the same of their slopes."""
     krylov = [element.coupling.T]
-    for _ in range(terms - 1):
+    for _ in fields[1:]:
         krylov.append(element.inertia[:, None] * krylov[-1])
+    if len(element.inertia) == 0:
+        return np.zeros((*fields[0].shape[:2], 0))
     # V [C^T, J C^T, ...] = [w_1, w_2, ...], scaled by columns: the powers of J differ much
     basis = np.concatenate(krylov, axis=1)
     scale = 1.0 / np.linalg.norm(basis, axis=0)
     stacked = np.concatenate(fields, axis=2) * scale
     flat = stacked.reshape(-1, basis.shape[1])
     solved = linalg.lstsq((basis * scale).T, flat.T, cond=1e-12)[0]
-    return static, solved.T.reshape(len(levels), n, count)
+    return solved.T.reshape(*fields[0].shape[:2], -1)
 
 
-def _held_fields(element: SElement, radial: np.ndarray, levels: np.ndarray, terms: int) -> list[np.ndarray]:
-    """w_1, ..., w_T, each (l, n, n), of unit boundary displacements."""
+def _held_fields(
+    element: SElement, radial: np.ndarray, levels: np.ndarray, terms: int
+) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """w_1, ..., w_T, each (l, n, n), of unit boundary displacements, and xi times their derivatives."""
     n = len(radial)
     coefficients = coefficient_matrices(
         element.coordinates, element.order, element.closed, element.elasticity, density=element.density
@@ -81,12 +131,14 @@ def _held_fields(element: SElement, radial: np.ndarray, levels: np.ndarray, term
             inner[rows, (k + m) * n : (k + m + 1) * n] = -cholesky_solve(factor, series[m - 1])
     start = np.zeros((size, n))
     start[terms * n :] = np.eye(n)
-    result = np.empty((terms, len(levels), n, n))
+    result, slopes = np.empty((2, terms, len(levels), n, n))
     current, reached = start, 1.0
     for index in np.argsort(-levels, kind="stable"):
         if levels[index] < reached:
             current, reached = linalg.expm(inner * np.log(levels[index] / reached)) @ current, levels[index]
-        states = current.reshape(terms + 1, n, n)
+        states, rates = (part.reshape(terms + 1, n, n) for part in (current, inner @ current))
         for k in range(terms):  # w_(T-k)
-            result[terms - k - 1, index] = states[k] / levels[index] ** (2 * k)
-    return list(result)
+            power = levels[index] ** (2 * k)
+            result[terms - k - 1, index] = states[k] / power
+            slopes[terms - k - 1, index] = (rates[k] - 2.0 * k * states[k]) / power
+    return list(result), list(slopes)

@@ -140,6 +140,39 @@ class PointOperators:
         )
 
 
+class PointRows:
+    """Rows for displacement and stress at points of one S-element from fields along its radius.
+
+    Parameters
+    ----------
+    shape, order, elasticity, located, closed
+        As of `point_operators`.
+    """
+
+    def __init__(
+        self, shape: np.ndarray, order: int, elasticity: np.ndarray, *, located: Located, closed: bool
+    ):
+        self._shape, self._order, self._located = shape, order, located
+        self._edges = edge_nodes(len(shape), order, closed)
+        self._elasticity = np.broadcast_to(elasticity, (len(self._edges), 3, 3))
+
+    def __call__(
+        self, i: int, field: np.ndarray, beside: np.ndarray, slope: np.ndarray, level: float
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """(2, c) and (3, c) at point i, from fields (n, c) at its level and at that of the stress, and xi
+        times the derivative there; nan for the stress at level 0.
+        """
+        nodes, eta = self._edges[self._located.edge[i]], self._located.eta[i : i + 1]
+        unknowns = (2 * nodes[:, None] + np.arange(2)).ravel()
+        values, derivatives = shape_functions(self._order, eta)
+        displacement = np.einsum("a,aic->ic", values[0], field[unknowns].reshape(-1, 2, field.shape[1]))
+        if level == 0.0:
+            return displacement, np.full((3, field.shape[1]), np.nan)
+        first, second, _ = strain_operators(self._shape[nodes][None], values, derivatives)
+        strain = first[0, 0].reshape(3, -1) @ slope[unknowns] + second[0, 0].reshape(3, -1) @ beside[unknowns]
+        return displacement, self._elasticity[self._located.edge[i]] @ strain / level
+
+
 def point_operators(
     radial: np.ndarray,
     shape: np.ndarray,
@@ -175,8 +208,7 @@ def point_operators(
         missing = int(np.argmin(located.edge))
         raise ValueError(f"point {missing} lies outside the S-element; take only points that `locate` finds")
     n = len(radial)
-    edges = edge_nodes(len(shape), order, closed)
-    elasticity = np.broadcast_to(elasticity, (len(edges), 3, 3))
+    at_point = PointRows(shape, order, elasticity, located=located, closed=closed)
     m = 0 if tractions is None else len(tractions.powers)
     boundary, force = np.eye(n, n + m), np.eye(m, n + m, k=n)
     count = len(located.edge)
@@ -196,16 +228,5 @@ def point_operators(
         if tractions is not None:
             slopes += tractions.inflow(force, levels)
         for i, field, beside, slope, level in zip(chosen, whole, near, slopes, levels):
-            nodes = edges[located.edge[i]]
-            unknowns = (2 * nodes[:, None] + np.arange(2)).ravel()
-            values, derivatives = shape_functions(order, located.eta[i : i + 1])
-            displacement[i] = np.einsum("a,aic->ic", values[0], field[unknowns].reshape(-1, 2, n + m))
-            if level == 0.0:
-                stress[i] = np.nan
-                continue
-            first, second, _ = strain_operators(shape[nodes][None], values, derivatives)
-            strain = (
-                first[0, 0].reshape(3, -1) @ slope[unknowns] + second[0, 0].reshape(3, -1) @ beside[unknowns]
-            )
-            stress[i] = elasticity[located.edge[i]] @ strain / level
+            displacement[i], stress[i] = at_point(i, field, beside, slope, level)
     return PointOperators(displacement, stress, n)

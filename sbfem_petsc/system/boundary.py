@@ -46,6 +46,8 @@ class LoadColumns:
         This rank's part of the forces on its nodes, also on those held fixed, N.
     tip_forces : dict of int to (modes, k) array
         Forces of the traction modes of the tips that this rank holds, N.
+    acceleration : (2, k) array
+        Of moving supports, m/s^2.
     """
 
     forces: np.ndarray
@@ -54,6 +56,7 @@ class LoadColumns:
     flexibility: np.ndarray
     nodal: np.ndarray
     tip_forces: dict[int, np.ndarray]
+    acceleration: np.ndarray
 
     def combined(self, amplitudes: np.ndarray) -> LoadColumns:
         """One column: the loads with their amplitudes (k,) together."""
@@ -66,6 +69,7 @@ class LoadColumns:
             flexibility,
             self.nodal @ weights,
             {number: table @ weights for number, table in self.tip_forces.items()},
+            self.acceleration @ weights,
         )
 
 
@@ -85,6 +89,7 @@ class NodalForces:
         # forces of the traction modes of the tips that this rank holds, and on its nodes
         self.tip_forces: dict[int, np.ndarray] = {}
         self.nodal = np.zeros((len(model.part.nodes), 2))
+        self.acceleration = np.zeros(2)
 
     def point_force(self, point: str, force: tuple[float, float]) -> None:
         """Add a force (N) on a named point."""
@@ -115,6 +120,7 @@ class NodalForces:
     def inertia(self, acceleration: tuple[float, float]) -> None:
         """Add the force -density * acceleration (m/s^2) on the whole body. Collective."""
         model = self._model
+        self.acceleration += acceleration
         for group in model.moving_groups:
             steady = np.tile(acceleration, len(group.shape))
             forces = -model.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ steady)
@@ -133,9 +139,10 @@ class NodalForces:
 def load_columns(model, loads) -> LoadColumns:
     """What several constant, checked loads do. Collective."""
     columns, collected, nodal = [], [], []
+    accelerations = np.zeros((2, len(loads)))
     vector = model.stiffness.createVecRight()
     try:
-        for load in loads:
+        for k, load in enumerate(loads):
             vector.set(0.0)
             assembler = NodalForces(model, vector)
             for item in as_loads(load).parts:
@@ -144,6 +151,7 @@ def load_columns(model, loads) -> LoadColumns:
             columns.append(vector.array_r.copy())
             collected.append(assembler.tip_forces)
             nodal.append(assembler.nodal)
+            accelerations[:, k] = assembler.acceleration
     finally:
         free(model.comm, vector)
     tip_forces: dict[int, np.ndarray] = {}
@@ -164,11 +172,28 @@ def load_columns(model, loads) -> LoadColumns:
         gaps[first : first + modes] = means[:modes]
         intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
         flexibility += table.T @ means
+    if accelerations.any():
+        flexibility += accelerations.T @ _held_work(model) @ accelerations
     gaps, intensities, flexibility = (model.comm.allreduce(part) for part in (gaps, intensities, flexibility))
     size = model.owned.stop - model.owned.start
     forces = np.asfortranarray(np.stack(columns, axis=1)) if columns else np.zeros((size, 0), order="F")
     on_nodes = np.stack(nodal, axis=2) if nodal else np.zeros((len(model.part.nodes), 2, 0))
-    return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces)
+    return LoadColumns(forces, gaps, intensities, flexibility, on_nodes, tip_forces, accelerations)
+
+
+def _held_work(model) -> np.ndarray:
+    """(2, 2), this rank's part: work of the inertia of unit accelerations on the displacements that it makes
+    inside S-elements whose boundaries are held, J.
+    """
+    result = np.zeros((2, 2))
+    for group in model.moving_groups:
+        modulus, mass = model.scales(group)
+        forces = group.solution.coupling.T @ np.tile(
+            np.eye(2), (len(group.shape), 1)
+        )  # in the reference frame
+        turned = forces @ group.rotations
+        result += np.einsum("k,kai,kaj->ij", mass**2 / modulus, turned, turned)
+    return result
 
 
 def spring_blocks(model) -> list[ElementBlocks]:

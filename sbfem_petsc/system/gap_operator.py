@@ -53,8 +53,7 @@ def gap_operator(model) -> GapOperator:
     inside = modes * len(model.tip_elements)
     entries = []
     if model.comm.rank == 0:  # known to all: one rank gives them
-        signed = np.stack([model.pairs.normal, -model.pairs.normal], axis=1).reshape(pairs, 4)
-        entries.append(_entries(np.arange(pairs), model.pair_unknowns.reshape(pairs, 4), signed))
+        entries.append(_entries(np.arange(pairs), model.pair_unknowns.reshape(pairs, 4), _pair_rows(model)))
     initial, blocks = np.zeros(pairs + inside), np.zeros((inside, modes))
     for faces in model.tip_faces:
         first = modes * faces.number
@@ -82,6 +81,16 @@ def gap_operator(model) -> GapOperator:
     )
 
 
+def _pair_rows(model) -> np.ndarray:
+    """(pairs, 4): what the displacements of each pair's nodes add to its gap; zero where they are held fixed,
+    and where rounding of the normal alone is left of them.
+    """
+    signed = np.stack([model.pairs.normal, -model.pairs.normal], axis=1).reshape(-1, 4)
+    return np.where((model.pair_unknowns.reshape(-1, 4) >= 0) & (np.abs(signed) > _ROUND_OFF), signed, 0.0)
+
+
+# Components of a unit normal below this are those of rounding.
+_ROUND_OFF = 1e-9
 _NOTHING = (np.empty(0, dtype=np.int64), np.empty((0, 1), dtype=np.int64), np.empty((0, 1)))
 
 
@@ -108,8 +117,8 @@ def _own_flexibility(compliance: np.ndarray, pairs: int, blocks: np.ndarray) -> 
 
 def _laws(model) -> Iterator[ContactLaw]:
     """The law of each contact row: its crack's."""
-    for crack, unknowns in zip(model.pairs.crack, model.pair_unknowns):
+    for crack, moves in zip(model.pairs.crack, _pair_rows(model).any(axis=1)):
         # a pair whose two nodes are held fixed has no flexibility, and nothing for a law to do
-        yield model.contact_laws[model.cracks[crack].name] if (unknowns >= 0).any() else Unilateral()
+        yield model.contact_laws[model.cracks[crack].name] if moves else Unilateral()
     for tip in model.tip_elements:
         yield from [model.contact_laws[model.cracks[tip.crack].name]] * model.tip_modes

@@ -5,16 +5,24 @@ forces.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from ..checks import integer, real, shown
 from ..parallel import agree, collective
 from ..petsc import MPI
+from ..selement.interior_motion import inertial_operators
 from ..selement.points import TOLERANCE, Located, locate, point_operators
+from .boundary import LoadColumns
 from .rows import Rows, flat_entries
+
+# How near to a frequency of an S-element whose boundary is held, relatively, a mode counts as its own.
+_ALONE = 1e-9
+_NONE = (np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64), np.empty(0))
+_COORDINATES = ("edge", "eta", "level")
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,21 +37,64 @@ class PlaceRows:
         What forces of the contact rows add at given displacements: those inside a tip element.
     faces : dict of int to (rows, m) array
         The same for all traction modes (N) of the tips that this rank holds, by the tip's number.
+    inertia : Inertial or None
+        What the inertia of the insides adds, where it was asked for.
     """
 
     rows: Rows
     contact: np.ndarray
     faces: dict[int, np.ndarray]
+    inertia: Inertial | None = None
 
-    def direct(self, model, tip_forces: dict[int, np.ndarray], count: int) -> np.ndarray:
-        """(rows, k): what loads on the faces inside tip elements add, from their forces (m, k).
-        Collective.
+    def direct(self, model, columns: LoadColumns) -> np.ndarray:
+        """(rows, k): what loads on the faces inside tip elements and the inertia of moving supports add at
+        given displacements. Collective.
         """
-        total = np.zeros((len(self.rows), count))
+        total = np.zeros((len(self.rows), columns.acceleration.shape[1]))
         for number, form in self.faces.items():
-            if number in tip_forces:
-                total += form @ tip_forces[number]
+            if number in columns.tip_forces:
+                total += form @ columns.tip_forces[number]
+        if self.inertia is not None:
+            total -= self.inertia.body_force @ columns.acceleration
         return model.comm.allreduce(total)
+
+    def modes(self, model, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(rows, k): of modes (owned, k) with circular frequencies omega. Collective."""
+        values = self.rows(shapes)
+        if self.inertia is None:
+            return values
+        return values + model.comm.allreduce(self.inertia.of_modes(shapes, omega))
+
+
+@dataclass(frozen=True, eq=False)
+class Inertial:
+    """What inertia adds inside S-elements whose boundaries are given.
+
+    Attributes
+    ----------
+    coupling : Rows
+        C' over the displacement unknowns, one row for each auxiliary unknown of the S-elements that hold a
+        place.
+    stretch, squared : (a,) arrays
+        rho h^2 / E, and J times it, of each auxiliary unknown, s^2.
+    fields : (rows, a) sparse matrix
+        Of unit auxiliary unknowns, at the places that this rank holds.
+    body_force : (rows, 2) array
+        Of a unit acceleration along x and y, at the places that this rank holds.
+    """
+
+    coupling: Rows
+    stretch: np.ndarray
+    squared: np.ndarray
+    fields: sparse.csr_matrix
+    body_force: np.ndarray
+
+    def of_modes(self, shapes: np.ndarray, omega: np.ndarray) -> np.ndarray:
+        """(rows, k): this rank's share. Collective."""
+        away = 1.0 - self.squared[:, None] * omega**2
+        # an S-element that vibrates alone, its boundary at rest: no mode that the mesh carries
+        away[np.abs(away) < _ALONE] = np.inf
+        return self.fields @ (self.stretch[:, None] * omega**2 * self.coupling(shapes) / away)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,8 +139,8 @@ def checked_line(start: Any, end: Any, count: int) -> tuple[np.ndarray, list[tup
     return line, [(float(x), float(y)) for x, y in line]
 
 
-def places(model, points: list[tuple[float, float]]) -> Places:
-    """Forms at points (m). Collective.
+def places(model, points: list[tuple[float, float]], inertia: bool = False) -> Places:
+    """Forms at points (m), with what inertia adds inside S-elements if it is asked for. Collective.
 
     On an edge between S-elements the stress is that of the one with the lower number.
 
@@ -122,9 +173,8 @@ def places(model, points: list[tuple[float, float]]) -> Places:
     local: tuple[dict, dict] = ({}, {})
     contact = (np.zeros((2 * count, size)), np.zeros((3 * count, size)))
     face_forms: tuple[dict, dict] = ({}, {})
-    for k, home in enumerate(homes):
-        if home is None or home[0] != owner[k]:
-            continue
+    held = [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
+    for k, home in held:
         element, group, member, located = home
         material = model.materials[group.material]
         faces = tractions.get(numbers.get(element, -1))
@@ -156,7 +206,54 @@ def places(model, points: list[tuple[float, float]]) -> Places:
     for kind in (0, 1):
         rows = Rows.gathered(comm, model.ranges, flat_entries(local[kind]), (2 + kind) * count)
         kinds.append(PlaceRows(rows, comm.allreduce(contact[kind]), face_forms[kind]))
+    if inertia:
+        kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
     return Places(*kinds)
+
+
+def _inertial(model, held: list, count: int) -> list[Inertial]:
+    """Of displacement and stress at places of which this rank holds some. Collective."""
+    comm, moving = model.comm, model.moving_groups
+    order = {id(group): number for number, group in enumerate(model.groups)}
+    inside: dict[int, list] = {}
+    for k, home in held:
+        inside.setdefault(home[0], []).append((k, home))
+    sizes = [moving[order[id(places[0][1][1])]].solution.inertia.size for places in inside.values()]
+    before = np.concatenate([[0], np.cumsum(comm.allgather(sum(sizes)))]).astype(int)
+    first, total = int(before[comm.rank]), int(before[-1])
+    coupling: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    stretch, squared = np.zeros(total), np.zeros(total)
+    entries: tuple[list, list] = ([], [])  # rows, columns and values of the fields
+    body = (np.zeros((2 * count, 2)), np.zeros((3 * count, 2)))
+    for places, size in zip(inside.values(), sizes):
+        _, (_, group, member, _) = places[0]
+        group = moving[order[id(group)]].select([member])
+        solution, own = group.solution, np.arange(first, first + size)
+        modulus, mass = model.scales(group)
+        scale = float(mass[0]) / modulus
+        unknowns = model.unknowns_of(group)[0]
+        for number, row in zip(own, group.turned(solution.coupling)[0].T):
+            coupling[number] = (unknowns, row)
+        stretch[own], squared[own] = scale, scale * solution.inertia
+        located = Located(
+            *(np.concatenate([getattr(home[3], name) for _, home in places]) for name in _COORDINATES)
+        )
+        forms = inertial_operators(solution, model.continued_fraction, located).turned(group.rotations[0])
+        unit = model.materials[group.material].modulus / float(group.sizes[0])
+        for kind, (form, factor) in enumerate(zip((forms.displacement, forms.stress), (1.0, unit))):
+            for (k, _), part in zip(places, factor * form):
+                rows = (2 + kind) * k + np.arange(2 + kind)
+                entries[kind].append((np.repeat(rows, size), np.tile(own, 2 + kind), part[:, :size].ravel()))
+                body[kind][rows] = scale * part[:, size:] @ group.rotations[0]
+        first += size
+    rows = Rows.gathered(comm, model.ranges, flat_entries(coupling), total)
+    stretch, squared = comm.allreduce(stretch), comm.allreduce(squared)
+    found = []
+    for kind in (0, 1):
+        at, own, values = (np.concatenate([*parts]) for parts in zip(_NONE, *entries[kind]))
+        fields = sparse.coo_matrix((values, (at, own)), shape=((2 + kind) * count, total)).tocsr()
+        found.append(Inertial(rows, stretch, squared, fields, body[kind]))
+    return found
 
 
 def _home(model, point: np.ndarray) -> tuple[int, Any, int, Located] | None:

@@ -280,9 +280,11 @@ class Structure:
             boxes.append([*places.min(axis=0), *places.max(axis=0)])
         return np.array(boxes).reshape(-1, 4)
 
-    def places(self, points: list[tuple[float, float]]) -> Places:
-        """Forms of displacement and stress at points (m). Collective."""
-        return places(self, points)
+    def places(self, points: list[tuple[float, float]], inertia: bool = False) -> Places:
+        """Forms of displacement and stress at points (m), with what inertia adds inside S-elements if it is
+        asked for. Collective.
+        """
+        return places(self, points, inertia)
 
     def at_points(self, owned: np.ndarray) -> dict[str, np.ndarray]:
         """Displacement of every named point, on all ranks. Collective.

@@ -257,5 +257,7 @@ def test_wrong_input():
         sb.estimate(small, modes(3), levels=1)
     with pytest.raises(sb.SolveError, match="another shape"):
         sb.estimate(small, lambda model: np.zeros(model.boundary_unknowns), levels=2)
+    with pytest.raises(TypeError, match="estimate: the quantity is 'x'; a number, .* was expected"):
+        sb.estimate(small, lambda model: "x")
     with pytest.raises(sb.SolveError, match="not finite"):
         sb.estimate(small, lambda model: math.nan)

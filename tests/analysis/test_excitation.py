@@ -258,6 +258,14 @@ def test_periodic_functions(wave, amplitudes):
         assert found.get(order, 0.0) == pytest.approx(amplitudes.get(order, 0.0), rel=1e-4, abs=1e-9)
 
 
+def test_square_wave():
+    """Rounding decides on which side of a jump its instant is; the wave is periodic all the same."""
+    drive = Excitation.of([sb.Custom(lambda t: np.sign(np.sin(2 * np.pi * 0.7 * t)))], 0.7, None, 8)
+    found = dict(zip(drive.orders.tolist(), np.abs(drive.amplitudes[:, 0])))
+    for order in (1, 3, 5):  # a sample of 1024 on each jump
+        assert found[order] == pytest.approx(4 / (order * np.pi), abs=4 / 1024)
+
+
 def test_undamped_at_resonance():
     """Explained, also for the constant load on a rigid-body motion; a hair beside the resonance there is an
     answer.

@@ -7,7 +7,7 @@ import pytest
 from scipy import integrate, linalg
 
 import sbfem_petsc as sb
-from meshing import Beam
+from meshing import Beam, Plate
 from tests.systems import (
     CHAIN_COMPLIANCE,
     CHAIN_MASS,
@@ -87,6 +87,36 @@ def test_bar_on_a_moving_wall(share):
     )
     exact = 1j / omega**2 * (1.0 / np.cos(omega * side / speed) - 1.0)
     assert abs(orbit.harmonics("A", "x")[1] - exact) < 2e-3 * abs(exact)
+    # within the S-element, where inertia adds to what the boundary's displacements make
+    wall = -np.tan(omega * side / speed) * 70e9 / (omega * speed)
+    for at in (0.25, 0.5, 0.85):
+        angle = omega * side * (1.0 - at) / speed
+        inside = (at * side, 0.3 * side)
+        displacement = -(np.cos(angle) / np.cos(omega * side / speed) - 1.0) / omega**2
+        stress = -70e9 / (omega * speed) * np.sin(angle) / np.cos(omega * side / speed)
+        shape = np.sin(TURN * orbit.frequency * orbit.time)
+        np.testing.assert_allclose(
+            orbit.displacement(inside)[:, 0], displacement * shape, atol=2e-3 * abs(exact)
+        )
+        np.testing.assert_allclose(orbit.stress(inside)[:, 0], stress * shape, atol=5e-3 * abs(wall))
+
+
+def test_weight_of_a_hanging_bar():
+    """The stress grows linearly from the free end, also between the boundaries of S-elements (the largest of
+    one bar's length of two); a half of the weight's work is the strain energy.
+    """
+    young, density, gravity, length = 2e9, 1000.0, 9.81, 2.0
+    mesh = Plate([(0, 0), (1, 0), (1, length), (0, length)]).mesh(order=3, size=1.0)
+    bar = sb.Model(mesh, sb.Material(young, 0.0, density), supports=[sb.Support("edge3")])
+    state = sb.static(bar, sb.SupportMotion(ay=gravity))
+    weight = density * gravity
+    places, displacement, stress = state.along((0.37, 0.0), (0.37, length), 12)
+    y = places[:, 1]
+    np.testing.assert_allclose(stress, np.outer(weight * y, [0, 1, 0]), atol=1e-9 * weight * length)
+    np.testing.assert_allclose(
+        displacement[:, 1], -weight / (2 * young) * (length**2 - y**2), atol=1e-10 * weight / young
+    )
+    assert state.strain_energy == pytest.approx(weight**2 * length**3 / (6 * young), rel=1e-10)
 
 
 # ---------------------------------------------------------------- unreduced steps under strong modal damping

@@ -617,3 +617,31 @@ def test_ranks():
         np.testing.assert_allclose(np.array(found["h"]) @ [1, 1j], exact, atol=1e-7 * abs(exact[1]))
         np.testing.assert_allclose(found["mu"], serial["mu"], atol=1e-8)
         assert found["force"] == pytest.approx(serial["force"], rel=1e-6)
+
+
+def test_steps_follow_the_fastest_tone():
+    """A fast probe over a slow pump (one mass with a stop): sidebands of the default steps beside many; few
+    steps given are told.
+    """
+    system = sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[-1.0]]),
+        np.array([0.1]),
+        loads=np.ones((1, 1)),
+        sensors={"A": 0},
+        damping=0.05,
+        compliance=np.ones(1),
+    )
+    load = [sb.Harmonic(0.3, 0.01) + sb.Harmonic(30.0, 1.0)]
+
+    def sidebands(steps):
+        orbit = sb.periodic(system, load, 0.01, steps=steps, stability=False)
+        return orbit.spectrum("A")[[99, 101]], len(orbit.time)
+
+    (found, steps), (exact, _) = sidebands(None), sidebands(25600)
+    assert steps == 3200
+    np.testing.assert_allclose(found, exact, rtol=0.02)
+    with pytest.warns(sb.StepWarning, match="512 steps a forcing period are 5.1 a period of the highest"):
+        few, _ = sidebands(512)
+    assert (abs(few - exact) > 0.1 * abs(exact)).any()

@@ -5,7 +5,7 @@ import pytest
 from scipy import linalg, optimize
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import solve_complementarity
 from sbfem_petsc.contact.law import ContactLaw, RowLaws
 from sbfem_petsc.dynamics.energy import guard
@@ -336,3 +336,33 @@ def test_bad_laws():
         chain([sb.Tied(0.2)])
     with pytest.raises(TypeError, match="one for each row"):
         chain("tied")
+
+
+# ---------------------------------------------------------------------- faces that supports hold
+@pytest.mark.parametrize(
+    "supports",
+    [[sb.Support("edge1")], [sb.Support("edge1", y=False), sb.Support("edge4")]],
+    ids=["both", "x"],
+)
+def test_mouth_on_a_support(supports):
+    """A crack that begins on a held edge has a pair that cannot open: nothing acts there, whatever the law,
+    and a slow motion goes through the static states of the load, to (f / f_1)^2.
+    """
+    cracks = [CrackLine([(0.02, 0), (0.02, 0.04)]), CrackLine([(0.05, 0.05), (0.07, 0.07)])]
+    plate = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=cracks)
+    mesh = plate.mesh(order=2, points={"P": (0.1, 0.1)})
+    for law in (sb.Tied(), sb.Unilateral()):
+        model = sb.Model(mesh, ALUMINIUM, contact_laws=law, damping=0.05, supports=supports)
+        (mouth,) = np.flatnonzero((model.pairs.position > 1.0 - 1e-9) & (model.pairs.crack == 0))
+        slow = 0.01 * model.modes(1).frequencies[0]
+        orbit = sb.periodic(model, sb.EdgeLoad("edge3", tx=1e6), slow, modes=12, steps=64, stability=False)
+        assert not orbit.contact_force[:, mouth].any()
+        for instant, sign in ((16, 1.0), (48, -1.0)):
+            state = sb.static(model, sb.EdgeLoad("edge3", tx=sign * 1e6))
+            u = orbit.displacement("P")[instant]
+            np.testing.assert_allclose(u, state.displacement("P"), atol=2e-3 * np.abs(u).max())
+
+
+def test_modes_of_tied_cracks_warn():
+    with pytest.warns(UserWarning, match="modal: the cracks 'crack1', 'crack2' are tied"):
+        sb.modal(two_notches(contact_laws=sb.Tied()), 1)
