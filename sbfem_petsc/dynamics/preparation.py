@@ -17,11 +17,10 @@ from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
 from .shooting import JACOBIANS
+from .step_plan import CONTACT_STEP
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
-# With contact, the default step is at most this share of the highest mode's period, see `analysis.transient`.
-CONTACT_STEP = 0.8
 # Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
 DIRECTIONS = 6
 
