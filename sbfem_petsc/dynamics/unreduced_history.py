@@ -16,6 +16,7 @@ energy in without bound, the sooner the smaller the step.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 
 import numpy as np
@@ -78,11 +79,17 @@ class UnreducedIntegrator:
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
-        self.pencil = Pencil(model, 1.0, 0.0)
-        self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
-        self.columns = unreduced_columns(model)
-        self.fields = KeptFields(model, units, steps.kept)
-        self.force = self._set_start(units, start)
+        with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
+            self.pencil = Pencil(model, 1.0, 0.0)
+            freed.callback(self.pencil.destroy)
+            self.march = UnreducedSteps(
+                model, self.pencil, units, steps.step, found, steps.contact, steps.scheme
+            )
+            freed.callback(self.march.release)
+            self.columns = unreduced_columns(model)
+            self.fields = KeptFields(model, units, steps.kept)
+            self.force = self._set_start(units, start)
+            self._freed = freed.pop_all()
         self.march.stored = self.march.stored_in(self.force)
         # energy at t = 0 and largest work of the loads so far, J
         self.initial, self.supplied = float(self.march.energies().sum()), 0.0
@@ -91,8 +98,7 @@ class UnreducedIntegrator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.march.release()
-        self.pencil.destroy()
+        self._freed.close()
 
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
         if not self.signals:

@@ -98,6 +98,15 @@ class UnreducedSteps:
         self.d, self.product, self.right = (pencil.stiffness.createVecRight() for _ in range(3))
         size = self.d.getLocalSize()
         self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
+        try:
+            self._set_up(units, found, contact)
+        except BaseException:
+            self.release()
+            raise
+
+    # ------------------------------------------------------------------ set-up
+    def _set_up(self, units, found: Modal | None, contact: bool) -> None:
+        """Everything but the large vectors and the factorisation."""
         self._probes(units, contact)
         self._modes(found)
         self._respond()
@@ -107,17 +116,16 @@ class UnreducedSteps:
         )
         # the implicit force acts at its full value over the step, the paper's with half of it, the other half
         # in the step after
-        self.share = 1.0 if scheme == "paper" else 2.0
+        self.share = 1.0 if self.scheme == "paper" else 2.0
         self.contact = StepContact(
-            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility, self.laws, scheme
+            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility, self.laws, self.scheme
         )
         self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
         self.work, self.carried = np.zeros(3), np.zeros(self.pairs)
-        self.slope = np.zeros((len(model.points), 2))
+        self.slope = np.zeros((len(self.model.points), 2))
         self.stored = 0.0
         self.settle(fold=False)
 
-    # ------------------------------------------------------------------ set-up
     def _probes(self, units, contact: bool) -> None:
         """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
         gap = self.model.gap_operator
