@@ -33,11 +33,11 @@ class Beam(BeamShape):
         size: float | None = None,
         tip_size: float | None = None,
         grading: float = 2.5,
+        *,
         layout: str = "tip",
         points: Mapping[str, tuple[float, float]] | None = None,
         corner_size: float | None = None,
         corners: Iterable[str] = ("left",),
-        *,
         face_size: float | None = None,
         face_edges: int = 12,
     ) -> BoundaryMesh:
@@ -88,8 +88,6 @@ class Beam(BeamShape):
             One sentence that names the input, its value and what was expected.
         """
         given = {name: value for name, value in locals().items() if name != "self"}
-        inputs = MeshInputs.checked(
-            self, order, size, tip_size, grading, layout, points, corner_size, corners, face_size, face_edges
-        )
+        inputs = MeshInputs.checked(self, given)
         mesh = build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")
         return replace(mesh, clamped="left", recipe=Recipe(self.mesh, given))

@@ -97,25 +97,22 @@ def _check_pairs(mesh: MeshArrays) -> None:
 
 
 def _check_tips(mesh: MeshArrays) -> None:
-    extent = np.ptp(mesh.nodes, axis=0).max()
     names = [crack.name for crack in mesh.cracks]
     for what, items in (("cracks", names), ("tips", [tip.name for tip in mesh.tips])):
         if len(set(items)) < len(items):
             _fail(f"two {what} have the name {next(name for name in items if items.count(name) > 1)!r}")
     for crack in mesh.cracks:
-        _check_tip(
-            mesh, f"crack {crack.name!r}", crack.tip, crack.axis, crack.opening, crack.tip_element, extent
-        )
+        _check_tip(mesh, f"crack {crack.name!r}", crack.tip, crack.axis, crack.opening, crack.tip_element)
         if not (_is_number(crack.length) and crack.length > 0):
             _fail(f"the length of crack {crack.name!r} is {crack.length!r}")
     for tip in mesh.tips:
-        _check_tip(mesh, f"tip {tip.name!r}", tip.position, tip.axis, tip.opening, tip.element, extent)
+        _check_tip(mesh, f"tip {tip.name!r}", tip.position, tip.axis, tip.opening, tip.element)
         for face in tip.faces:
             if face not in mesh.edge_sets:
                 _fail(f"tip {tip.name!r} has the face {face!r}, which is no edge set")
 
 
-def _check_tip(mesh: MeshArrays, what: str, tip, axis, opening: float, element: int, extent: float) -> None:
+def _check_tip(mesh: MeshArrays, what: str, tip, axis, opening: float, element: int) -> None:
     for name, vector in (("tip", tip), ("axis", axis)):
         if not (isinstance(vector, tuple) and len(vector) == 2 and all(_is_number(v) for v in vector)):
             _fail(f"the {name} of {what} is {vector!r}, two finite numbers were expected")
@@ -128,7 +125,7 @@ def _check_tip(mesh: MeshArrays, what: str, tip, axis, opening: float, element: 
     if element >= 0:
         if mesh.closed[element]:
             _fail(f"{what} has the S-element {element}, which is closed; an open one was expected")
-        if np.abs(mesh.scaling_centres[element] - tip).max() > _PLACE * extent:
+        if np.abs(mesh.scaling_centres[element] - tip).max() > _PLACE * np.ptp(mesh.nodes, axis=0).max():
             _fail(f"{what} is not at the scaling centre of its S-element {element}")
 
 

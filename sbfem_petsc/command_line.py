@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from typing import Any, NoReturn
 
-from .petsc_options import PREFIXES, is_option
+from .petsc_options import PREFIXES, initialise, is_option
 
 # PETSc's own options for a whole run
 GENERAL = (
@@ -132,10 +133,8 @@ def wrong_option(words: list[str]) -> str | None:
 
 def start_petsc(words: list[str]) -> None:
     """Start PETSc with its options; it names, at the end, the misspelt ones, which no solve has asked for."""
-    import petsc4py
-
     told = [] if any(w.startswith("-options_left") for w in words) or not words else ["-options_left"]
-    petsc4py.init([sys.argv[0], *words, *told])
+    initialise([sys.argv[0], *words, *told])
 
 
 def console(comm):
@@ -184,6 +183,12 @@ def run(main) -> None:
 
     try:
         main()
+        sys.stdout.flush()
+    except BrokenPipeError:  # nobody reads on, as of `| head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        if MPI.COMM_WORLD.size > 1:
+            MPI.COMM_WORLD.Abort(0)
+        raise SystemExit(0) from None
     except (ValueError, TypeError, KeyError, RuntimeError, OSError) as error:
         comm = MPI.COMM_WORLD
         everywhere = comm.size == 1 or getattr(error, "on_all_ranks", False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -106,11 +106,11 @@ class OrthotropicMaterial:
     poisson_12: float
     shear_12: float
     density: float
-    angle: float = 0.0
-    plane: str = "stress"
-    young_3: float | None = None
-    poisson_13: float | None = None
-    poisson_23: float | None = None
+    angle: float = field(default=0.0, kw_only=True)
+    plane: str = field(default="stress", kw_only=True)
+    young_3: float | None = field(default=None, kw_only=True)
+    poisson_13: float | None = field(default=None, kw_only=True)
+    poisson_23: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
         for name in ("young_1", "young_2", "shear_12"):

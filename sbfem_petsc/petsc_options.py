@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import difflib
 import os
+import signal
 import sys
 import warnings
+from typing import Any
 
 PREFIXES = {
     "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
@@ -52,7 +55,6 @@ def start() -> None:
     if "petsc4py.PETSc" in sys.modules:
         _complete(meant(sys.argv[1:]))
         return
-    import petsc4py
     from mpi4py import MPI
 
     world, words = MPI.COMM_WORLD, meant(sys.argv[1:])
@@ -62,10 +64,22 @@ def start() -> None:
     )
     told = any(word.startswith("-options_left") for word in words)
     left = ["-options_left"] if words and not told and (together or world.rank == 0) else []
-    petsc4py.init([*sys.argv[:1], *words, *left], comm=world if together else MPI.COMM_SELF)
+    initialise([*sys.argv[:1], *words, *left], comm=world if together else MPI.COMM_SELF)
     from petsc4py import PETSc
 
     PETSc.Sys.setDefaultComm(world)  # as a program that goes on with PETSc itself knows it
+
+
+def initialise(words: list[str], **options: Any) -> None:
+    """`petsc4py.init`, after which a closed pipe, as of `| head`, is again what it was for Python: an error
+    of the write, where PETSc would end the program with a dump.
+    """
+    import petsc4py
+
+    former = signal.getsignal(signal.SIGPIPE)
+    petsc4py.init(words, **options)
+    with contextlib.suppress(ValueError):  # of a thread other than the main one
+        signal.signal(signal.SIGPIPE, former)
 
 
 def meant(words: list[str]) -> list[str]:

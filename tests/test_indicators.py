@@ -327,13 +327,13 @@ CASES = {
     "subharmonics(T, U, 50.0, 1)": (ValueError, "divisor = 1 must be between 2 and 1000"),
     "subharmonics(T, U, 50.0, 100)": (ValueError, "lines 0.5 Hz apart"),
     "sidebands(T, U, 50.0, 60.0)": (ValueError, "carrier = 50 Hz must be above order * modulation = 60 Hz"),
-    "sidebands(T, U, 50.0, 20.0, 3)": (
+    "sidebands(T, U, 50.0, 20.0, order=3)": (
         ValueError,
         "carrier = 50 Hz must be above order * modulation = 60 Hz",
     ),
     "sidebands(T, U, 50.0, 1.5)": (ValueError, "too short for sidebands 1.5 Hz apart; at least 1.33333 s"),
     "sidebands(T, U, 450.0, 60.0)": (ValueError, "510 Hz is not below half the sampling rate"),
-    "sidebands(T, U, 450.0, 6.0, 0)": (ValueError, "order = 0 must be at least 1"),
+    "sidebands(T, U, 450.0, 6.0, order=0)": (ValueError, "order = 0 must be at least 1"),
     "contact_duty(T, U[:5])": (ValueError, "1000 times and 5 values"),
     "contact_duty(T, np.zeros((1000, 0)))": (ValueError, "shape (1000, 0); (times,) or (times, pairs)"),
     "contact_duty(T, np.zeros((1000, 2, 2)))": (ValueError, "shape (1000, 2, 2)"),

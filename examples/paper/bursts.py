@@ -154,8 +154,8 @@ def draw(finding: Finding, path: str) -> None:
     label = f"$u_y$(A) ({unit})"
     both = {"reference": (c["reference_time"], c["reference"]), "sbfem-petsc": (c["time"], c["found"])}
     panels = [
-        Panel(label, both, scale, (0.0, DURATION), "(a) 0-33 ms, crack at 80 mm"),
-        Panel(label, both, scale, (LATE, DURATION), "(b) 30-33 ms, crack at 80 mm"),
+        Panel(label, both, scale, (0.0, DURATION), title="(a) 0-33 ms, crack at 80 mm"),
+        Panel(label, both, scale, (LATE, DURATION), title="(b) 30-33 ms, crack at 80 mm"),
     ]
     if "resultant" in c:
         panels.append(
@@ -167,7 +167,7 @@ def draw(finding: Finding, path: str) -> None:
                 },
                 1e-3,
                 (LATE, DURATION),
-                "(c) contact resultant, 30-33 ms",
+                title="(c) contact resultant, 30-33 ms",
             )
         )
     panels.append(
@@ -176,7 +176,7 @@ def draw(finding: Finding, path: str) -> None:
             {"sbfem-petsc": (c["far_time"], c["far"])},
             scale,
             (0.0, DURATION),
-            f"({'d' if 'resultant' in c else 'c'}) crack at 100 mm, as printed",
+            title=f"({'d' if 'resultant' in c else 'c'}) crack at 100 mm, as printed",
         )
     )
     save_picture(plot_histories(panels, comm=Bench.comm), path)

@@ -191,7 +191,7 @@ def modulation(bench: Bench) -> Finding:
         )
         kept = slice(-round(RECORD / SAMPLING), None)
         time, u = history.time[kept], history.displacement("A")[kept, 1]
-        found[case, damping] = indicators.sidebands(time, u, HIGH, LOW, PAIRS)
+        found[case, damping] = indicators.sidebands(time, u, HIGH, LOW, order=PAIRS)
         if damping == 0.002:
             spectrum = indicators.spectrum(time, u, frequencies=[LOW, HIGH])
             shown = spectrum.frequency < 6000.0

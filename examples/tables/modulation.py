@@ -43,7 +43,7 @@ class Record:
         time, u = history.time[kept], history.displacement("A")[kept, 1]
         half = len(u) // 2
         self.sidebands, *self.halves = (
-            indicators.sidebands(time[part], u[part], HIGH, LOW, PAIRS)
+            indicators.sidebands(time[part], u[part], HIGH, LOW, order=PAIRS)
             for part in (slice(None), slice(None, half), slice(half, None))
         )
         self.tones = indicators.tones(time, u, [LOW, HIGH])

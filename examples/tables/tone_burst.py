@@ -219,9 +219,9 @@ def pictures(folder, comm, histories, reference, duration):
                 both,
                 scale,
                 (0.0, duration),
-                f"{force:g} N, relative L2 distance {distance(history, reference, force):.1e}",
+                title=f"{force:g} N, relative L2 distance {distance(history, reference, force):.1e}",
             ),
-            Panel(f"$u_y$(A) ({unit})", both, scale, late, "the last milliseconds"),
+            Panel(f"$u_y$(A) ({unit})", both, scale, late, title="the last milliseconds"),
         ]
         if force > 1.0:
             resultant = {
@@ -233,9 +233,11 @@ def pictures(folder, comm, histories, reference, duration):
                 "sbfem-petsc": (history.time, history.gap[:, -1]),
             }
             panels += [
-                Panel("resultant (kN)", resultant, 1e-3, (0.0, duration), "contact resultant"),
-                Panel("resultant (kN)", resultant, 1e-3, late, "contact resultant, the last milliseconds"),
-                Panel("gap (µm)", mouth, 1e6, late, "gap at the mouth, the last milliseconds"),
+                Panel("resultant (kN)", resultant, 1e-3, (0.0, duration), title="contact resultant"),
+                Panel(
+                    "resultant (kN)", resultant, 1e-3, late, title="contact resultant, the last milliseconds"
+                ),
+                Panel("gap (µm)", mouth, 1e6, late, title="gap at the mouth, the last milliseconds"),
             ]
         drawing = plot_histories(panels, comm=comm)
         save_pictures(folder, **{f"figure_{number}_{force:g}N": drawing})

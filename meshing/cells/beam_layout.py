@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import shapely
@@ -51,22 +52,12 @@ class MeshInputs:
     face_edges: int
 
     @classmethod
-    def checked(
-        cls,
-        beam: BeamShape,
-        order: int,
-        size: float | None,
-        tip_size: float | None,
-        grading: float,
-        layout: str,
-        points: Mapping[str, Point] | None,
-        corner_size: float | None,
-        corners: Iterable[str],
-        face_size: float | None,
-        face_edges: int,
-    ) -> MeshInputs:
-        """Check the arguments of `Beam.mesh` and fill in the defaults."""
-        order = checked_order(order)
+    def checked(cls, beam: BeamShape, given: Mapping[str, Any]) -> MeshInputs:
+        """Check the arguments of `Beam.mesh`, by their names, and fill in the defaults."""
+        size, tip_size, corner_size, corners = (
+            given[name] for name in ("size", "tip_size", "corner_size", "corners")
+        )
+        order = checked_order(given["order"])
         least = 1e-6 * beam.height
         # cells longer than the beam are no other cells
         size = 2.5 * beam.height if size is None else min(positive("mesh", "size", size), 4.0 * beam.length)
@@ -80,7 +71,7 @@ class MeshInputs:
                 f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, "
                 "round-off would show; make it larger."
             )
-        layout = choice("mesh", "layout", layout, ("tip", "vertex"))
+        layout = choice("mesh", "layout", given["layout"], ("tip", "vertex"))
         if layout == "vertex" and (beam.cracks or any(notch.edge == "bottom" for notch in beam.notches)):
             raise ValueError(
                 'mesh: layout "vertex" knows notches from the top edge only; leave it out for this beam.'
@@ -92,7 +83,7 @@ class MeshInputs:
                     f"mesh: tip_size {tip_size:g} m does not fit around the tip of notch {i}, {room:g} m "
                     "from an edge; make it smaller."
                 )
-        grading = number("mesh", "grading", grading)
+        grading = number("mesh", "grading", given["grading"])
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
         if (
@@ -116,13 +107,13 @@ class MeshInputs:
             f"{letter}{i if i > 1 else ''}" for letter in "BC" for i in range(1, len(beam.notches) + 1)
         }
         named = {}
-        for name, point in named_points(points).items():
+        for name, point in named_points(given["points"]).items():
             if name in reserved:
                 raise ValueError(f"point {name!r}: this name is the mesh's own; choose another.")
             named[name] = beam.check_point(name, point)
-        given = corner_size is not None
+        wanted = corner_size is not None
         # The paper's layout is there for comparison: nothing in it is graded unless asked for.
-        corners = corners if given or layout == "tip" else ()
+        corners = corners if wanted or layout == "tip" else ()
         corner_size = float(corner_size) if corner_size is not None else _CORNER_SIZE * beam.height
         return cls(
             order,
@@ -132,9 +123,9 @@ class MeshInputs:
             layout,
             named,
             corner_size,
-            given,
+            wanted,
             corners,
-            *checked_faces(beam.height, face_size, face_edges),
+            *checked_faces(beam.height, given["face_size"], given["face_edges"]),
         )
 
 

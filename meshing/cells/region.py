@@ -99,7 +99,7 @@ def plan_region(body: Arrangement, size: float) -> RegionPlan:
     lengths = np.array([math.dist(vertices[a], vertices[b]) for a, b in segments])
     for (a, b), length in zip(segments, lengths):
         sizes.add(vertices[[a, b]], max(length, 1e-300))
-    _add_nearness(body, vertices, segments, lines, tree, lengths, sizes)
+    _add_nearness(body, vertices, segments, tree, lengths, sizes)
     for centre, radius, _ in body.circles:
         turn = np.linspace(0, 2 * math.pi, 25)[:-1]
         rim = np.array(centre) + radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
@@ -116,7 +116,7 @@ def _special(vertices: np.ndarray, vertex: int, others: list[int]) -> bool:
     return math.pi - abs(turn) > _KINK
 
 
-def _add_nearness(body, vertices, segments, lines, tree, lengths, sizes: SizeField) -> None:
+def _add_nearness(body, vertices, segments, tree, lengths, sizes: SizeField) -> None:
     """Sources where lines come close to others that they do not touch."""
     samples, owners = [], []
     for number, (a, b) in enumerate(segments):
@@ -131,7 +131,7 @@ def _add_nearness(body, vertices, segments, lines, tree, lengths, sizes: SizeFie
     ends = np.array(segments)
     for sample, line in tree.query(spots, predicate="dwithin", distance=reach).T:
         if not np.isin(ends[line], ends[owner[sample]]).any():
-            distance[sample] = min(distance[sample], shapely.distance(spots[sample], lines[line]))
+            distance[sample] = min(distance[sample], shapely.distance(spots[sample], tree.geometries[line]))
     for centre, radius, _ in body.circles:
         gap = np.abs(np.hypot(*(places - centre).T) - radius)
         near = gap < reach

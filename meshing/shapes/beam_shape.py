@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -32,7 +32,7 @@ class BeamShape:
     height: float
     notches: Sequence[VNotch] = ()
     holes: Sequence[Hole] = ()
-    cracks: Sequence[CrackLine] = ()
+    cracks: Sequence[CrackLine] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "length", positive("Beam", "length", self.length))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from meshing.input_checks import choice, number, positive, shown
 
@@ -34,7 +34,7 @@ class VNotch:
     depth: float
     opening: float
     tilt: float = 0.0
-    edge: str = "top"
+    edge: str = field(default="top", kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", number("VNotch", "x", self.x))

@@ -16,7 +16,8 @@ from ..dynamics.free_branch import FreeBranch
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
-from ..dynamics.preparation import CONTACT_STEP, period_memory
+from ..dynamics.preparation import period_memory
+from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
 from ..reduction.build import reduced

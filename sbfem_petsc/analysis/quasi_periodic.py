@@ -15,7 +15,8 @@ from ..checks import flag, instance, integer, numbers_of, real
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
-from ..dynamics.preparation import CONTACT_STEP, FAST_STEPS, PeriodSettings, period_memory, prepare
+from ..dynamics.preparation import FAST_STEPS, PeriodSettings, period_memory, prepare
+from ..dynamics.step_plan import CONTACT_STEP
 from ..dynamics.tones import (
     EXPONENTS,
     TURNS,

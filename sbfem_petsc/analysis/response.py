@@ -105,7 +105,9 @@ def frequency_response(
             raise ValueError(f"{what}: start and stop are both {start:g} Hz; give a range, or use periodic")
         if not contact and (file is not None or first is not None):
             raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor first")
-        settings = _checked(what, points, largest_step, stability, contact, first, start, file, resume)
+        flag(what, "contact", contact)
+        settings = _checked(what, points, largest_step, stability, first, start)
+        _check_file(what, file, resume)
         check_progress(what, progress)
         amplitudes_only(what, load)
         if first is not None and periods not in (None, first.periods):
@@ -168,7 +170,8 @@ def load_response(
         check_progress(what, progress)
         frequency = check_frequency(what, "frequency", frequency)
         PeriodSettings(periods, steps, modes).check(what)
-        settings = _checked(what, points, largest_step, stability, True, first, frequency, file, resume)
+        settings = _checked(what, points, largest_step, stability, first, frequency)
+        _check_file(what, file, resume)
     agree(comm, what, start=start, stop=stop, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)
     shooting = PeriodSettings(periods, steps, modes)
@@ -249,28 +252,27 @@ def _checked(
     points: int,
     largest_step: float,
     stability: bool,
-    contact: bool,
     first: Orbit | None,
     frequency: float,
-    file: str | None,
-    resume: bool,
 ) -> ContinuationSettings:
     integer(what, "points", points, least=2)
     if not (isinstance(largest_step, float) and largest_step == math.inf):
         positive(what, "largest_step", largest_step)
-    if file is not None:
-        path(what, "file", file)
     flag(what, "stability", stability)
-    flag(what, "contact", contact)
-    flag(what, "resume", resume)
-    if resume and file is None:
-        raise ValueError(f"{what}: resume = True needs the file to continue, file = 'branch.h5'")
     if first is not None:
         instance(what, "first", first, Orbit, "an Orbit")
         if abs(first.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {frequency:g} Hz")
     leave = first is not None and first.path == DOUBLED
     return ContinuationSettings(points, float(largest_step), stability, leave)
+
+
+def _check_file(what: str, file: str | None, resume: bool) -> None:
+    if file is not None:
+        path(what, "file", file)
+    flag(what, "resume", resume)
+    if resume and file is None:
+        raise ValueError(f"{what}: resume = True needs the file to continue, file = 'branch.h5'")
 
 
 def amplitudes_only(what: str, load) -> None:

@@ -14,9 +14,10 @@ from ..checks import progress as check_progress
 from ..dynamics.integration import Steps
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import CONTACT_STEP, check_first
+from ..dynamics.preparation import check_first
 from ..dynamics.reduced_history import ReducedIntegrator
 from ..dynamics.states import ModalStates
+from ..dynamics.step_plan import CONTACT_STEP
 from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles
 from ..errors import on_all_ranks
 from ..parallel import agree, collective

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..capacity import KEPT, default_decimation, require_compiler, require_disk, require_memory
+from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, instance, integer, path, positive, real_array, shown
 from ..checks import progress as check_progress
 from ..dynamics.history import History
@@ -22,29 +22,15 @@ from ..dynamics.integration import Steps, integrate, row_size
 from ..dynamics.loading import Loading, communicator, loading, serving
 from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
+from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..errors import StepWarning, on_all_ranks
+from ..errors import StepWarning
 from ..parallel import agree, collective
-from ..petsc import MPI
 from ..progress import progress_bar
-from ..recording.history_file import FormerRun, HistoryFile
+from ..recording.history_file import HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-
-# Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega
-# h)^2 / 12 = 3e-5.
-STEPS_A_PERIOD = 320
-# With contact, the default step is at most this share of the highest mode's period: pairs that open and close
-# excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
-# closed, 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3;
-# from 1 on, where modes go through whole periods in a step, up to 1e-3 and 1e-2.
-CONTACT_STEP = 0.8
-# Fewer steps a period than this, and the user is warned.
-COARSE = 20
-
-# More steps than this are refused.
-MOST_STEPS = 1e9
 
 
 def transient(
@@ -191,8 +177,8 @@ def transient(
             if isinstance(start, tuple) and _by_functions(start):
                 start = modal_start(reduced, start)
         former = record.former if record is not None else None
-        step = _default_step(duration, highest, top) if step is None and former is None else step
-        count, step, every = _plan(duration, step, decimation, row, former)
+        step = default_step(duration, highest, top) if step is None and former is None else step
+        count, step, every = plan_steps(duration, step, decimation, row, former)
         _warn_if_coarse(highest, step)
         if every > 1 and decimation is None and former is None:
             warnings.warn(
@@ -202,7 +188,7 @@ def transient(
                 stacklevel=2,
             )
         steps = Steps(count, step, contact, "implicit" if unreduced and scheme != "paper" else scheme, every)
-        _require_room(comm, steps, row, file, in_memory=in_memory, former=former)
+        require_room(comm, steps, row, file, in_memory=in_memory, former=former)
         report = stack.enter_context(progress_bar(comm, "transient", progress))
         if isinstance(model, Model) and unreduced:
             integrator = stack.enter_context(
@@ -307,70 +293,6 @@ def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
 
 def _by_functions(start: tuple) -> bool:
     return all(part is None or callable(part) for part in start)
-
-
-def _default_step(duration: float, highest: float, top: float) -> float:
-    """Time step for the highest frequencies of the loads and of the modes, Hz."""
-    step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
-    return min(step, CONTACT_STEP / top) if top > 0.0 else step
-
-
-def _plan(
-    duration: float, step: float | None, decimation: int | None, row: int, former: FormerRun | None
-) -> tuple[int, float, int]:
-    """Number of steps, the step, and every how many are kept: with those of the file that is to be continued
-    if none or the same were asked for, otherwise such that they divide `duration`.
-    """
-    if former is not None:
-        decimation = former.decimation if decimation is None else decimation
-        if step is None or _multiple(former.count * former.step / step, decimation) == former.count:
-            return _multiple(duration / former.step, decimation), former.step, decimation
-    assert step is not None
-    if not duration / step < MOST_STEPS:
-        raise on_all_ranks(
-            ValueError(
-                f"transient: {duration / step:.3g} steps of {step:.3g} s, at a microsecond or more each, "
-                f"would take at least {duration / step / 3.6e9:.3g} hours; give a shorter duration, a "
-                "larger step or loads of lower frequency"
-            )
-        )
-    count = _multiple(duration / step, 1)
-    if decimation is not None and decimation > count:
-        raise on_all_ranks(
-            ValueError(
-                f"transient: decimation = {decimation} is more than the {count} steps there are; give fewer"
-            )
-        )
-    decimation = default_decimation(count, row) if decimation is None else decimation
-    count = _multiple(count, decimation)
-    return count, duration / count, decimation
-
-
-def _multiple(steps: float, divisor: int) -> int:
-    """The least multiple of a divisor that reaches a number of steps."""
-    return divisor * max(1, math.ceil(steps / divisor * (1.0 - 1e-9)))
-
-
-def _require_room(
-    comm: MPI.Comm, steps: Steps, row: int, file: str | None, *, in_memory: bool, former: FormerRun | None
-) -> None:
-    """Refuse a history that would take more memory or disk than is free."""
-    needed, what = float(steps.kept * row), f"{steps.kept:,d} instants of {row:,d} bytes"
-
-    def fewer(share: float) -> str:
-        return f"keep every {math.ceil(steps.decimation / share)}th step or fewer (decimation)"
-
-    if in_memory:
-        require_memory(
-            "transient",
-            comm,
-            needed,
-            what,
-            lambda share: f"{fewer(share)}, or leave them in a file (file = 'history.h5', in_memory = False)",
-        )
-    if file is not None:
-        continued = former is not None and former.count == steps.count
-        require_disk("transient", comm, file, needed=needed, what=what, continued=continued, remedy=fewer)
 
 
 def _settings(steps: Steps, start, norms, chunk: int) -> dict[str, Any]:

@@ -38,7 +38,7 @@ class StartAxis:
     kind: str = "displacement"
     mode: int = 1
     point: str | None = None
-    direction: str = "y"
+    direction: str = field(default="y", kw_only=True)
 
     def __post_init__(self) -> None:
         owner = "StartAxis"

@@ -19,14 +19,13 @@ from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
 from .shooting import JACOBIANS
+from .step_plan import COARSE, CONTACT_STEP
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
-# With contact, the default step is at most this share of the highest mode's period, see `analysis.transient`.
-CONTACT_STEP = 0.8
-# Steps a period of the loads' highest frequency, with contact: by default, and below which a warning tells.
-# With 64, 32, 16 of them the sidebands of a breathing crack are off by 6e-4, 1 %, 5 %.
-FAST_STEPS, COARSE = 32, 20
+# Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands of a
+# breathing crack are off by 6e-4, 1 %, 5 %.
+FAST_STEPS = 32
 # Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
 DIRECTIONS = 6
 

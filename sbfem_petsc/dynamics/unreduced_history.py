@@ -16,10 +16,12 @@ energy in without bound, the sooner the smaller the step.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Sequence
 
 import numpy as np
 
+from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..parallel import collective
 from ..petsc import stage
@@ -40,6 +42,8 @@ from .unreduced_steps import KEPT_RESPONSES, UnreducedSteps
 
 # Steps between two settlements of the state, records on disk and reports of progress.
 CHUNK = 256
+# The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
+RUNAWAY = 1.1
 
 
 class UnreducedIntegrator:
@@ -75,20 +79,26 @@ class UnreducedIntegrator:
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
-        self.pencil = Pencil(model, 1.0, 0.0)
-        self.march = UnreducedSteps(model, self.pencil, units, steps.step, found, steps.contact, steps.scheme)
-        self.columns = unreduced_columns(model)
-        self.fields = KeptFields(model, units, steps.kept)
-        self.force = self._set_start(units, start)
+        with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
+            self.pencil = Pencil(model, 1.0, 0.0)
+            freed.callback(self.pencil.destroy)
+            self.march = UnreducedSteps(
+                model, self.pencil, units, steps.step, found, steps.contact, steps.scheme
+            )
+            freed.callback(self.march.release)
+            self.columns = unreduced_columns(model)
+            self.fields = KeptFields(model, units, steps.kept)
+            self.force = self._set_start(units, start)
+            self._freed = freed.pop_all()
         self.march.stored = self.march.stored_in(self.force)
-        self.march.initial = float(self.march.energies().sum())
+        # energy at t = 0 and largest work of the loads so far, J
+        self.initial, self.supplied = float(self.march.energies().sum()), 0.0
 
     def __enter__(self) -> UnreducedIntegrator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.march.release()
-        self.pencil.destroy()
+        self._freed.close()
 
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
         if not self.signals:
@@ -119,11 +129,24 @@ class UnreducedIntegrator:
             if keep or march.scheme == "paper":
                 energies = march.energies()
                 if march.scheme == "paper" and done + k > 20:
-                    march.check_energy(energies, time[k + 1])
+                    self._check_energy(energies, time[k + 1])
                 if keep:
                     kept.append(self._row(time[k + 1], 1.5 * march.slope - 0.5 * slope, force, gap, energies))
         march.settle()
         return self._stacked(kept)
+
+    def _check_energy(self, energies: np.ndarray, time: float) -> None:
+        """Stop the paper's scheme where it has produced energy of its own."""
+        work = self.march.work[0]
+        self.supplied = max(self.supplied, abs(work))
+        if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
+            raise on_all_ranks(
+                SolveError(
+                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
+                    f"({sum(energies):.3g} J for {work:.3g} J of work done): the multiplier carried "
+                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
+                )
+            )
 
     def _row(
         self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
@@ -146,24 +169,24 @@ class UnreducedIntegrator:
         """This rank's state, and what every rank knows of the account of work."""
         march = self.march
         numbers = [
-            march.initial,
-            march.supplied,
+            self.initial,
+            self.supplied,
             march.stored,
             *march.work,
             *march.carried,
             *march.slope.ravel(),
         ]
-        return np.concatenate([numbers, march.active, march.u, march.v]).astype(float)
+        return np.concatenate([numbers, march.contact.active, march.u, march.v]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
         march = self.march
         sizes = (3, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
         head, work, carried, slope, active, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
-        march.initial, march.supplied, march.stored = map(float, head)
+        self.initial, self.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
         self.fields.wanted = False  # those of the former run are gone
-        march.active[:], march.u[:], march.v[:] = active != 0.0, u, v
+        march.contact.active[:], march.u[:], march.v[:] = active != 0.0, u, v
         march.settle(fold=False)
 
     def history(self, rows: Rows) -> History:

@@ -136,7 +136,7 @@ class _UnreducedPeriod:
         """
         march, sets, rows = self.march, np.zeros((self.count, self.march.pairs), dtype=bool), []
         self._set(state)
-        march.active[:] = False
+        march.contact.active[:] = False
         for k in range(self.count):
             force, gap = march.advance(self.amplitudes[k], self.amplitudes[k + 1])
             sets[k] = march.laws.acting(force)

@@ -23,20 +23,15 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import sparse
 
-from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..contact.marching import contact_forces
-from ..errors import SolveError, on_all_ranks
-from ..loads import SupportMotion
 from ..petsc import MPI, free, stage
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.pencil import CondensedSolve, Pencil
 from ..system.static_solver import block_width
 from .initial import full_shapes
+from .unreduced_contact import StepContact
 from .unreduced_kernels import add_columns, advance, form
-
-# The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
-RUNAWAY = 1.1
+from .unreduced_probes import SparseColumns, probe_rows
 
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
 # second solve does.
@@ -76,13 +71,11 @@ class UnreducedSteps:
         This rank's state; that of the structure only after `settle`.
     work : (3,) array
         Work of the loads, of damping and of contact since the start, J.
-    active : (c,) bool array
+    contact : StepContact
     carried : (c,) array
         Contact force that the paper's scheme takes from a step to the next one, N.
     slope : (points, 2) array
         Mean acceleration of the named points over the last step, m/s^2.
-    initial, supplied : float
-        Energy at t = 0 and largest work of the loads so far, J.
     stored : float
         Energy in the contact rows' own flexibility, J.
     """
@@ -105,6 +98,15 @@ class UnreducedSteps:
         self.d, self.product, self.right = (pencil.stiffness.createVecRight() for _ in range(3))
         size = self.d.getLocalSize()
         self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
+        try:
+            self._set_up(units, found, contact)
+        except BaseException:
+            self.release()
+            raise
+
+    # ------------------------------------------------------------------ set-up
+    def _set_up(self, units, found: Modal | None, contact: bool) -> None:
+        """Everything but the large vectors and the factorisation."""
         self._probes(units, contact)
         self._modes(found)
         self._respond()
@@ -114,46 +116,29 @@ class UnreducedSteps:
         )
         # the implicit force acts at its full value over the step, the paper's with half of it, the other half
         # in the step after
-        self.share = 1.0 if scheme == "paper" else 2.0
-        self.flexibility = 0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility
-        self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
-        self.work, self.active, self.carried, self.slope = (
-            np.zeros(3),
-            np.zeros(self.pairs, dtype=bool),
-            np.zeros(self.pairs),
-            np.zeros((len(model.points), 2)),
+        self.share = 1.0 if self.scheme == "paper" else 2.0
+        self.contact = StepContact(
+            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility, self.laws, self.scheme
         )
-        self.initial, self.supplied, self.stored = 0.0, 0.0, 0.0
-        # of the rows in contact; the last entry is how many there are, see `contact_forces`
-        self._factor, self._members = np.empty((self.pairs, self.pairs)), np.full(self.pairs + 1, -1)
+        self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
+        self.work, self.carried = np.zeros(3), np.zeros(self.pairs)
+        self.slope = np.zeros((len(self.model.points), 2))
+        self.stored = 0.0
         self.settle(fold=False)
 
-    # ------------------------------------------------------------------ set-up
     def _probes(self, units, contact: bool) -> None:
         """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
-        model, pencil, size = self.model, self.pencil, self.u.size
-        gap = model.gap_operator
+        gap = self.model.gap_operator
         count = len(gap) if contact else 0
         self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
         self.laws = gap.laws.first(count)
         self.pairs, self.loads = count, len(units)
-        more = sparse.csr_matrix((count, size - pencil.owned))
-        gaps = sparse.hstack([gap.rows.matrix[:count], more], format="csr")
-        forces = np.zeros((self.loads, size))
-        columns = model.load_columns(units)
-        forces[:, : pencil.owned] = columns.forces.T
+        columns = self.model.load_columns(units)
         self.load_gaps, self.load_tips = columns.gaps[:count], columns.tips
         self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
-        for k, unit in enumerate(units):
-            if isinstance(unit, SupportMotion):
-                forces[k, pencil.owned :] = -pencil.auxiliary_translation() @ [unit.ax, unit.ay]
-        points = model.point_rows.matrix
-        points = sparse.hstack(
-            [points, sparse.csr_matrix((points.shape[0], size - pencil.owned))], format="csr"
-        )
-        self.probes = sparse.vstack([gaps, sparse.csr_matrix(forces), points], format="csr")
-        self.load_places, self.load_columns = _columns(sparse.csr_matrix(forces))
-        self.gap_places, self.gap_columns = _columns(gaps)
+        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, count)
+        self.probes = sparse.vstack([gaps, forces, points], format="csr")
+        self.gap_columns, self.load_columns = SparseColumns(gaps), SparseColumns(forces)
 
     @stage("Contact")
     def _respond(self) -> None:
@@ -218,7 +203,7 @@ class UnreducedSteps:
             self.summed(self.phi.T @ self.mass_v),
         )
         self.q0, self.p0 = self.q.copy(), self.p.copy()
-        self._members[-1] = -1
+        self.contact.forget()
 
     def displacements(self) -> np.ndarray:
         """Probes of the displacement."""
@@ -337,9 +322,9 @@ class UnreducedSteps:
         """
         form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
         if self.loads:
-            self.right.array[self.load_places] += self.load_columns @ drive
+            self.load_columns.add(self.right.array, drive)
         if self.carried.any():
-            self.right.array[self.gap_places] += self.gap_columns @ self.carried
+            self.gap_columns.add(self.right.array, self.carried)
         self._solve_for_increment()
         probes = self.summed(self.probes @ self.d.array_r)
         modal_force = (
@@ -355,12 +340,12 @@ class UnreducedSteps:
             else:
                 touched = acting.any()
             if touched:
-                force, gap = self._contact(gap) if acting is None else self._kept(gap, acting)
+                force, gap = self.contact.solve(gap) if acting is None else self.contact.kept(gap, acting)
                 self._push(self.share * force)
                 probes += self.probe_responses @ (self.share * force)
                 damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
             else:
-                self.active[:], self._members[-1] = False, 0
+                self.contact.open()
         return _Solved(probes, damped, undamped, force, gap)
 
     def _solve_for_increment(self) -> None:
@@ -373,7 +358,7 @@ class UnreducedSteps:
         """Let contact forces join `right`, and what they do `d`."""
         if not force.any():
             return
-        self.right.array[self.gap_places] += self.gap_columns @ force
+        self.gap_columns.add(self.right.array, force)
         if self.responses is None:
             self._solve_for_increment()
         else:
@@ -386,34 +371,11 @@ class UnreducedSteps:
             for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
         )
 
-    def _kept(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Contact forces that keep the gaps of some rows, and all gaps."""
-        force = np.zeros(self.pairs)
-        force[acting] = np.linalg.solve(self.flexibility[np.ix_(acting, acting)], -free[acting])
-        return force, self.flexibility @ force + free
-
-    def _contact(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Contact forces and gaps of a step."""
-        if self.scheme == "paper":
-            found = one_pass_tie(self.flexibility, free, self.laws)
-            return found.force, found.gap
-        force = np.zeros(self.pairs)
-        self.active |= self.laws.tied
-        exchanges = contact_forces(
-            self.flexibility, free, self.laws.tied, self.active, self._factor, self._members, force
-        )
-        if exchanges < 0:
-            found = solve_complementarity(self.flexibility, free, self.laws)
-            self.active, self._members[-1] = found.active.copy(), -1
-            return found.force, found.gap
-        gap = self.flexibility @ force + free
-        gap[self.active] = 0.0
-        return force, gap
-
     def first_slope(self, drive: np.ndarray) -> np.ndarray:
         """(points, 2): mean acceleration over the first step, m/s^2."""
         solved = self.solve_step(drive)
-        self.active[:], self._members[-1] = False, -1
+        self.contact.open()
+        self.contact.forget()
         change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
         return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
             -1, 2
@@ -430,26 +392,7 @@ class UnreducedSteps:
             responses[:, k] = self.d.array_r
         return np.concatenate([self.probe_responses, self.summed(self.probes @ responses)], axis=1)
 
-    def check_energy(self, energies: np.ndarray, time: float) -> None:
-        """Stop the paper's scheme where it has produced energy of its own."""
-        self.supplied = max(self.supplied, abs(self.work[0]))
-        if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
-            raise on_all_ranks(
-                SolveError(
-                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
-                    f"({sum(energies):.3g} J for {self.work[0]:.3g} J of work done): the multiplier carried "
-                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
-                )
-            )
-
     def release(self) -> None:
         """Free the PETSc objects."""
         free(self.model.comm, self.d, self.product, self.right)
         self.solve.release()
-
-
-def _columns(rows: sparse.csr_matrix) -> tuple[np.ndarray, sparse.csr_matrix]:
-    """Places of the unknowns that rows touch, and the transpose there."""
-    transposed = rows.T.tocsr()
-    places = np.flatnonzero(np.diff(transposed.indptr))
-    return places, transposed[places]

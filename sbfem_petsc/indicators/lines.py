@@ -183,7 +183,7 @@ class Subharmonics:
         )
 
 
-def subharmonics(time, values, frequency: float, divisor: int = 2, count: int = 3) -> Subharmonics:
+def subharmonics(time, values, frequency: float, divisor: int = 2, *, count: int = 3) -> Subharmonics:
     """Lines at k frequency / divisor up to harmonic `count` of the driving `frequency` (Hz)."""
     t, u, step = checked_record("subharmonics", time, values)
     divisor = integer("subharmonics", "divisor", divisor, least=2, most=len(t))
@@ -245,7 +245,7 @@ class Sidebands:
         return f"{text}; modulation index (A_L + A_R)/A_0 = {self.modulation_index:.4g}{held})"
 
 
-def sidebands(time, values, carrier: float, modulation: float, order: int = 1) -> Sidebands:
+def sidebands(time, values, carrier: float, modulation: float, *, order: int = 1) -> Sidebands:
     """Amplitudes at carrier -+ n modulation and the modulation index (A_L + A_R)/A_0.
 
     The mean, the modulation's own harmonics and two further pairs of sidebands are fitted beside them, so

@@ -67,7 +67,7 @@ class Spectrum:
 
 
 def spectrum(
-    time, values, window: str | tuple | None = None, detrend: str | None = None, frequencies=None
+    time, values, window: str | tuple | None = None, detrend: str | None = None, *, frequencies=None
 ) -> Spectrum:
     """Amplitude spectrum of a record.
 

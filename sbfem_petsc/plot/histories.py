@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -45,8 +45,8 @@ class Panel:
     curves: dict[str, tuple[np.ndarray, np.ndarray]]
     scale: float = 1.0
     window: tuple[float, float] | None = None
-    title: str = ""
-    zero: bool = True
+    title: str = field(default="", kw_only=True)
+    zero: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         check("Panel", quantity=self.quantity, window=self.window, title=self.title)
@@ -120,7 +120,7 @@ def plot_history(
         u, resultant = motion.displacement(point), motion.contact_resultant
         scale, unit = length_unit(float(np.abs(u).max()))
         curves = {f"$u_{axis}$": (motion.time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
-        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, window, title)]
+        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, window, title=title)]
         if motion.states.contact.shape[1]:
             scale, unit = force_unit(float(resultant.max(initial=0.0)))
             panels.append(Panel(f"contact resultant ({unit})", {"": (motion.time, resultant)}, scale, window))

@@ -29,7 +29,7 @@ import numpy as np
 from ..errors import SolveError
 from ..signals import Signal
 from ..writing import reason
-from .hdf5 import put, put_texts
+from .hdf5 import opened, put, put_texts
 from .sound import number, numbers, text, texts, whole
 
 WHAT, FORM, VERSION = "history file", "sbfem-petsc history", 2
@@ -204,7 +204,7 @@ def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray]:
 
 def mapped(path: str, names: Sequence[str], count: int) -> Rows:
     """The first `count` rows as memory-mapped arrays, read when they are used."""
-    with h5py.File(path, "r") as file:
+    with opened(path, WHAT, {FORM: VERSION}) as file:
         places = {
             name: (file[f"rows/{name}"].id.get_offset(), (count, *file[f"rows/{name}"].shape[1:]))
             for name in names
@@ -224,7 +224,7 @@ def verified(path: str, contents: Contents, head: Head) -> Rows:
         If a row is not what was recorded.
     """
     rows, first = mapped(path, tuple(contents.columns), head.rows), 0
-    with h5py.File(path, "r") as file:
+    with opened(path, WHAT, {FORM: VERSION}) as file:
         blocks = file["running/blocks"][: head.blocks]
     if not np.isfinite(blocks).all():
         raise ValueError(f"{WHAT} {path!r} is damaged: the table of its rows holds no numbers")
@@ -275,7 +275,7 @@ class OpenRows:
     def __init__(self, path: str, columns: Sequence[str]):
         self._path = path
         names = [*(f"rows/{name}" for name in columns), *SLOTS, "running/blocks", "running/recorded"]
-        with h5py.File(path, "r") as file:
+        with opened(path, WHAT, {FORM: VERSION}) as file:
             self._offsets = {name: file[name].id.get_offset() for name in names}
         self._handle = os.open(path, os.O_RDWR)
 

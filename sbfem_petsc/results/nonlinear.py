@@ -290,7 +290,7 @@ def _axis_in(group: h5py.Group) -> StartAxis:
         text(group, "kind"),
         whole(group, "mode", least=1, most=MOST),
         text(group, "point") or None,
-        text(group, "direction"),
+        direction=text(group, "direction"),
     )
 
 

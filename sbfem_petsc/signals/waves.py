@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -79,8 +79,8 @@ class Chirp(Signal):
     start: float
     stop: float
     duration: float
-    phase: float = 0.0
-    taper: float = 0.0
+    phase: float = field(default=0.0, kw_only=True)
+    taper: float = field(default=0.0, kw_only=True)
 
     _units = {"start": "Hz", "stop": "Hz", "duration": "s", "phase": "rad", "taper": "s"}
 

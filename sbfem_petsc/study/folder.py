@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
+import glob
 import os
 import shutil
 import time
@@ -48,6 +50,9 @@ class Folder:
             ) from None
         except OSError:
             pass  # a file system without locks
+        for left in glob.glob(os.path.join(glob.escape(path), ".*.part")):  # of a process that was killed
+            with contextlib.suppress(OSError):
+                os.remove(left)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         try:

@@ -7,7 +7,6 @@ import json
 import os
 from typing import Any
 
-import h5py
 import numpy as np
 
 import sbfem_petsc as sb
@@ -24,6 +23,9 @@ from .solve import Structure
 from .storage import write_json
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
 from .watch import Watch
+
+# Formats of results files, with the versions of this program.
+FORMS = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
 
 
 def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
@@ -49,8 +51,7 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
         raise ValueError(
             f"{name!r} is a case file; name the results that  sbfem run  or  sbfem sweep  made of it"
         )
-    forms = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}
-    with opened(name, "results file", forms) as file:
+    with opened(name, "results file", FORMS) as file:
         form = str(file.attrs["format"])
     return read_sweep(name) if form == sweep_file.FORMAT else read_run(name)
 
@@ -105,7 +106,7 @@ def _lines(tree: Tree, above: str = "") -> list[str]:
 
 def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
     """The case that results were made from; the files it names are put into `folder`."""
-    with h5py.File(path, "r") as file:
+    with opened(path, "results file", FORMS) as file:
         for entry in file["case/files"].values():
             name = os.path.basename(str(entry.attrs["name"]))
             if name in ("", ".", ".."):

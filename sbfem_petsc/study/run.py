@@ -16,7 +16,7 @@ import sbfem_petsc as sb
 from ..capacity import require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import collective
-from ..recording.hdf5 import opened
+from ..recording.hdf5 import new_hdf5, opened
 from . import pictures
 from .case import Case, read_case
 from .estimates import demand
@@ -25,7 +25,7 @@ from .objects import located
 from .problems import CaseError
 from .quantities import Quantity, Tree, plain
 from .solve import Structure
-from .storage import new_results, read_tree, write_json, write_tree
+from .storage import read_tree, write_json, write_tree
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
@@ -199,7 +199,7 @@ class _Run:
         with collective(self.comm):
             if self.folder is None:
                 return
-            with new_results(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
+            with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
                 file.attrs["kind"] = kind
                 write_tree(file, tree)
             if kind in ("periodic", "modulation") and result.reduced is not None:
@@ -253,7 +253,7 @@ class _Run:
                 }
             }
             place = os.path.join(self.path, RESULTS)
-            with new_results(place, "results file", FORMAT, FORMAT_VERSION) as file:
+            with new_hdf5(place, "results file", FORMAT, FORMAT_VERSION) as file:
                 write_case(file.create_group("case"), self.case)
                 file.attrs["run"] = json.dumps(summary["run"])
                 group = file.create_group("analyses", track_order=True)

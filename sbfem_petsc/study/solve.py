@@ -189,7 +189,11 @@ class Structure:
     def _basins(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         starts = [
             sb.StartAxis(
-                tuple(map(float, grid(axis.values))), axis.kind, axis.mode, axis.point, axis.direction
+                tuple(map(float, grid(axis.values))),
+                axis.kind,
+                axis.mode,
+                axis.point,
+                direction=axis.direction,
             )
             for axis in table.starts
         ]
@@ -325,7 +329,7 @@ def modulation(
     time = np.arange(len(values)) * (repeats * period / len(values))
     return {
         "sidebands": indicators.sidebands(
-            time, values, table.probe_frequency, table.pump_frequency, table.pairs
+            time, values, table.probe_frequency, table.pump_frequency, order=table.pairs
         ),
         "common_period": period,
     }

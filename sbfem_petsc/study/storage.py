@@ -2,60 +2,19 @@
 
 from __future__ import annotations
 
-import contextlib
-import glob
 import json
-import os
-from collections.abc import Iterator
 from typing import Any
 
 import h5py
 import numpy as np
 
-from ..recording.hdf5 import new_hdf5
-from ..writing import reason
+from ..writing import replaced
 from .quantities import Quantity, Tree
-
-
-@contextlib.contextmanager
-def replaced(path: str) -> Iterator[str]:
-    """A temporary name that becomes `path` when all went well; the file reaches the disk before.
-
-    The name is always the same, so that what a killed process has left is overwritten by the next.
-
-    Raises
-    ------
-    ValueError
-        If the system refuses, as on a full disk.
-    """
-    temporary = os.path.join(os.path.dirname(os.path.abspath(path)), f".{os.path.basename(path)}.part")
-    try:
-        yield temporary
-        with open(temporary, "rb") as file:
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError as error:
-        raise ValueError(f"file {path!r} cannot be written: {reason(error)}") from None
-    finally:
-        if os.path.exists(temporary):
-            os.remove(temporary)
-
-
-@contextlib.contextmanager
-def new_results(path: str, what: str, form: str, version: int) -> Iterator[h5py.File]:
-    """`recording.hdf5.new_hdf5` in a folder that no other run writes to: what a killed process has left of
-    the same file is removed.
-    """
-    folder, name = os.path.split(os.path.abspath(path))
-    for left in glob.glob(os.path.join(glob.escape(folder), f".{glob.escape(name)}.*.part")):
-        os.remove(left)
-    with new_hdf5(path, what, form, version) as file:
-        yield file
 
 
 def write_json(path: str, value: Any) -> None:
     """Write JSON, whole or not at all."""
-    with replaced(path) as temporary, open(temporary, "w", encoding="utf-8") as file:
+    with replaced(path, "file") as temporary, open(temporary, "w", encoding="utf-8") as file:
         json.dump(value, file, indent=1, allow_nan=False)
         file.write("\n")
 

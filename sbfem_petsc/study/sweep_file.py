@@ -13,13 +13,13 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from ..recording.hdf5 import opened
+from ..recording.hdf5 import new_hdf5, opened
+from ..writing import replaced
 from .case import Case, CaseTables
 from .locations import parse
 from .parameters import unit_of
 from .rows import Row
 from .run import write_case
-from .storage import new_results, replaced
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc sweep", 2
 FILE, TABLE = "sweep.h5", "sweep.csv"
@@ -123,7 +123,7 @@ def together(case: Case, inputs: Sequence[Mapping[str, Any]], found: Mapping[int
 
 def write(sweep: Sweep, case: Case, folder: str) -> None:
     """Write sweep.h5 and sweep.csv, each replaced as a whole."""
-    with new_results(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
+    with new_hdf5(os.path.join(folder, FILE), "sweep file", FORMAT, FORMAT_VERSION) as file:
         file.attrs.update({"version": sb.__version__, "rows": len(sweep)})
         write_case(file.create_group("case"), case)
         text = h5py.string_dtype()
@@ -139,8 +139,7 @@ def write(sweep: Sweep, case: Case, folder: str) -> None:
             data.attrs["unit"] = sweep.units.get(name, "1")
         file.create_dataset("reasons", data=np.array(sweep.reasons, dtype=object), dtype=text)
         file.create_dataset("seconds", data=sweep.seconds).attrs["unit"] = "s"
-    with replaced(os.path.join(folder, TABLE)) as temporary:
-        write_csv(sweep, temporary)
+    write_csv(sweep, os.path.join(folder, TABLE))
 
 
 def write_csv(sweep: Sweep, path: str) -> None:
@@ -164,7 +163,10 @@ def write_csv(sweep: Sweep, path: str) -> None:
             columns.append(array[:, k].tolist())
     heading += ["seconds", "reason"]
     columns += [sweep.seconds.tolist(), sweep.reasons]
-    with open(path, "w", newline="", encoding="utf-8") as file:
+    with (
+        replaced(path, "table") as temporary,
+        open(temporary, "w", newline="", encoding="utf-8") as file,
+    ):
         writer = csv.writer(file)
         writer.writerow(heading)
         writer.writerows(zip(*columns))

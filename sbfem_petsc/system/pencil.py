@@ -13,12 +13,12 @@ import numpy as np
 
 from ..capacity import give_back
 from ..parallel import alone
-from ..petsc import PETSc, check_ksp, configure, direct_solver, free, make_ksp, solving
+from ..petsc import PETSc, configure, direct_solver, free, make_ksp, solving
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
 from .assembly import ElementBlocks, assemble, from_rows
+from .linear_solver import LinearSolver
 from .rows import Rows
 from .shapes import Group
-from .static_solver import is_direct, solve_rows
 from .structure import Structure
 
 
@@ -277,12 +277,12 @@ class CondensedSolve:
             self.ksp = copy.copy(solver.ksp)  # the stiffness is factorised
         else:
             self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
+        self._solver = LinearSolver(self.ksp, self.matrix)
         # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
         # has
         self.refinement = pencil.model.refinement if shift == 0.0 else None
         self.diagonal = pencil.auxiliary_diagonal(shift)
         self.right, self.left = self.matrix.createVecs()
-        self.checked = False
         if shift != 0.0:
             self.auxiliary = pencil.coupling.createVecRight()
 
@@ -308,19 +308,7 @@ class CondensedSolve:
 
     def of_rows(self, rows: Rows, chosen: slice) -> np.ndarray:
         """(K - shift M)^-1 of the transposes of some rows, (local unknowns, k). Collective."""
-        if is_direct(self.ksp):
-            if not self.checked:
-                self.right.set(1.0)
-                self._solve()  # its reason tells a factorisation that failed
-                self.checked = True
-            upper = solve_rows(self.ksp, rows, chosen)
-        else:
-            given = rows.columns(chosen)
-            upper = np.empty(given.shape, order="F")
-            for k in range(given.shape[1]):
-                self.right.array = given[:, k]
-                self._solve()
-                upper[:, k] = self.left.array_r
+        upper = self._solver.of_rows(rows, chosen, self.what)
         found = np.zeros((len(upper) + len(self.diagonal), upper.shape[1]), order="F")
         found[: len(upper)] = upper
         if self.shift != 0.0:
@@ -331,8 +319,7 @@ class CondensedSolve:
         return found
 
     def _solve(self) -> None:
-        self.ksp.solve(self.right, self.left)
-        check_ksp(self.ksp, self.what)
+        self._solver.solve(self.right, self.left, self.what)
 
     def _again(self, residual: np.ndarray) -> np.ndarray:
         self.right.array = residual

@@ -6,10 +6,10 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import sparse
 
 from ..errors import SolverWarning
-from ..petsc import MPI, PETSc, block_solve, check_ksp, dense_columns, free, make_ksp, solver_name, stage
+from ..petsc import PETSc, free, make_ksp, solver_name, stage
+from .linear_solver import LinearSolver
 from .rows import Rows
 
 # Right-hand sides that are solved for at a time: as many as fit into so many bytes a rank, within limits;
@@ -48,9 +48,8 @@ class StaticSolver:
         # the stiffness never changes, though it becomes a block of bordered matrices
         self.ksp.getPC().setReusePreconditioner(True)
         self.name = solver_name(self.ksp)
-        # products of a factor with a block of columns read it once; only a direct solve has one
-        self.direct = is_direct(self.ksp)
-        self._checked, self._most = False, 0
+        self._unrefined = LinearSolver(self.ksp, self.matrix)
+        self.direct = self._unrefined.direct
 
     def judge(self, owner: str) -> None:
         """Warn if another solver suits the structure better.
@@ -67,10 +66,11 @@ class StaticSolver:
                     "a factorisation takes much memory, and gains little from many ranks; try "
                     "-static_ksp_type cg -static_pc_type gamg -static_pc_gamg_threshold 0.05"
                 )
-        elif self._most > _SUITED:
+        elif self._unrefined.most > _SUITED:
             told = (
-                f"{self._most} iterations a solve are many, as of slender structures and steeply graded "
-                "meshes; the direct solver, without -static_ksp_type and -static_pc_type, does not mind"
+                f"{self._unrefined.most} iterations a solve are many, as of slender structures and steeply "
+                "graded meshes; the direct solver, without -static_ksp_type and -static_pc_type, does not "
+                "mind"
             )
         elif unknowns < _SMALL:
             told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"
@@ -81,125 +81,40 @@ class StaticSolver:
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
         """solution = K^-1 right; `what` names the solve in its error."""
-        self._solve(right, solution, what)
+        self._unrefined.solve(right, solution, what)
         if not self.refinement.needed(right.norm(), solution.norm()):
             return
-        spare = solution.duplicate()
+        change, spare = right.duplicate(), solution.duplicate()
 
         def again(residual: np.ndarray) -> np.ndarray:
             change.array = residual
-            self._solve(change, spare, what)
+            self._unrefined.solve(change, spare, what)
             return spare.array_r.copy()
 
-        change = right.duplicate()
         try:
             solution.array = self.refinement.refine(right.array_r.copy(), solution.array_r.copy(), again)
         finally:
-            change.destroy()
-            spare.destroy()
-
-    def _solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:
-        self.ksp.solve(right, solution)
-        check_ksp(self.ksp, what)
-        self._most = max(self._most, self.ksp.getIterationNumber())
+            free(self._comm, change, spare)
 
     def columns(self, right: np.ndarray, what: str) -> np.ndarray:
         """K^-1 of (owned, k) columns, (owned, k)."""
-        if not self.direct or right.shape[1] < 2:
-            result = np.empty(right.shape, order="F")
-            source, target = self.matrix.createVecs()
-            try:
-                for k in range(right.shape[1]):
-                    source.array = right[:, k]
-                    self.solve(source, target, what)
-                    result[:, k] = target.array_r
-            finally:
-                free(self._comm, source, target)
-            return result
-        return self._refined(right, self._dense(right, what), what)
+        return self._refined(right, self._unrefined.columns(right, what), what)
 
-    def _dense(self, right: np.ndarray, what: str) -> np.ndarray:
-        self._check(what)
-        given = dense_columns(self.matrix, np.asfortranarray(right))
-        try:
-            return block_solve(self.ksp, given, np.empty(right.shape, order="F"))
-        finally:
-            free(self._comm, given)
+    def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
+        """K^-1 of the transposes of some rows, (owned, k)."""
+        return self._refined(rows.columns(chosen), self._unrefined.of_rows(rows, chosen, what), what)
 
     def _refined(self, right: np.ndarray, solution: np.ndarray, what: str) -> np.ndarray:
         sums = self._comm.allreduce(np.stack([(right**2).sum(axis=0), (solution**2).sum(axis=0)]))
         if not any(self.refinement.needed(*pair) for pair in np.sqrt(sums).T):
             return solution
-        return self.refinement.refine(right, solution, lambda residual: self._dense(residual, what))
-
-    def of_rows(self, rows: Rows, chosen: slice, what: str) -> np.ndarray:
-        """K^-1 of the transposes of some rows, (owned, k)."""
-        if not self.direct:
-            return self.columns(rows.columns(chosen), what)
-        self._check(what)
-        return self._refined(rows.columns(chosen), solve_rows(self.ksp, rows, chosen), what)
-
-    def _check(self, what: str) -> None:
-        """One solve through the KSP: it factorises, and its reason tells a factorisation that failed."""
-        if self._checked:
-            return
-        source, target = self.matrix.createVecs()
-        try:
-            source.set(1.0)
-            self.solve(source, target, what)
-        finally:
-            free(self._comm, source, target)
-        self._checked = True
+        return self.refinement.refine(
+            right, solution, lambda residual: self._unrefined.columns(residual, what)
+        )
 
     def destroy(self) -> None:
         """Free the factors."""
         self.ksp.destroy()
-
-
-def is_direct(ksp: PETSc.KSP) -> bool:
-    """Whether a solver is a factor and nothing else."""
-    return ksp.getType() == "preonly" and ksp.getPC().getType() in ("cholesky", "lu")
-
-
-def solve_rows(ksp: PETSc.KSP, rows: Rows, chosen: slice) -> np.ndarray:
-    """The factor of a direct solver that has solved before applied to the transposes of some rows, (owned,
-    k). Collective.
-
-    MUMPS passes over the zeros of right-hand sides that rank 0 has without them.
-    """
-    matrix = ksp.getOperators()[0]
-    local, size = matrix.getSizes()[0]
-    some = rows.matrix[chosen].tocsr()
-    result = np.empty((local, some.shape[0]), order="F")
-    if ksp.getPC().getFactorSolverType() != "mumps":
-        given = turned = dense_columns(matrix, rows.columns(chosen))
-    else:
-        whole, (count, width) = _on_first_rank(rows.comm, some, matrix.getOwnershipRange()[0], size)
-        given = PETSc.Mat().createAIJ(
-            ((count, None), (width, size)),
-            csr=(whole.indptr.astype(PETSc.IntType), whole.indices.astype(PETSc.IntType), whole.data),
-            comm=matrix.comm,
-        )
-        turned = PETSc.Mat().createTranspose(given)
-    try:
-        return block_solve(ksp, turned, result)
-    finally:
-        free(rows.comm, turned, *([given] if turned is not given else []))
-
-
-def _on_first_rank(
-    comm: MPI.Comm, some: sparse.csr_matrix, first: int, size: int
-) -> tuple[sparse.csr_matrix, tuple[int, int]]:
-    """Rows over all unknowns on rank 0, none elsewhere, and their shape here. Collective."""
-    if comm.size == 1:
-        return some, some.shape
-    entries = some.tocoo()
-    parts = comm.gather((entries.data, entries.row, entries.col + first))
-    if parts is None:
-        return sparse.csr_matrix((0, 0)), (0, 0)
-    values, numbers, unknowns = (np.concatenate(part) for part in zip(*parts))
-    shape = (some.shape[0], size)
-    return sparse.coo_matrix((values, (numbers, unknowns)), shape=shape).tocsr(), shape
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
@@ -133,6 +134,42 @@ def test_a_high_mode_with_damping():
     # the faces do not meet at these energies
     assert found.frequency == pytest.approx(reduced.frequencies[16], rel=1e-9)
     assert found.damping_ratio == pytest.approx(0.002, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_an_internal_resonance_is_followed():
+    """The frequency of mode 1 rises towards half of that of mode 2 and stays there: the motion passes its
+    energy on to mode 2. A motion of this part against an independent integration of the two masses, which
+    returns after the period of the branch.
+    """
+    matrix, stop = np.array([[1.3, -0.3], [-0.3, 5.5]]), 2.0
+    r = sb.reduce_matrices(
+        np.eye(2),
+        matrix,
+        np.array([[1.0, 0.0]]),
+        np.ones(1),
+        loads=np.zeros((2, 1)),
+        sensors={"1": 0, "2": 1},
+        compliance=np.array([1.0 / stop]),
+    )
+    found = sb.backbone(r, 1, 0.4, 8.0, largest_step=0.05, refine=False, steps=1024)
+    resonance = 0.5 * r.frequencies[1]
+    assert found.complete and r.frequencies[0] < 0.97 * resonance
+    assert np.abs(found.frequency[-10:] / resonance - 1.0).max() < 1e-3
+    share = found.amplitude("2") / found.amplitude("1")
+    assert share[0] < 0.1 and share[-1] > 1.0 and (np.diff(share[-10:]) > 0.0).all()
+    shapes, m = r.points.modes[:, 1], len(r.omega)
+    state = found.states[-1]
+    start = np.concatenate([shapes @ (state[:m] / r.omega), shapes @ state[m:]])
+
+    def rate(_, y):
+        force = -matrix @ y[:2]
+        force[0] += stop * max(0.0, -1.0 - y[0])
+        return np.concatenate([y[2:], force])
+
+    end = solve_ivp(rate, (0.0, 1.0 / found.frequency[-1]), start, rtol=1e-10, atol=1e-12, max_step=0.05)
+    # the branch is of second order in its 1024 steps, (2 pi / 1024)^2 / 12 = 3e-6; found: 1.5e-6
+    assert np.abs(end.y[:, -1] - start).max() < 1e-5 * np.abs(start).max()
 
 
 def two_masses(gap=1.0):

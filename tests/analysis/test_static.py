@@ -11,6 +11,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.errors import RoundOffWarning
+from sbfem_petsc.system import static_solver
 from tests.reference import paper_beam, statics
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
@@ -90,6 +91,25 @@ def test_one_pass_tie(case):
     assert (solution.contact_force < 0).any()
     assert solution.displacement("A")[1] == pytest.approx(tied["A"][1], rel=2e-4)
     assert solution.displacement("B")[0] == pytest.approx(tied["B"][0], rel=3e-4)
+
+
+def test_one_factorisation_for_all_loads(monkeypatch):
+    """Three loads: the stiffness is factorised once, and solved with once for each contact row."""
+    made, solved = [], []
+    factorise, of_rows = static_solver.make_ksp, static_solver.LinearSolver.of_rows
+
+    def counted(self, rows, chosen, what):
+        found = of_rows(self, rows, chosen, what)
+        solved.append(found.shape[1])
+        return found
+
+    monkeypatch.setattr(static_solver, "make_ksp", lambda *a, **k: made.append(1) or factorise(*a, **k))
+    monkeypatch.setattr(static_solver.LinearSolver, "of_rows", counted)
+    mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.02)]).mesh(order=2)
+    with sb.Model(mesh, sb.Material(70e9, 0.33, 2700)) as model:
+        for force in (1e3, 1e4, 3e4):
+            assert sb.static(model, sb.PointForce("A", fy=force)).contact_resultant > 0.0
+        assert made == [1] and sum(solved) == len(model.gap_operator)
 
 
 def test_complementarity_and_equilibrium(case):

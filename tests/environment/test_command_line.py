@@ -1,4 +1,8 @@
-"""Options of programs whose other options are PETSc's."""
+"""Options of programs whose other options are PETSc's, and their output through a pipe."""
+
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
@@ -45,3 +49,28 @@ def test_help_tells_every_default_once(parser):
     text = " ".join(parser.format_help().split())
     for told in ("(default 1 300)", "s (default 1e-6)", "(default: 80)", "(default 6)", "(default 5e-6)"):
         assert text.count(told) == 1
+
+
+PRINTS = """
+from sbfem_petsc.command_line import run
+import sbfem_petsc.petsc
+
+def main():
+    for number in range(100000):
+        print(number)
+
+run(main)
+"""
+
+
+@pytest.mark.slow
+def test_output_that_is_not_read_to_its_end():
+    """As by `| head`: the program ends without a word, in particular without PETSc's dump of a signal."""
+    root = Path(__file__).resolve().parents[2]
+    with subprocess.Popen(
+        [sys.executable, "-c", PRINTS], cwd=root, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    ) as program:
+        assert program.stdout.readline() == b"0\n"
+        program.stdout.close()
+        assert program.stderr.read() == b""
+        assert program.wait(60) == 0

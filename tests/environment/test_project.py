@@ -1,9 +1,13 @@
 """What the project says about itself: one version, the same requirements for pip and conda, an installed copy
-that is complete and typed.
+that is complete and typed, rooms that use only those before them, functions with few arguments by position.
 """
 
 from __future__ import annotations
 
+import ast
+import graphlib
+import importlib
+import inspect
 import re
 import shutil
 import subprocess
@@ -110,3 +114,74 @@ def test_examples_are_short():
     assert len(programs) >= 10 and len(cases) >= 4
     assert not [path.name for path in programs if len(path.read_text().splitlines()) > 60]
     assert all(read_case(path).tables.title for path in cases)
+
+
+def imported() -> dict[str, set[str]]:
+    """Modules of the packages that each of them uses, in functions too, but not for types alone."""
+    files = {
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*.py")
+    }
+
+    def used(name: str, node: ast.AST):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            return
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            ours = name.split(".") + ["__init__"] * (files[name].name == "__init__.py")
+            above = ".".join(ours[: -node.level]) if node.level else ""
+            base = ".".join(part for part in (above, node.module) if part)
+            yield from (whole if (whole := f"{base}.{alias.name}") in files else base for alias in node.names)
+        for child in ast.iter_child_nodes(node):
+            yield from used(name, child)
+
+    return {
+        name: {other for other in used(name, ast.parse(path.read_text())) if other in files} - {name}
+        for name, path in files.items()
+    }
+
+
+@pytest.mark.slow
+def test_no_circles():
+    """Neither of modules nor of rooms, which stand in the order that CONTRIBUTING.md gives."""
+    modules = imported()
+    assert sum(map(len, modules.values())) > 500
+    rooms: dict[str, set[str]] = {}
+    for name, others in modules.items():
+        room = tuple(name.split(".")[:2])
+        rooms.setdefault(room, set()).update({tuple(o.split(".")[:2]) for o in others} - {room})
+    for graph in (modules, rooms):
+        graphlib.TopologicalSorter(graph).prepare()  # CycleError names a circle
+    order = re.findall(r"`sbfem_petsc/(\w+)/`", (ROOT / "CONTRIBUTING.md").read_text().split("| room |")[1])
+    order = list(dict.fromkeys(order))[:11]
+    assert order[:3] == ["selement", "contact", "system"] and order[-1] == "cli"
+    upwards = [
+        (name, other)
+        for name, others in modules.items()
+        for other in others
+        if all(module.split(".")[1:2] and module.split(".")[1] in order for module in (name, other))
+        and order.index(other.split(".")[1]) > order.index(name.split(".")[1])
+    ]
+    assert not upwards
+
+
+@pytest.mark.slow
+def test_few_arguments_by_position():
+    """At most four of each public function and method; more would be read as a row of numbers."""
+    checked = 0
+    for module in ("sbfem_petsc", "sbfem_petsc.plot", "sbfem_petsc.indicators", "meshing"):
+        home = importlib.import_module(module)
+        for name in home.__all__:
+            item = getattr(home, name)
+            own = [item] if inspect.isfunction(item) else []
+            if inspect.isclass(item):
+                functions = inspect.getmembers(item, lambda f: inspect.isfunction(f) or inspect.ismethod(f))
+                own = [function for n, function in functions if not n.startswith("_")]
+            for function in own:
+                parameters = inspect.signature(function).parameters.values()
+                given = [p.name for p in parameters if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+                checked += 1
+                assert len([n for n in given if n != "self"]) <= 4, (name, function)
+    assert checked > 150

@@ -186,7 +186,7 @@ def test_orthotropic_with_isotropic_constants():
     for plane in ("stress", "strain"):
         isotropic = Material(3.0, 0.25, 1.0, plane)
         for angle in (0.0, 33.0):
-            same = OrthotropicMaterial(3.0, 3.0, 0.25, 3.0 / 2.5, 1.0, angle, plane)
+            same = OrthotropicMaterial(3.0, 3.0, 0.25, 3.0 / 2.5, 1.0, angle=angle, plane=plane)
             np.testing.assert_allclose(
                 same.elasticity * same.modulus,
                 isotropic.elasticity * isotropic.modulus,

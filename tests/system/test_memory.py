@@ -13,6 +13,8 @@ import sbfem_petsc as sb
 from mpi4py import MPI
 from petsc4py import PETSc
 from meshing import Beam, VNotch
+from sbfem_petsc.dynamics.unreduced_steps import UnreducedSteps
+from sbfem_petsc.errors import on_all_ranks
 
 push = sb.PointForce("A", fy=10.0)
 slow = sb.PointForce("A", fy=sb.Harmonic(10.0, 1.0))
@@ -80,6 +82,29 @@ for name, analysis in ANALYSES.items():
         analysis(model)
     del model
     waiting(name)
+def fails(*_):
+    raise on_all_ranks(sb.SolveError("as it must"))
+
+def start_fails(model):
+    sb.transient(model, push, 1e-4, 1e-5, reduction=None, start=(fails, None))
+
+def set_up_fails(model):
+    UnreducedSteps._respond, kept = fails, UnreducedSteps._respond
+    try:
+        sb.transient(model, push, 1e-4, 1e-5, reduction=None)
+    finally:
+        UnreducedSteps._respond = kept
+
+for failing in (start_fails, set_up_fails):
+    with new_model("unreduced transient") as model:
+        try:
+            failing(model)
+        except (sb.SolveError, ValueError) as error:
+            assert "as it must" in str(error)
+        else:
+            raise AssertionError(failing)
+    del model
+    waiting(failing.__name__)
 model = new_model("static")
 sb.static(model, push)
 del model

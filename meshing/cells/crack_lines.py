@@ -1,0 +1,226 @@
+"""Cracks as lines through a mesh of cells: named groups of edges put in order, existing faces recognised."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshing.cells.complex import CellComplex, TipCell, edge_key
+from meshing.cells.contact_faces import FRACTION_TOLERANCE
+from meshing.cells.face_matching import match_faces
+
+Edge = tuple[int, int]
+
+
+@dataclass
+class Line:
+    """An unbranched piece of a crack by the vertices of its faces; one list for both until they are split.
+
+    From a tip where there is one, between faces that are `joined`; faces of two bodies are not. `start` and
+    `end` are coordinates and edges' directions.
+    """
+
+    right: list[int]
+    left: list[int]
+    embedded: bool
+    start: TipCell | None = None
+    end: TipCell | None = None
+    mouths: tuple[bool, bool] = (False, False)
+    joined: bool = True
+
+
+@dataclass
+class CrackLines:
+    """A crack; `where` names it in messages, `length` is that of its lines before they are divided, m."""
+
+    name: str
+    where: str
+    lines: list[Line] = field(default_factory=list)
+    length: float = 0.0
+
+
+def crack_lines(
+    cells: CellComplex, groups: dict[str, list[Edge]], origin: str
+) -> tuple[list[CrackLines], set[int]]:
+    """The lines of each crack, from their tips where they have one, and the vertices of the outline; see
+    `crack_splitting.add_cracks`.
+    """
+    cracks = []
+    uses = cells.edge_uses()
+    outline = {vertex for edge, count in uses.items() if count == 1 for vertex in edge}
+    owner: dict[Edge, str] = {}
+    for name, parts in _named_parts(groups, {*cells.edge_sets, *cells.points}, origin).items():
+        crack = CrackLines(name, f"{origin}: crack {name!r}")
+        if "" in parts:
+            edges = list(dict.fromkeys(edge_key(edge) for edge in parts[""]))
+            for edge in edges:
+                if uses[edge] != 2:
+                    raise ValueError(
+                        f"{crack.where}: part of its line lies on the outline, a line inside the material "
+                        f"was expected; name existing faces crack:{name}:right and crack:{name}:left."
+                    )
+                if edge in owner:
+                    x, y = cells.vertices[edge[0]]
+                    raise ValueError(
+                        f"{crack.where}: it shares the line near ({x:.6g}, {y:.6g}) m with crack "
+                        f"{owner[edge]!r}; a piece of line belongs to one crack."
+                    )
+                owner[edge] = name
+            crack.lines = [Line(path, path, True) for path in _paths(parts[""])]
+        else:
+            crack.lines = [_recognise(cells, name, parts["right"], parts["left"], crack.where)]
+        cracks.append(crack)
+    degree: dict[int, int] = {}
+    for edge in owner:
+        for vertex in edge:
+            degree[vertex] = degree.get(vertex, 0) + 1
+    for crack in cracks:
+        for line in crack.lines:
+            _orient(line, degree, outline)
+    return cracks, outline
+
+
+def edges_of(path: Sequence[int]) -> list[Edge]:
+    return list(zip(path, path[1:]))
+
+
+def _named_parts(
+    groups: dict[str, list[Edge]], taken: set[str], origin: str
+) -> dict[str, dict[str, list[Edge]]]:
+    cracks: dict[str, dict[str, list[Edge]]] = {}
+    for group, edges in groups.items():
+        _, name, *sides = group.split(":")
+        side = sides[0] if sides else ""
+        if not name or side not in ("", "right", "left") or not edges:
+            raise ValueError(
+                f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, crack:NAME:right and "
+                "crack:NAME:left are known."
+            )
+        cracks.setdefault(name, {})[side] = edges
+    for name, parts in cracks.items():
+        for face in (f"{name}_right", f"{name}_left"):
+            if face in taken:
+                raise ValueError(
+                    f"{origin}: the name {face!r} is that of a face of crack {name!r} and is given to "
+                    "something else too; choose another."
+                )
+        if set(parts) not in ({""}, {"right", "left"}):
+            raise ValueError(
+                f"{origin}: crack {name!r} has the parts {sorted(parts)}; "
+                f"give either crack:{name} alone or both crack:{name}:right and crack:{name}:left."
+            )
+    return cracks
+
+
+def _paths(edges: list[Edge]) -> list[list[int]]:
+    """Unbranched chains that a set of edges falls into; the first edge's direction is kept where it can."""
+    at: dict[int, list[int]] = {}
+    for a, b in edges:
+        at.setdefault(a, []).append(b)
+        at.setdefault(b, []).append(a)
+    at = {vertex: list(dict.fromkeys(near)) for vertex, near in at.items()}
+    left_over = dict.fromkeys(edge_key(edge) for edge in edges)
+    paths = []
+    while left_over:
+        # From an end or a branching point if any is left, else around a loop.
+        first = next(
+            (e for a, b in left_over for e in ((a, b), (b, a)) if len(at[e[0]]) != 2), next(iter(left_over))
+        )
+        path = list(first)
+        del left_over[edge_key(first)]
+        while len(at[path[-1]]) == 2:
+            following = next((v for v in at[path[-1]] if edge_key((path[-1], v)) in left_over), None)
+            if following is None:
+                break
+            del left_over[edge_key((path[-1], following))]
+            path.append(following)
+        paths.append(path)
+    given = set(edges)
+    return [
+        path if sum(edge in given for edge in edges_of(path)) * 2 >= len(path) - 1 else path[::-1]
+        for path in paths
+    ]
+
+
+def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge], where: str) -> Line:
+    """Two existing faces: of a notch, whose tip is the end they share, or of two bodies that share none;
+    which is the right one of a notch follows from the cells.
+    """
+    paths = []
+    for side, edges in (("right", right), ("left", left)):
+        found = _paths(edges)
+        if len(found) != 1 or found[0][0] == found[0][-1]:
+            raise ValueError(
+                f"{where}, {side} face: its edges do not form one line without branches; give one connected "
+                "chain of curves."
+            )
+        paths.append(found[0])
+    shared = {paths[0][0], paths[0][-1]} & {paths[1][0], paths[1][-1]}
+    common = set(paths[0]) & set(paths[1])
+    if len(shared) > 1 or common != shared:
+        raise ValueError(
+            f"{where}: its two faces share {len(common)} nodes; those of a notch share one end (the tip), "
+            "those of two bodies none, not even where they touch."
+        )
+    if shared:
+        tip = shared.pop()
+        paths = [path if path[0] == tip else path[::-1] for path in paths]
+    directed = {edge for cell in cells.cells for edge in cell.edges()}
+    # Outwards along the left face the material is at the left.
+    outwards = [[edge in directed for edge in edges_of(path)] for path in paths]
+    inwards = [[edge[::-1] in directed for edge in edges_of(path)] for path in paths]
+    if any(o and i for out, back in zip(outwards, inwards) for o, i in zip(out, back)):
+        raise ValueError(
+            f"{where}: its faces have cells on both sides; name an embedded line crack:{name} to have it "
+            "split."
+        )
+    sides = [(all(out), all(back)) for out, back in zip(outwards, inwards)]
+    if not all(out != back for out, back in sides):
+        raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
+    if not common:
+        # along the left face the material is at the left, along the right one at the right
+        one, other = (path if side[k] else path[::-1] for path, side, k in zip(paths, sides, (1, 0)))
+        return Line(*match_faces(cells, one, other, where), False, joined=False)
+    if sides[0][0] == sides[1][0]:
+        raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
+    if sides[0][0]:
+        paths.reverse()
+    _check_match(cells, paths[0], paths[1], where)
+    return Line(paths[0], paths[1], False)
+
+
+def _check_match(cells: CellComplex, right: list[int], left: list[int], where: str) -> None:
+    """Two faces must have vertices at equal fractions of their lengths."""
+    if len(right) != len(left):
+        raise ValueError(
+            f"{where}: the faces do not match, {len(right) - 1} edges on the right face and {len(left) - 1} "
+            "on the left; divide both into edges of equal fractions of their lengths."
+        )
+    fractions = []
+    for path in (right, left):
+        along = np.cumsum([0.0, *(cells.edge_length(*edge) for edge in edges_of(path))])
+        fractions.append(along / along[-1])
+    worst = int(np.abs(fractions[0] - fractions[1]).argmax())
+    if abs(fractions[0][worst] - fractions[1][worst]) > FRACTION_TOLERANCE:
+        raise ValueError(
+            f"{where}: the faces do not match, node {worst} from the tip lies at {fractions[0][worst]:.6g} "
+            f"of the right face and at {fractions[1][worst]:.6g} of the left one; divide both into edges of "
+            "equal fractions of their lengths."
+        )
+
+
+def _orient(line: Line, degree: dict[int, int], outline: set[int]) -> None:
+    """Let a line run from its tip if it has one; mark tips and mouths."""
+    if not line.joined:
+        return
+    if not line.embedded:
+        line.start, line.mouths = TipCell((0.0, 0.0), (0.0, 0.0)), (False, True)
+        return
+    free = [degree[end] == 1 and end not in outline for end in (line.right[0], line.right[-1])]
+    if free == [False, True]:
+        line.right = line.left = line.right[::-1]
+        free.reverse()
+    line.start, line.end = (TipCell((0.0, 0.0), (0.0, 0.0)) if tip else None for tip in free)
+    line.mouths = (line.right[0] in outline, line.right[-1] in outline)
