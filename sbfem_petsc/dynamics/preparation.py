@@ -23,8 +23,8 @@ from .step_plan import COARSE, CONTACT_STEP
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
-# Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands of a
-# breathing crack are off by 6e-4, 1 %, 5 %.
+# Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands
+# of a breathing crack are off by 6e-4, 1 %, 5 %.
 FAST_STEPS = 32
 # Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
 DIRECTIONS = 6
