@@ -77,7 +77,9 @@ def initialise(words: list[str], **options: Any) -> None:
     import petsc4py
 
     former = signal.getsignal(signal.SIGPIPE)
-    petsc4py.init(words, **options)
+    # the first word is the program's name; that of `python -c` would pass for an option
+    named = [sys.executable, *words[1:]] if words[:1] == ["-c"] else words
+    petsc4py.init(named, **options)
     with contextlib.suppress(ValueError):  # of a thread other than the main one
         signal.signal(signal.SIGPIPE, former)
 
@@ -121,7 +123,8 @@ def _complete(words: list[str]) -> None:
     from petsc4py import PETSc
 
     options = PETSc.Options()
+    known = options.getAll()  # to ask for one by its name would count as its use
     for place, word in enumerate(words):
-        if is_option(word) and not options.hasName(word[1:]):
+        if is_option(word) and word[1:] not in known:
             value = words[place + 1] if place + 1 < len(words) and not is_option(words[place + 1]) else None
             options.setValue(word[1:], value)
