@@ -18,8 +18,24 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+# Singular values of the gaps below this share of the largest are those of rounding.
+ROUND_OFF = 1e-12
 # Directions of contact that change the position by less than this share in a step are left out.
 LEAST = 1e-14
+
+
+def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """U (pairs, r) and V (m, r) with rows = U V^T to round-off; V's columns are orthonormal.
+
+    Rows of zeros stay so: those of pairs that supports hold, which have no flexibility to meet a gap of
+    rounding with.
+    """
+    if rows.size == 0:
+        return np.zeros((rows.shape[0], 0)), np.zeros((rows.shape[1], 0))
+    left, values, right = linalg.svd(rows, full_matrices=False)
+    rank = int((values > ROUND_OFF * values[:1]).sum())
+    left[~rows.any(axis=1)] = 0.0
+    return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
 
 
 class ClosedSet:

@@ -12,7 +12,6 @@ them would take seconds to compile.
 from __future__ import annotations
 
 import numpy as np
-from scipy import linalg
 
 from .compiled import compiled, compiled_sums
 
@@ -21,8 +20,6 @@ from .compiled import compiled, compiled_sums
 PATIENCE = 5
 # Numbers that a loop takes at a time at most: four vector registers of four.
 WHOLE = 16
-# Singular values of C below this share of the largest are those of rounding.
-ROUND_OFF = 1e-12
 
 
 @compiled_sums
@@ -158,20 +155,6 @@ def contact_forces(flexibility, gap, tied, active, factor, members, force):
     return -1
 
 
-def thin_factors(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """U (pairs, r) and V (m, r) with rows = U V^T to round-off; V's columns are orthonormal.
-
-    Rows of zeros stay so: those of pairs that supports hold, which have no flexibility to meet a gap of
-    rounding with.
-    """
-    if rows.size == 0:
-        return np.zeros((rows.shape[0], 0)), np.zeros((rows.shape[1], 0))
-    left, values, right = linalg.svd(rows, full_matrices=False)
-    rank = int((values > ROUND_OFF * values[:1]).sum())
-    left[~rows.any(axis=1)] = 0.0
-    return np.ascontiguousarray(left[:, :rank] * values[:rank]), np.ascontiguousarray(right[:rank].T)
-
-
 def march(
     coefficients: np.ndarray,
     factors: tuple[np.ndarray, np.ndarray],
@@ -190,7 +173,7 @@ def march(
     coefficients : (10, m) array
         aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode.
     factors : ((pairs, r), (m, r)) arrays
-        C = U V^T, gaps of the modes, see `thin_factors`.
+        C = U V^T, gaps of the modes, see `closed_sets.thin_factors`.
     flexibility : (pairs, pairs) array
         W.
     tied : (pairs,) bool array

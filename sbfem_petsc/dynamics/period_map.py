@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts
-from ..contact.marching import contact_forces, march, thin_factors
+from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
+from ..contact.marching import contact_forces, march
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel

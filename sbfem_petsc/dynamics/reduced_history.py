@@ -6,8 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..contact.closed_sets import thin_factors
 from ..contact.complementarity import solve_complementarity
-from ..contact.marching import march, thin_factors
+from ..contact.marching import march
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel

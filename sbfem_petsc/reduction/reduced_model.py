@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..contact.closed_sets import ClosedSets
+from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.law import RowLaws
-from ..contact.marching import thin_factors
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI, free

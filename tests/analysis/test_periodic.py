@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.contact.marching import thin_factors
+from sbfem_petsc.contact.closed_sets import thin_factors
 from sbfem_petsc.dynamics import period_map
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
 from sbfem_petsc.reduction.matrices import reduce_matrices
