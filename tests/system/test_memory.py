@@ -154,7 +154,7 @@ def test_memory_is_flat_over_500_calls(name):
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("name", ["band", "unreduced transient"])
 def test_memory_is_flat_on_other_paths(name):
-    # the pools of many small arrays fill for some fifty calls: 10 kB a call from the 20th on, 3 from the 100th
+    # pools of small arrays fill for some fifty calls: 10 kB a call from the 20th on, 3 from the 100th
     assert growth(name, 1, 60, 80) < LIMIT
 
 
