@@ -16,6 +16,9 @@ import numpy as np
 
 from .checks import path as checked_path
 
+# Names under which `replaced` makes files.
+_UNFINISHED = re.compile(r"\..+\.\d+\.part")
+
 
 def destination(path: Any, what: str) -> str:
     """The absolute path of a file that is to be written; a symbolic link's goal.
@@ -70,6 +73,14 @@ def replaced(path: Any, what: str) -> Iterator[str]:
     finally:
         with contextlib.suppress(OSError):
             os.remove(temporary)
+
+
+def remove_leftovers(folder: str) -> None:
+    """Remove what killed processes have left of the files that `replaced` was making in a folder."""
+    for name in os.listdir(folder):
+        if _UNFINISHED.fullmatch(name):
+            with contextlib.suppress(OSError):
+                os.remove(os.path.join(folder, name))
 
 
 @contextlib.contextmanager

@@ -83,6 +83,7 @@ def crack_lines(
 
 
 def edges_of(path: Sequence[int]) -> list[Edge]:
+    """The edges from node to node of a path."""
     return list(zip(path, path[1:]))
 
 

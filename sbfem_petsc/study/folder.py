@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
-import glob
 import os
 import shutil
 import time
@@ -12,6 +10,7 @@ from typing import Any, TextIO
 
 import sbfem_petsc as sb
 
+from ..writing import remove_leftovers
 from .case import Case
 from .storage import read_json, write_json
 
@@ -49,10 +48,9 @@ class Folder:
                 f"another process is at work in {path!r}; wait for it, or name another folder with --output"
             ) from None
         except OSError:
-            pass  # a file system without locks
-        for left in glob.glob(os.path.join(glob.escape(path), ".*.part")):  # of a process that was killed
-            with contextlib.suppress(OSError):
-                os.remove(left)
+            pass  # a file system without locks: others may be at work here
+        else:
+            remove_leftovers(path)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         try:

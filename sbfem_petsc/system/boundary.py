@@ -188,9 +188,8 @@ def _held_work(model) -> np.ndarray:
     result = np.zeros((2, 2))
     for group in model.moving_groups:
         modulus, mass = model.scales(group)
-        forces = group.solution.coupling.T @ np.tile(
-            np.eye(2), (len(group.shape), 1)
-        )  # in the reference frame
+        # in the reference frame
+        forces = group.solution.coupling.T @ np.tile(np.eye(2), (len(group.shape), 1))
         turned = forces @ group.rotations
         result += np.einsum("k,kai,kaj->ij", mass**2 / modulus, turned, turned)
     return result

@@ -167,7 +167,11 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     state = json.loads((out / "run.json").read_text())
     assert "frequencies" in state["done"]
     stamp = os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns
+    left, foreign = out / ".results.h5.12345.part", out / ".mine.part"  # one of a killed run, one of the user
+    left.touch()
+    foreign.touch()
     assert sbfem("run", path, "--output", out, "--quiet").code == 0
+    assert foreign.exists() and not left.exists()
     assert os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns == stamp
     found = json.loads((out / "summary.json").read_text())
     np.testing.assert_allclose(
