@@ -17,6 +17,7 @@ from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import period_memory
+from ..dynamics.stability import eigenvalues
 from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
@@ -365,7 +366,7 @@ def _row(system: FreeSystem, point: FreeMotion, stability: bool, damped: bool):
     spectrum = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
     values = np.zeros(0, dtype=complex)
     if stability:
-        values = np.linalg.eigvals(point.driven.monodromy(point.motion)).astype(complex)
+        values = eigenvalues(point.driven.monodromy(point.motion))
         values = values[np.argsort(np.abs(values - 1.0))][1 if damped else 2 :]
         # what the self-excitation gives to every disturbance alike is none of its growth
         values = values * math.exp(-0.5 * point.excitation * point.driven.duration) if damped else values

@@ -134,8 +134,7 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         try:
             fixed = shoot_along(
                 period,
-                bifurcation.state + share * norm * direction,
-                bifurcation.value,
+                (bifurcation.state + share * norm * direction, bifurcation.value),
                 lambda value: period.at(*conditions(value)),
                 branch.parameter,
                 condition,

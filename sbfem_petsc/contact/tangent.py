@@ -45,10 +45,8 @@ class Propagation:
         What a contact force adds to q and q' in a step.
     reach : int
         Most steps over which the free motion is inverted, at their cost in digits; 0: none.
-    rows : (reach + 2, 2, m) array
+    rows : (2, reach + 2, m) array
         a_n, b_n.
-    pushes : (reach + 2, 2, m) array
-        The inverses of D^n applied to `push`.
     """
 
     def __init__(
@@ -58,29 +56,26 @@ class Propagation:
         self.step, self.push = np.array([[aqq, aqv], [avq, avv]]), np.array([cq, cv])
         self._squared, self._friction = omega**2, 2.0 * damping * omega
         length = min(steps, FRAME) + 1
-        rows = np.empty((length + 1, 2, len(omega)))
-        rows[0, 0], rows[0, 1] = 1.0, 0.0
-        done, jump = 1, self.step
+        rows = np.empty((2, length + 1, len(omega)))
+        rows[0, 0], rows[1, 0] = 1.0, 0.0
+        done, jump, work = 1, self.step, np.empty((length + 1, len(omega)))
         while done <= length:
             more = min(done, length + 1 - done)
-            a, b = rows[:more, 0], rows[:more, 1]
-            np.multiply(a, jump[0, 0], out=rows[done : done + more, 0])
-            rows[done : done + more, 0] += b * jump[1, 0]
-            np.multiply(a, jump[0, 1], out=rows[done : done + more, 1])
-            rows[done : done + more, 1] += b * jump[1, 1]
+            for k in (0, 1):
+                part = rows[k, done : done + more]
+                np.multiply(rows[0, :more], jump[0, k], out=part)
+                part += np.multiply(rows[1, :more], jump[1, k], out=work[:more])
             done, jump = done + more, _product(jump, jump)
         growth = self._friction * step
         self.reach = self._reach(rows, growth, np.where(omega > 0.0, omega, omega.max(initial=1.0)))
-        self.rows = rows[: self.reach + 2 if self.reach else 1]
-        self._inverse_determinant = np.exp(np.arange(len(self.rows))[:, None] * growth)
-        self.pushes = np.empty_like(self.rows)
-        self._invert(np.arange(len(self.rows)), cq, cv, self.pushes)
+        self.rows = rows[:, : self.reach + 2 if self.reach else 1]
+        self._inverse_determinant = _powers(np.exp(growth), self.rows.shape[1])
 
     def _reach(self, rows: np.ndarray, growth: np.ndarray, weights: np.ndarray) -> int:
         """Looked for at every power up to 8 and at every eighth one: WORST leaves room for those between."""
-        length = len(rows) - 1
+        length = rows.shape[1] - 1
         tried = np.unique(np.append(np.arange(8, length, 8), [*range(2, min(8, length)), length]))
-        a, b = rows[tried, 0], rows[tried, 1]
+        a, b = rows[:, tried]
         c, d = self._squared * b / weights, a - self._friction * b
         decades = tried[:, None] * growth / np.log(10.0)
         size = a**2 + d**2 + (b * weights) ** 2 + c**2
@@ -92,31 +87,45 @@ class Propagation:
         worse = int(np.argmin(fit))
         return int(tried[worse - 1]) - 1 if worse else 0
 
-    def _invert(self, powers: np.ndarray, q: np.ndarray, v: np.ndarray, out: np.ndarray) -> None:
-        """D^-n of (q, v) for each of the powers n, into (n, 2, m)."""
-        whole = len(powers) == len(self.rows)
-        a, b = (
-            self.rows[:, 0] if whole else self.rows[powers, 0],
-            (self.rows[:, 1] if whole else self.rows[powers, 1]),
-        )
-        np.subtract((a - self._friction * b) * q, b * v, out=out[:, 0])
-        np.add(self._squared * b * q, a * v, out=out[:, 1])
-        out *= (self._inverse_determinant if whole else self._inverse_determinant[powers])[:, None]
+    def _invert(self, powers: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
+        """D^-n of (q, v), (n, m) or (m,) each, for each of the powers n, (n, 2, m)."""
+        a, b = self.rows[:, powers]
+        result = np.empty((len(powers), 2, a.shape[1]))
+        np.subtract((a - self._friction * b) * q, b * v, out=result[:, 0])
+        np.add(self._squared * b * q, a * v, out=result[:, 1])
+        result *= self._inverse_determinant[powers][:, None]
+        return result
+
+    def effects(self, instants: np.ndarray, late: np.ndarray, last: int) -> np.ndarray:
+        """What contact forces at instants, so many steps late in their frames, add to the states at the
+        beginning of these, (k, 2, m).
+
+        A force acts at the end of one step and at the start of the next; at the first and at the last instant
+        in one step alone.
+        """
+        if not self.reach:
+            both = np.einsum("ijm,jm->im", self.step, self.push) + self.push
+            once = (instants == 0) | (instants == last)
+            return np.where(once[:, None, None], self.push, both)
+        (before,) = self._invert(np.array([1]), *self.push)
+        result = self._invert(late, *(self.push + before))
+        for chosen, push in ((instants == 0, before), (instants == last, self.push)):
+            result[chosen] = self._invert(late[chosen], *push)
+        return result
 
     def inverted(self, powers: np.ndarray, states: np.ndarray) -> np.ndarray:
         """D^-n of (k, 2 m, e) states, each with its own n."""
         result = np.empty_like(states)
         m = states.shape[1] // 2
         for column in range(states.shape[2]):
-            found = np.empty((len(states), 2, m))
-            self._invert(powers, states[:, :m, column], states[:, m:, column], found)
+            found = self._invert(powers, states[:, :m, column], states[:, m:, column])
             result[:, :, column] = found.reshape(len(states), 2 * m)
         return result
 
     def power(self, steps: int) -> np.ndarray:
         """D^steps, (2, 2, m)."""
-        if steps < len(self.rows):
-            a, b = self.rows[steps]
+        if steps < self.rows.shape[1]:
+            a, b = self.rows[:, steps]
             return np.array([[a, b], [-self._squared * b, a - self._friction * b]])
         return np.moveaxis(np.linalg.matrix_power(np.moveaxis(self.step, 2, 0), steps), 0, 2)
 
@@ -141,25 +150,15 @@ class Derivative:
         self._frame = np.repeat(np.arange(len(self._first)), np.diff(self._first, append=len(instants)))
         # steps from the frame's beginning
         self._late = instants - self._begin[self._frame]
-        pushes = propagation.pushes
-        # a force acts at the end of one step and at the start of the next; at the first and the last instant
-        # in one step alone
-        if propagation.reach:
-            effect = (pushes[:-1] + pushes[1:])[np.minimum(self._late, propagation.reach)]
-            effect[instants == 0] = pushes[1]
-            at_end = instants == steps
-            effect[at_end] = pushes[self._late[at_end]]
-        else:
-            both = np.einsum("ijm,jm->im", propagation.step, propagation.push) + propagation.push
-            effect = np.where(((instants == 0) | (instants == steps))[:, None, None], propagation.push, both)
         owner = np.repeat(np.arange(len(instants)), counts)
         modes = contacts.factors.shape[1]
-        self._rows = np.empty((len(owner), 2, modes))
-        np.multiply(contacts.factors[:, None], propagation.rows[self._late][owner], out=self._rows)
-        self._effects = np.empty_like(self._rows)
-        np.multiply(contacts.factors[:, None], effect[owner], out=self._effects)
-        self._rows = self._rows.reshape(len(owner), 2 * modes)
-        self._effects = self._effects.reshape(len(owner), 2 * modes)
+        rows = np.empty((len(owner), 2, modes))
+        for k in (0, 1):
+            np.multiply(contacts.factors, propagation.rows[k, self._late][owner], out=rows[:, k])
+        effects = propagation.effects(instants, self._late, steps)[owner]
+        effects *= contacts.factors[:, None]
+        self._rows = rows.reshape(len(owner), 2 * modes)
+        self._effects = effects.reshape(len(owner), 2 * modes)
         self._owner = owner
         self._blocks = [self._blocks_of(frame) for frame in range(len(self._first))]
 
@@ -281,6 +280,17 @@ class Derivative:
 def _sums(values: np.ndarray) -> np.ndarray:
     """(n + 1, ...): of the first rows."""
     return np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
+
+
+def _powers(base: np.ndarray, count: int) -> np.ndarray:
+    """(count, m): powers 0, 1, .. of each number."""
+    result = np.ones((count, len(base)))
+    done = 1
+    while done < count:
+        more = min(done, count - done)
+        np.multiply(result[:more], result[done - 1] * base, out=result[done : done + more])
+        done += more
+    return result
 
 
 def _product(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -105,8 +105,7 @@ def between(
     start, begin = _interpolated({0.0: one, 1.0: other, **(known or {})}, fraction)
     fixed = shoot_along(
         continuation.period,
-        start,
-        begin,
+        (start, begin),
         continuation.driven,
         name,
         lambda state, change: condition(state, change + begin - value),

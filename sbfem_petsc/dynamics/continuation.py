@@ -7,6 +7,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from scipy import linalg
 
 from ..errors import SolveError
 from .branch_range import ContinuationSettings, ParameterRange
@@ -54,10 +55,7 @@ class ContinuationPoint:
         """dx(T) along x(0), with switches located inside their steps, and the named parameter,
         (2 m, 2 m + 1).
         """
-        if not hasattr(self, "_rate"):
-            driven, motion = self.fixed.driven, self.fixed.motion
-            self._rate = driven.carried(motion, np.zeros((len(self.fixed.state), 0)), (name,))
-        return np.concatenate([self.fixed.monodromy, self._rate], axis=1)
+        return self.fixed.derivative(name)
 
 
 class Continuation:
@@ -160,8 +158,13 @@ class Continuation:
         bordered[:m2, m2] = derivative[:, m2] * unit
         # the last row is made as large as the others
         bordered[m2] = near * np.abs(bordered[:m2]).max()
-        tangent = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
-        sign = np.linalg.slogdet(bordered)[0]
+        factors, exchanged, singular = linalg.lapack.dgetrf(bordered)
+        if singular:
+            raise np.linalg.LinAlgError("the branch has no single direction")
+        tangent, _ = linalg.lapack.dgetrs(factors, exchanged, np.eye(m2 + 1)[m2])
+        # of the determinant: each exchange of rows turns it
+        turned = (exchanged != np.arange(m2 + 1)).sum() + (np.diagonal(factors) < 0.0).sum()
+        sign = -1.0 if turned % 2 else 1.0
         if self.sign is None:
             self.sign = sign
         return (1.0 if sign == self.sign else -1.0) * tangent / np.linalg.norm(tangent)
@@ -230,6 +233,17 @@ class Continuation:
             return np.zeros(len(heading))
         return (length / reach) ** 2 * (back + reach * heading)
 
+    def _ahead(self, length: float) -> np.ndarray:
+        """Derivative of x(T) that is expected after a step, by those of the last two points."""
+        last = self.points[-1].derivative(self.parameter.name)
+        if len(self.points) < 2:
+            return last
+        size, unit = self.metric()
+        one, other = self.points[-2:]
+        way = np.append((other.fixed.state - one.fixed.state) / size, (other.value - one.value) / unit)
+        share = min(1.0, length / max(float(np.linalg.norm(way)), 1e-300))
+        return last + share * (last - one.derivative(self.parameter.name))
+
     def _around(self, heading: np.ndarray, length: float) -> ContinuationPoint | None:
         """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
         the derivative on the corner's far side.
@@ -283,12 +297,11 @@ class Continuation:
         try:
             fixed = shoot_along(
                 self.period,
-                start,
-                begin,
+                (start, begin),
                 self.driven,
                 self.parameter.name,
                 lambda state, change: condition(state, change + begin - value),
-                last.derivative(self.parameter.name),
+                self._ahead(length),
             )
         except (SolveError, ValueError):
             return None

@@ -8,6 +8,10 @@ import numpy as np
 
 from .period_map import DrivenPeriod, PeriodMotion
 
+# Difference of a parameter by which a motion's rate with it is found, relative to the parameter, and the
+# least factor on the loads that it is relative to.
+AHEAD, LEAST = 1e-7, 1e-3
+
 
 class FixedPoint:
     """A fixed point of a period.
@@ -40,6 +44,7 @@ class FixedPoint:
         self._driven: DrivenPeriod | None = driven
         self._motion: PeriodMotion | None = motion
         self._conditions = driven.period, driven.frequency, driven.factor
+        self._rates: dict[str, np.ndarray] = {}
 
     @property
     def driven(self) -> DrivenPeriod:
@@ -58,6 +63,20 @@ class FixedPoint:
     def monodromy(self) -> np.ndarray:
         """(2 m, 2 m): dx(T) / dx(0), with switches located inside their steps."""
         return self.driven.monodromy(self.motion)
+
+    def derivative(self, name: str) -> np.ndarray:
+        """(2 m, 2 m + 1): dx(T) along x(0), the monodromy, and along "frequency" or "load".
+
+        The last column, which points the way along a branch, is a difference of two periods: a third of the
+        work of its exact derivative.
+        """
+        if name not in self._rates:
+            period, frequency, factor = self._conditions
+            step = AHEAD * (frequency if name == "frequency" else max(abs(factor), LEAST))
+            ahead = (frequency + step, factor) if name == "frequency" else (frequency, factor + step)
+            change = period.at(*ahead).run(self.state).residual - self.motion.residual
+            self._rates[name] = change[:, None] / step
+        return np.concatenate([self.monodromy, self._rates[name]], axis=1)
 
     def forget(self) -> None:
         """Let go of what takes memory; it is computed again where it is asked for."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, configure
@@ -40,6 +41,7 @@ class Newton:
         self.derivative: np.ndarray | None = None
         self.derivatives = 0
         self.last: tuple[np.ndarray, np.ndarray] | None = None
+        self.inverse = _Updated()
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
@@ -70,7 +72,11 @@ class Newton:
             matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
             matrix.setUp()
             ksp.setType(PETSc.KSP.Type.PREONLY)
-            ksp.getPC().setType(PETSc.PC.Type.LU)
+            if self.jacobian == "updated":
+                ksp.getPC().setType(PETSc.PC.Type.PYTHON)
+                ksp.getPC().setPythonContext(self.inverse)
+            else:
+                ksp.getPC().setType(PETSc.PC.Type.LU)
         snes.setJacobian(self._jacobian, matrix)
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
@@ -84,12 +90,13 @@ class Newton:
         try:
             try:
                 snes.solve(None, x)
-            except PETSc.Error as error:
+            except (PETSc.Error, np.linalg.LinAlgError) as error:
+                why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
                 raise on_all_ranks(
                     SolveError(
-                        "periodic: the linear system of Newton's method cannot be solved (PETSc's error "
-                        f"{error.ierr}): an undamped resonance, or a motion as a rigid body, leaves the "
-                        "periodic motion undetermined"
+                        f"periodic: the linear system of Newton's method cannot be solved ({why}): an "
+                        "undamped resonance, or a motion as a rigid body, leaves the periodic motion "
+                        "undetermined"
                     )
                 ) from None
             self._check(snes, size_of_state)
@@ -160,12 +167,16 @@ class Newton:
         residual = self._residual(x)
         if self.last is None:
             self._by_derivative(x, array, self.near)
+            self.inverse.begin(array)
         else:
             step, change = x - self.last[0], residual - self.last[1]
             if np.linalg.norm(residual) <= GAIN * np.linalg.norm(self.last[1]):
-                array += np.outer((change - array @ step) / (step @ step), step)
+                added = (change - array @ step) / (step @ step)
+                array += np.outer(added, step)
+                self.inverse.add(added, step)
             else:
                 self._by_derivative(x, array)
+                self.inverse.begin(array)
         self.last = x, residual
 
     def _check(self, snes, size: float) -> None:
@@ -193,6 +204,47 @@ def snes_reason(reason: int) -> str:
         ),
         str(reason),
     )
+
+
+class _Updated:
+    """Inverse of a matrix that dyads have been added to, by Sherman and Morrison's formula."""
+
+    known = False
+
+    def begin(self, matrix: np.ndarray) -> None:
+        """Factorise a matrix.
+
+        Raises
+        ------
+        LinAlgError
+            If it is singular.
+        """
+        self._lu, self._exchanged, singular = linalg.lapack.dgetrf(matrix)
+        if singular:
+            raise np.linalg.LinAlgError(f"pivot {singular} of {len(matrix)} is zero")
+        self._dyads: list[tuple[np.ndarray, np.ndarray]] = []
+        self.known = True
+
+    def add(self, left: np.ndarray, right: np.ndarray) -> None:
+        """Add left right^T."""
+        solved = self.solve(left)
+        self._dyads.append((solved / (1.0 + right @ solved), right))
+        self.known = True
+
+    def solve(self, vector: np.ndarray) -> np.ndarray:
+        """The inverse times a vector."""
+        result, _ = linalg.lapack.dgetrs(self._lu, self._exchanged, vector)
+        for solved, right in self._dyads:
+            result -= solved * (right @ result)
+        return result
+
+    def setUp(self, pc) -> None:
+        if not self.known:  # a matrix of PETSc's own, such as that of -shooting_snes_fd
+            self.begin(pc.getOperators()[1].getDenseArray())
+        self.known = False
+
+    def apply(self, pc, x, y) -> None:
+        y.array[:] = self.solve(x.array_r)
 
 
 class _Products:

@@ -90,13 +90,13 @@ class Period:
 
     def _load(self, excitation: Excitation) -> None:
         self.excitation, self.phases = excitation, excitation.phases(self.steps)
-        self._cosines, self._sines = self.phases.real.copy(), self.phases.imag.copy()
+        self._waves = np.concatenate([self.phases.real, -self.phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
         self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
         """(n + 1, ...) real values of complex amplitudes (k, ...)."""
-        return self._cosines @ amplitudes.real - self._sines @ amplitudes.imag
+        return self._waves @ np.concatenate([amplitudes.real, amplitudes.imag])
 
     def loaded(self, factor: float) -> tuple[np.ndarray, np.ndarray]:
         """Load amplitudes over time, with a factor on those that oscillate, and the gaps under them of which
@@ -233,7 +233,7 @@ class DrivenPeriod:
         "frequency" or "load", at fixed x(0).
 
         Exact for the steps as they are; `located` moves closing and opening pairs to where they do so inside
-        a step (see `located_operators`); without parameters.
+        a step (see `closed_sets.located_contacts`); without parameters.
         """
         p, m = self.period, self.period.modes
         gap_rates = np.zeros((p.steps + 1, p.pairs, len(parameters)))

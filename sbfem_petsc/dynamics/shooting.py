@@ -98,8 +98,7 @@ def _from_fewer_steps(
 
 def shoot_along(
     period: Period,
-    state: np.ndarray,
-    value: float,
+    guess: tuple[np.ndarray, float],
     driven,
     name: str,
     condition,
@@ -110,10 +109,8 @@ def shoot_along(
     Parameters
     ----------
     period : Period
-    state : (2 m,) array
-        First guess of x(0).
-    value : float
-        First guess of the parameter.
+    guess : (2 m,) array, float
+        Of x(0) and of the parameter.
     driven : callable
         DrivenPeriod of a parameter's value.
     name : {"frequency", "load"}
@@ -122,7 +119,7 @@ def shoot_along(
     near : (2 m, 2 m + 1) array, optional
         Derivative of x(T) at a fixed point nearby, to begin with.
     """
-    first = np.array([value])
+    state, first = guess[0], np.array([guess[1]])
     if near is not None:
         newton = Newton(period, "updated", (name,), condition)
         newton.near = near

@@ -403,10 +403,10 @@ def test_a_curve_that_stops(monkeypatch):
     """
     whole = continuation.shoot_along
 
-    def fails(period, state, value, *rest):
-        if value > 0.65 / TURN:
+    def fails(period, guess, *rest):
+        if guess[1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, state, value, *rest)
+        return whole(period, guess, *rest)
 
     monkeypatch.setattr(continuation, "shoot_along", fails)
     with pytest.raises(

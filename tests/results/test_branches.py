@@ -213,10 +213,10 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
     whole = continuation.shoot_along
 
-    def fails(period, state, value, *rest):
-        if value > 0.65 / TURN:
+    def fails(period, guess, *rest):
+        if guess[1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, state, value, *rest)
+        return whole(period, guess, *rest)
 
     path = str(tmp_path / "failed.h5")
     with monkeypatch.context() as patch:
