@@ -158,6 +158,8 @@ def require_memory(
 
 def _neighbours(comm: MPI.Comm) -> int:
     """Ranks on this machine. Collective."""
+    if comm.size == 1:
+        return 1
     node = comm.Split_type(MPI.COMM_TYPE_SHARED)
     ranks: int = node.size
     node.Free()

@@ -21,8 +21,8 @@ from scipy import linalg
 # Singular values of the gaps below this share of the largest are those of rounding.
 ROUND_OFF = 1e-12
 # Directions of contact that change the position by less than this share in a step are left out. Over 174
-# instants of contact of the default mesh this changes the derivative by 7e-10 of its size, so that an iteration
-# of Newton's method gains nine digits, and leaves two thirds of its rows.
+# instants of contact of the default mesh this changes the derivative by 7e-10 of its size, so that an
+# iteration of Newton's method gains nine digits, and leaves two thirds of its rows.
 LEAST = 1e-12
 # The same where switches are located, which changes the derivative by what the steps are in error, some 1e-3:
 # this changes the same one by 1.5e-8, its multipliers by 6e-9, and leaves half of the rows.
