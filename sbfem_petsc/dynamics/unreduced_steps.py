@@ -30,7 +30,7 @@ from ..system.pencil import CondensedSolve, Pencil
 from ..system.static_solver import block_width
 from .initial import full_shapes
 from .unreduced_contact import StepContact
-from .unreduced_kernels import add_columns, advance, form
+from .unreduced_kernels import Increment, Moving, StepFactors, add_columns, advance, form
 from .unreduced_probes import SparseColumns, probe_rows
 
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
@@ -277,16 +277,9 @@ class UnreducedSteps:
         solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
         lost = advance(
-            self.u,
-            self.v,
-            self.mass_v,
-            self.stiffness_u,
-            self.d.array_r,
-            self.product.array_r,
-            self.right.array_r,
-            self.inertia,
-            self.stretch,
-            self.rate,
+            Moving(self.u, self.v, self.mass_v, self.stiffness_u),
+            Increment(self.d.array_r, self.product.array_r, self.right.array_r),
+            StepFactors(self.inertia, self.stretch, self.rate),
         )
         for place, velocity, change in (
             (self.at_u, self.at_v, solved.probes),
