@@ -336,12 +336,18 @@ class FullRun:
     lost: float | None
 
 
-def run_full(
-    system: Matrices, reduced, shapes: np.ndarray, residual: np.ndarray, step: float, own, reference
-) -> FullRun:
+class Recovery(NamedTuple):
+    """Modes and residual vectors by which modal coordinates, contact forces and loads give displacements."""
+
+    shapes: np.ndarray
+    residual: np.ndarray
+
+
+def run_full(system: Matrices, reduced, recovery: Recovery, step: float, own, reference) -> FullRun:
     """Time the full model at one step; `reduced` is the history of the same mesh that states in the middle
     of the burst are taken from.
     """
+    shapes, residual = recovery
     signal = separate(burst(FORCE))[1][0]
     prepared, model = least(lambda: FullModel(system, step), 1)
     k = round(MIDDLE / reduced.step)
@@ -415,11 +421,12 @@ def main() -> None:
     signals = separate(burst(FORCE))[1]
     ours, notes = None, []
 
-    def line(name, unknowns, pairs, step, before, seconds, error, peak):
-        found = f"{'':12s}{'':11s}" if error is None else f"{error:12.2e}{peak:11.0f}"
+    def line(name, size, step, spent, found):
+        (unknowns, pairs), (before, seconds), (error, peak) = size, spent, found
+        judged = f"{'':12s}{'':11s}" if error is None else f"{error:12.2e}{peak:11.0f}"
         print(
             f"{name:26s}{unknowns:9,d}{pairs:7d}{step * 1e6:10.4g}{before:11.2f}"
-            f"{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{found}{seconds / ours:11.2f}",
+            f"{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{judged}{seconds / ours:11.2f}",
             flush=True,
         )
 
@@ -448,47 +455,38 @@ def main() -> None:
             ours = ours or seconds
             line(
                 "sbfem-petsc, reduced",
-                model.boundary_unknowns,
-                len(model.pairs),
+                (model.boundary_unknowns, len(model.pairs)),
                 step,
-                before,
-                seconds,
-                distance(found, reference, FORCE),
-                found.contact_resultant.max(),
+                (before, seconds),
+                (distance(found, reference, FORCE), found.contact_resultant.max()),
             )
         model.destroy()
     for parameters, steps in MESHES:
         points, triangles = peer.graded_mesh(parameters)
         assembly, system = least(partial(matrices, points, triangles), own.repeats)
-        unknowns, pairs = system.stiffness.shape[0], len(system.initial_gap)
-        reducing, (reduced, shapes, residual) = least(partial(reduce_sparse, system, MODES), own.repeats)
+        size = system.stiffness.shape[0], len(system.initial_gap)
+        reducing, (reduced, *recovery) = least(partial(reduce_sparse, system, MODES), own.repeats)
         histories = {}
         for step in REDUCED_STEPS:
             seconds, histories[step] = history(reduced, step)
             line(
                 f"scikit-fem P{ORDER}, reduced",
-                unknowns,
-                pairs,
+                size,
                 step,
-                assembly + reducing,
-                seconds,
-                distance(histories[step], reference, FORCE),
-                histories[step].contact_resultant.max(),
+                (assembly + reducing, seconds),
+                (distance(histories[step], reference, FORCE), histories[step].contact_resultant.max()),
             )
         for step in steps:
-            run = run_full(system, histories[REDUCED_STEPS[0]], shapes, residual, step, own, reference)
+            run = run_full(system, histories[REDUCED_STEPS[0]], Recovery(*recovery), step, own, reference)
             line(
                 f"scikit-fem P{ORDER}, full",
-                unknowns,
-                pairs,
+                size,
                 step,
-                assembly + run.prepared,
-                run.seconds,
-                run.error,
-                run.peak,
+                (assembly + run.prepared, run.seconds),
+                (run.error, run.peak),
             )
             notes.append(
-                f"full, {unknowns:,d} unknowns, {step * 1e6:g} us: {1e3 * run.open_step:.3f} ms a step with "
+                f"full, {size[0]:,d} unknowns, {step * 1e6:g} us: {1e3 * run.open_step:.3f} ms a step with "
                 f"the crack open, {1e3 * run.breathing_step:.3f} ms breathing; {run.nonzeros:,d} numbers in "
                 "L"
                 + (

@@ -107,9 +107,9 @@ def _draw_modes(
             axes,
             [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order],
             scale_drawn,
-            colour=SKY,
-            edge=BLUE,
-            width=0.6,
+            facecolor=SKY,
+            edgecolor=BLUE,
+            linewidth=0.6,
         )
         tone, tone_unit = frequency_unit(float(frequencies[mode]))
         value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")
