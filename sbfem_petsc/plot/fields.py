@@ -98,10 +98,10 @@ def _draw_modes(
             axes,
             [[pieces[i].positions for i in loop] for loop in order],
             scale_drawn,
-            colour="none",
-            edge="#999999",
-            width=0.4,
-            line=(0, (3, 2)),
+            facecolor="none",
+            edgecolor="#999999",
+            linewidth=0.4,
+            linestyle=(0, (3, 2)),
         )
         fill(
             axes,
