@@ -16,6 +16,7 @@ import numpy as np
 
 from sbfem_petsc.material import Material
 from sbfem_petsc.selement.basis import gll_nodes
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
 
@@ -40,7 +41,7 @@ def rate(shapes: list[np.ndarray], order: int, elasticity: np.ndarray, **options
     for _ in range(3):
         start = time.process_time()
         for shape in shapes:
-            solve_selement(shape, order, True, elasticity, isotropic=True, **options)
+            solve_selement(Sectors(shape, order, elasticity), True, isotropic=True, **options)
         best = min(best, time.process_time() - start)
     return len(shapes) / best
 
@@ -56,7 +57,8 @@ def main() -> None:
     difference = 0.0
     for shape in shapes:
         fast, slow = (
-            solve_selement(shape, order, True, elasticity, method=m).stiffness for m in ("doubling", "schur")
+            solve_selement(Sectors(shape, order, elasticity), True, method=m).stiffness
+            for m in ("doubling", "schur")
         )
         difference = max(difference, float(np.abs(fast - slow).max() / np.abs(slow).max()))
     result = {

@@ -41,6 +41,7 @@ import sys
 import time
 from dataclasses import dataclass
 from functools import partial
+from typing import NamedTuple
 
 os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1", MKL_NUM_THREADS="1")
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
@@ -56,7 +57,7 @@ from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
 from examples.tables.tone_burst import REFINED, burst, distance, read_reference
 from meshing import Beam, VNotch
-from sbfem_petsc.contact.marching import contact_forces
+from sbfem_petsc.contact.marching import Factor, contact_forces, empty_factor
 from sbfem_petsc.loads import separate
 from sbfem_petsc.reduction.outputs import LinearOutput
 
@@ -182,9 +183,45 @@ def reduce_sparse(system: Matrices, modes: int) -> tuple[sb.ReducedModel, np.nda
 # ------------------------------------------------------------------------------------------------------------
 
 
+class State(NamedTuple):
+    """Displacements and velocities, advanced in place."""
+
+    u: np.ndarray
+    v: np.ndarray
+
+
+class ScalarMass(NamedTuple):
+    """One direction's mass matrix by compressed rows."""
+
+    starts: np.ndarray
+    columns: np.ndarray
+    values: np.ndarray
+
+
+class Pairs(NamedTuple):
+    """Unknowns at both ends of the pairs, their gaps, responses of all unknowns and gaps to their forces."""
+
+    right: np.ndarray
+    left: np.ndarray
+    initial_gap: np.ndarray
+    responses: np.ndarray
+    flexibility: np.ndarray
+    tied: np.ndarray
+
+
+class Touching(NamedTuple):
+    """Rows in contact, what is factorised of them, and their forces."""
+
+    active: np.ndarray
+    factor: Factor
+    force: np.ndarray
+
+
 @njit(cache=True)
-def _momentum(starts, columns, values, by_u, by_v, u, v, right):
+def _momentum(mass, state, by_u, by_v, right):
     """right := M (by_u u + by_v v), u_x of all nodes before u_y; the scalar mass matrix serves both."""
+    starts, columns, values = mass
+    u, v = state
     half = u.size // 2
     for i in range(half):
         along_x, along_y = 0.0, 0.0
@@ -196,25 +233,26 @@ def _momentum(starts, columns, values, by_u, by_v, u, v, right):
 
 
 @njit(cache=True)
-def _advance(
-    w, u, v, rate, right, left, initial_gap, responses, flexibility, tied, active, cholesky, members, force
-):
+def _advance(w, state, rate, pairs, touching):
     """Contact and the new u and v from w = u0 + u1 without contact. Returns the number of exchanges of the
     active set, -1: not solved.
     """
-    touching, exchanges, free = False, 0, np.empty(force.size)
+    u, v = state
+    right, left, initial_gap, responses, flexibility, tied = pairs
+    active, factor, force = touching
+    closed, exchanges, free = False, 0, np.empty(force.size)
     for k in range(force.size):
         free[k] = initial_gap[k] + (w[right[k]] - u[right[k]]) - (w[left[k]] - u[left[k]])
-        touching = touching or free[k] < 0.0
-    if touching:
-        exchanges = contact_forces(flexibility, free, tied, active, cholesky, members, force)
+        closed = closed or free[k] < 0.0
+    if closed:
+        exchanges = contact_forces(flexibility, free, tied, active, factor, force)
         for k in range(force.size):
             if force[k] > 0.0:
                 twice = 2.0 * force[k]
                 for i in range(u.size):
                     w[i] += twice * responses[k, i]
     else:
-        force[:], active[:], members[-1] = 0.0, False, 0
+        force[:], active[:], factor.members[-1] = 0.0, False, 0
     for i in range(u.size):
         change = w[i] - 2.0 * u[i]
         u[i] += change
@@ -230,7 +268,7 @@ class FullModel:
         self.factors = factorise(system.stiffness + 4.0 / step**2 * system.mass)
         half = system.mass.shape[0] // 2
         scalar = system.mass[:half, :half].tocsr()
-        self.mass = scalar.indptr, scalar.indices, scalar.data
+        self.mass = ScalarMass(scalar.indptr, scalar.indices, scalar.data)
         self.right, self.left = (
             np.array(
                 [
@@ -257,15 +295,16 @@ class FullModel:
             self.step,
         )
         u, v = (np.zeros(size) if state is None else state.copy() for state in (u, v))
-        contact = self.right, self.left, self.system.initial_gap, self.responses, self.flexibility
-        right, force, tied, active, cholesky, members = (
-            np.empty(size),
-            np.zeros(pairs),
+        state, right = State(u, v), np.empty(size)
+        contact = Pairs(
+            self.right,
+            self.left,
+            self.system.initial_gap,
+            self.responses,
+            self.flexibility,
             np.zeros(pairs, dtype=bool),
-            np.zeros(pairs, dtype=bool),
-            np.empty((pairs, pairs)),
-            np.full(pairs + 1, -1, dtype=np.int64),
         )
+        touching = Touching(np.zeros(pairs, dtype=bool), empty_factor(pairs), np.zeros(pairs))
         drive, solve, by_u, by_v = (
             amplitude[:-1] + amplitude[1:],
             self.factors.solve,
@@ -274,14 +313,12 @@ class FullModel:
         )
         sensed, resultant = np.empty(len(drive)), np.empty(len(drive))
         for s in range(len(drive)):
-            _momentum(*self.mass, by_u, by_v, u, v, right)
+            _momentum(self.mass, state, by_u, by_v, right)
             right[loaded] += drive[s]
-            exchanges = _advance(
-                solve(right), u, v, 2.0 / step, *contact, tied, active, cholesky, members, force
-            )
+            exchanges = _advance(solve(right), state, 2.0 / step, contact, touching)
             if exchanges < 0:
                 raise RuntimeError(f"the contact problem of step {s} was not solved")
-            sensed[s], resultant[s] = u[loaded], force.sum()
+            sensed[s], resultant[s] = u[loaded], touching.force.sum()
         return sensed, resultant, u, v
 
 
@@ -299,12 +336,18 @@ class FullRun:
     lost: float | None
 
 
-def run_full(
-    system: Matrices, reduced, shapes: np.ndarray, residual: np.ndarray, step: float, own, reference
-) -> FullRun:
+class Recovery(NamedTuple):
+    """Modes and residual vectors by which modal coordinates, contact forces and loads give displacements."""
+
+    shapes: np.ndarray
+    residual: np.ndarray
+
+
+def run_full(system: Matrices, reduced, recovery: Recovery, step: float, own, reference) -> FullRun:
     """Time the full model at one step; `reduced` is the history of the same mesh that states in the middle
     of the burst are taken from.
     """
+    shapes, residual = recovery
     signal = separate(burst(FORCE))[1][0]
     prepared, model = least(lambda: FullModel(system, step), 1)
     k = round(MIDDLE / reduced.step)
@@ -378,11 +421,12 @@ def main() -> None:
     signals = separate(burst(FORCE))[1]
     ours, notes = None, []
 
-    def line(name, unknowns, pairs, step, before, seconds, error, peak):
-        found = f"{'':12s}{'':11s}" if error is None else f"{error:12.2e}{peak:11.0f}"
+    def line(name, size, step, spent, found):
+        (unknowns, pairs), (before, seconds), (error, peak) = size, spent, found
+        judged = f"{'':12s}{'':11s}" if error is None else f"{error:12.2e}{peak:11.0f}"
         print(
             f"{name:26s}{unknowns:9,d}{pairs:7d}{step * 1e6:10.4g}{before:11.2f}"
-            f"{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{found}{seconds / ours:11.2f}",
+            f"{1e3 * seconds * step / DURATION:12.4f}{seconds:11.3f}{judged}{seconds / ours:11.2f}",
             flush=True,
         )
 
@@ -411,47 +455,38 @@ def main() -> None:
             ours = ours or seconds
             line(
                 "sbfem-petsc, reduced",
-                model.boundary_unknowns,
-                len(model.pairs),
+                (model.boundary_unknowns, len(model.pairs)),
                 step,
-                before,
-                seconds,
-                distance(found, reference, FORCE),
-                found.contact_resultant.max(),
+                (before, seconds),
+                (distance(found, reference, FORCE), found.contact_resultant.max()),
             )
         model.destroy()
     for parameters, steps in MESHES:
         points, triangles = peer.graded_mesh(parameters)
         assembly, system = least(partial(matrices, points, triangles), own.repeats)
-        unknowns, pairs = system.stiffness.shape[0], len(system.initial_gap)
-        reducing, (reduced, shapes, residual) = least(partial(reduce_sparse, system, MODES), own.repeats)
+        size = system.stiffness.shape[0], len(system.initial_gap)
+        reducing, (reduced, *recovery) = least(partial(reduce_sparse, system, MODES), own.repeats)
         histories = {}
         for step in REDUCED_STEPS:
             seconds, histories[step] = history(reduced, step)
             line(
                 f"scikit-fem P{ORDER}, reduced",
-                unknowns,
-                pairs,
+                size,
                 step,
-                assembly + reducing,
-                seconds,
-                distance(histories[step], reference, FORCE),
-                histories[step].contact_resultant.max(),
+                (assembly + reducing, seconds),
+                (distance(histories[step], reference, FORCE), histories[step].contact_resultant.max()),
             )
         for step in steps:
-            run = run_full(system, histories[REDUCED_STEPS[0]], shapes, residual, step, own, reference)
+            run = run_full(system, histories[REDUCED_STEPS[0]], Recovery(*recovery), step, own, reference)
             line(
                 f"scikit-fem P{ORDER}, full",
-                unknowns,
-                pairs,
+                size,
                 step,
-                assembly + run.prepared,
-                run.seconds,
-                run.error,
-                run.peak,
+                (assembly + run.prepared, run.seconds),
+                (run.error, run.peak),
             )
             notes.append(
-                f"full, {unknowns:,d} unknowns, {step * 1e6:g} us: {1e3 * run.open_step:.3f} ms a step with "
+                f"full, {size[0]:,d} unknowns, {step * 1e6:g} us: {1e3 * run.open_step:.3f} ms a step with "
                 f"the crack open, {1e3 * run.breathing_step:.3f} ms breathing; {run.nonzeros:,d} numbers in "
                 "L"
                 + (

@@ -9,6 +9,7 @@ import os
 import resource
 import shutil
 from collections.abc import Callable
+from typing import NamedTuple
 
 from .errors import OutOfMemory
 from .parallel import collective
@@ -180,37 +181,43 @@ def room(comm: MPI.Comm, each: float, beside: float = 0.0) -> int:
     return int(min((free - beside) / each, 1e9))
 
 
+class PlannedFile(NamedTuple):
+    """A file that a run writes.
+
+    Attributes
+    ----------
+    path : str
+    size : float
+        Bytes of the whole file.
+    continued : bool
+        Whether the file exists and is written on in its place.
+    """
+
+    path: str
+    size: float
+    continued: bool = False
+
+
 def require_disk(
-    owner: str,
-    comm: MPI.Comm,
-    path: str,
-    *,
-    needed: float,
-    what: str,
-    continued: bool,
-    remedy: Callable[[float], str],
+    owner: str, comm: MPI.Comm, file: PlannedFile, *, what: str, remedy: Callable[[float], str]
 ) -> None:
     """Refuse a run whose file, written by rank 0, would not fit beside others on its disk. Collective.
 
     Parameters
     ----------
-    path : str
-        Of the file.
-    needed : float
-        Bytes of the whole file.
-    continued : bool
-        Whether the file exists and is written on in its place.
+    file : PlannedFile
     what, remedy
         See `require_memory`.
     """
     with collective(comm):
         if comm.rank == 0:
-            folder = os.path.dirname(os.path.realpath(path))
+            folder = os.path.dirname(os.path.realpath(file.path))
             if not os.path.isdir(folder):
                 return  # told by who opens the file
             free = SHARE * shutil.disk_usage(folder).free
-            if continued:
-                needed -= os.stat(path).st_blocks * 512
+            needed = file.size
+            if file.continued:
+                needed -= os.stat(file.path).st_blocks * 512
             if needed > free:
                 raise ValueError(
                     f"{owner}: {what} would take {in_bytes(needed)} of disk, {in_bytes(free)} are free in "

@@ -8,9 +8,21 @@ import numbers
 import os
 import stat
 from collections.abc import Collection
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+
+
+class Bounds(NamedTuple):
+    """Between which a number lies: `above` and `below` are excluded, `least` and `most` are not."""
+
+    above: float | None = None
+    least: float | None = None
+    below: float | None = None
+    most: float | None = None
+
+
+ANY = Bounds()
 
 
 def real(
@@ -19,10 +31,7 @@ def real(
     value: Any,
     unit: str = "",
     *,
-    above: float | None = None,
-    least: float | None = None,
-    below: float | None = None,
-    most: float | None = None,
+    within: Bounds = ANY,
 ) -> float:
     """`value` as a finite float between bounds.
 
@@ -31,9 +40,9 @@ def real(
     TypeError
         If it is no real number; a bool is none.
     ValueError
-        If it is not finite or outside the bounds (`above` and `below` are excluded, `least` and `most` are
-        not).
+        If it is not finite or outside the bounds.
     """
+    above, least, below, most = within
     in_unit = f" ({unit})" if unit else ""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be a number{in_unit}")
@@ -62,13 +71,13 @@ def real(
 
 def positive(owner: str, name: str, value: Any, unit: str = "") -> float:
     """`value` as a finite float above zero; errors as `real`."""
-    return real(owner, name, value, unit, above=0.0)
+    return real(owner, name, value, unit, within=Bounds(above=0.0))
 
 
 def frequency(owner: str, name: str, value: Any) -> float:
     """`value` as a frequency that a structure can be driven at, Hz; errors as `real`."""
     positive(owner, name, value, "Hz")
-    return real(owner, name, value, "Hz", least=1e-12, most=1e15)
+    return real(owner, name, value, "Hz", within=Bounds(least=1e-12, most=1e15))
 
 
 def integer(owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None) -> int:
@@ -154,21 +163,22 @@ def instance(owner: str, name: str, value: Any, kinds: type | tuple[type, ...], 
     return value
 
 
-def numbers_of(owner: str, name: str, value: Any, count: int, what: str, **bounds: Any) -> tuple[float, ...]:
+def numbers_of(
+    owner: str, name: str, value: Any, count: int, what: str, within: Bounds = ANY
+) -> tuple[float, ...]:
     """`value` as so many finite floats; TypeError or ValueError otherwise.
 
     Parameters
     ----------
     what : str
         What is expected, for messages: "two frequencies, low and high, in Hz".
-    bounds
-        See `real`.
+    within : Bounds
     """
     if not isinstance(value, (list, tuple, np.ndarray)) or getattr(value, "ndim", 1) != 1:
         raise TypeError(f"{owner}: {name} = {shown(value)} must be {what}")
     if len(value) != count:
         raise ValueError(f"{owner}: {name} = {shown(value)} must be {what}")
-    return tuple(real(owner, f"{name}[{k}]", item, **bounds) for k, item in enumerate(value))
+    return tuple(real(owner, f"{name}[{k}]", item, within=within) for k, item in enumerate(value))
 
 
 def names_of(owner: str, name: str, value: Any) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from .checks import choice, positive, real
+from .checks import Bounds, choice, positive, real
 
 # Moduli (Pa) and densities (kg/m^3) beyond these are slips of units; their products would leave the numbers'
 # range.
@@ -207,4 +207,4 @@ AnyMaterial = Material | OrthotropicMaterial | SectorMaterials
 def _scale(owner: str, name: str, value: Any, unit: str) -> float:
     """A modulus or density of a size that can be computed with."""
     positive(owner, name, value, unit)
-    return real(owner, name, value, unit, least=LEAST, most=MOST)
+    return real(owner, name, value, unit, within=Bounds(least=LEAST, most=MOST))

@@ -11,6 +11,7 @@ from scipy import linalg
 import sbfem_petsc as sb
 from sbfem_petsc.plot.drawing import CYCLE, MARKERS, figure, save_picture, style
 from sbfem_petsc.selement.basis import gll_nodes
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
 from .findings import Claim, Finding, Part, Table
@@ -56,7 +57,7 @@ def line_elements(bench) -> Finding:
     """Eqs. (1)-(11): book values, uniform strain on an irregular polygon, and the Lame mode over the
     order.
     """
-    book = solve_selement(square(1, 1.0), 1, True, elasticity(0.0), 0)
+    book = solve_selement(Sectors(square(1, 1.0), 1, elasticity(0.0)), True, 0)
     rows = {"K": 10.0 * book.stiffness[0], "M": 2.0 * book.mass[0]}
     error = max(float(np.abs(rows[name] - BOOK[name]).max()) for name in BOOK)
     irregular = np.array([[-1.0, -0.7], [0.9, -1.1], [1.3, 0.4], [0.2, 1.2], [-1.1, 0.8]])
@@ -65,7 +66,7 @@ def line_elements(bench) -> Finding:
     patch, lame = [], []
     for order in orders:
         nodes = polygon(irregular, int(order))
-        element = solve_selement(nodes, int(order), True, elasticity(0.3), 0)
+        element = solve_selement(Sectors(nodes, int(order), elasticity(0.3)), True, 0)
         strain = np.array([1.0, -0.4, 0.6])  # xx, yy, 2 xy
         uniform = (nodes @ np.array([[strain[0], 0.5 * strain[2]], [0.5 * strain[2], strain[1]]])).ravel()
         area = 0.5 * abs(
@@ -76,7 +77,9 @@ def line_elements(bench) -> Finding:
         )
         energy = area * strain @ elasticity(0.3) @ strain
         patch.append(abs(uniform @ element.stiffness @ uniform / energy - 1.0))
-        found = circular(solve_selement(square(int(order), 0.5), int(order), True, elasticity(0.3), 4))
+        found = circular(
+            solve_selement(Sectors(square(int(order), 0.5), int(order), elasticity(0.3)), True, 4)
+        )
         lame.append(np.abs(found / exact - 1.0).min())
     numbers = {"book_error": error, "patch_error": max(patch), "orders": orders, "lame_error": lame}
     claims = [
@@ -157,7 +160,7 @@ def continued_fraction(bench) -> Finding:
     )
     errors, good, residual = {}, {}, {}
     for terms in TERMS:
-        element = solve_selement(coordinates, 16, True, elasticity(0.3), terms)
+        element = solve_selement(Sectors(coordinates, 16, elasticity(0.3)), True, terms)
         found = circular(element, keep)
         count = min(len(found), 120)
         errors[terms] = np.abs(found[:count] / exact[:count] - 1.0)

@@ -93,7 +93,7 @@ def _refine(
         if found is None:
             continue
         reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found[0])
-        rings.refine(vertex, others, *found, innermost=_INNERMOST * reach, grading=meshing.grading, tip=False)
+        rings.refine(vertex, others, found, innermost=_INNERMOST * reach, grading=meshing.grading, tip=False)
         done |= {vertex, *others}
     for name, edges in cells.edge_sets.items():
         chains = [with_inserted(edge, rings.inserted) for edge in edges]
@@ -150,15 +150,14 @@ def _put_tip(
             f"{crack.where}: the cells around its tip do not go from one face round to the other; check that "
             "the tip is inside the material."
         )
-    chain, members = found
-    reach = max(math.dist(tip.position, rings.cells.vertices[v]) for v in chain)
+    reach = max(math.dist(tip.position, rings.cells.vertices[v]) for v in found[0])
     if meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
         raise ValueError(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
             f"which reach {reach:g} m; make it smaller."
         )
     wanted = meshing.tip_size or min(_DEFAULT_TIP * crack.length, _DEFAULT_IN_STAR * reach)
-    tip.cell = rings.refine(vertex, ends, chain, members, innermost=wanted, grading=meshing.grading, tip=True)
+    tip.cell = rings.refine(vertex, ends, found, innermost=wanted, grading=meshing.grading, tip=True)
 
 
 def _divide(cells: CellComplex, cracks: list[CrackLines], meshing: CrackMeshing) -> None:

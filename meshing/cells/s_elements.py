@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
@@ -75,10 +77,9 @@ def build_mesh(
         starts.append(len(used))
 
     nodes, edge_nodes = np.array(coordinates), np.array(edges)
-    flat, backwards, start = np.array(used), np.array(turned), np.array(starts)
-    centres = _scaling_centres(
-        [cells.cells[i] for i in sequence], nodes, edge_nodes, flat, backwards, start, origin
-    )
+    outlines = _Outlines(np.array(used), np.array(turned), np.array(starts))
+    flat, backwards, start = outlines
+    centres = _scaling_centres([cells.cells[i] for i in sequence], nodes, edge_nodes, outlines, origin)
     element_of_cell = np.argsort(sequence)
 
     def numbers(pairs: list[tuple[int, int]]) -> np.ndarray:
@@ -162,8 +163,17 @@ def _edge_points(cells: CellComplex, key: tuple[int, int], parameter: np.ndarray
     return parameter[::-1, None] * first + parameter[:, None] * last
 
 
-def _scaling_centres(elements, nodes, edges, flat, backwards, start, origin) -> np.ndarray:
+class _Outlines(NamedTuple):
+    """Edges of one S-element after the other, whether they run backwards, where each S-element starts."""
+
+    edges: np.ndarray
+    backwards: np.ndarray
+    start: np.ndarray
+
+
+def _scaling_centres(elements, nodes, edges, outlines: _Outlines, origin: str) -> np.ndarray:
     """Centre of each S-element, after the check that it sees the whole outline."""
+    flat, backwards, start = outlines
     order = edges.shape[1] - 1
     at = np.unique(np.concatenate([gll_nodes(order), np.polynomial.legendre.leggauss(order + 3)[0]]))
     values, slopes = (evaluate(gll_nodes(order), at) for evaluate in (lagrange_values, lagrange_slopes))

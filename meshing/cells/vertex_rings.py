@@ -56,8 +56,7 @@ class Rings:
         self,
         vertex: int,
         rays: Sequence[int],
-        chain: list[int],
-        members: list[int],
+        fan: tuple[list[int], list[int]],
         *,
         innermost: float,
         grading: float,
@@ -68,9 +67,9 @@ class Rings:
         Parameters
         ----------
         rays : sequence of int
-            Vertices of `chain` to which lines of a crack go from the vertex; the first one is where the chain
+            Vertices of the fan to which lines of a crack go from the vertex; the first one is where it
             starts.
-        chain, members
+        fan
             From `fan`.
         innermost : float
             Largest distance of the innermost level from the vertex, m.
@@ -86,7 +85,7 @@ class Rings:
         int
             The tip's cell, -1 if there is none.
         """
-        cells = self.cells
+        cells, (chain, members) = self.cells, fan
         centre = np.array(cells.vertices[vertex])
         points = np.array([cells.vertices[v] for v in chain])
         reach = float(np.hypot(*(points - centre).T).max())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
-from ..dynamics.free_branch import FreeBranch
+from ..dynamics.free_branch import FreeBranch, Pace
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
@@ -194,7 +195,8 @@ def backbone(
         attribute `backbone`.
     """
     with collective(communicator(model)):
-        _check(mode, start, stop, modes, steps, points, largest_step)
+        _check_counts(mode, modes, steps, points)
+        _check_range(start, stop, largest_step)
         start, stop, mode = float(start), float(stop), int(mode)
         flags = {"damping": damping, "refine": refine, "stability": stability, "interactions": interactions}
         for name, value in flags.items():
@@ -259,17 +261,14 @@ def backbone(
         branch = FreeBranch(
             system,
             first,
-            min(start, stop),
-            max(start, stop),
-            direction=1 if stop > start else -1,
-            most=most,
-            largest_step=largest_step,
-            interactions=interactions,
+            (min(start, stop), max(start, stop)),
+            Pace(1 if stop > start else -1, most, largest_step, interactions),
         )
         for _ in branch:
             pass
         motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
-    result = replace(_collect(system, motions, reason, refine, stability, damping, stop), passed=passed)
+    collected = _collect(system, motions, _Wanted(refine, stability, damping), reason, stop)
+    result = replace(collected, passed=passed)
     if not result.complete:
         failure = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
@@ -280,7 +279,7 @@ def backbone(
     return result
 
 
-def _check(mode, start, stop, modes, steps, points, largest_step) -> None:
+def _check_counts(mode, modes, steps, points) -> None:
     for name, value, least in (
         ("mode", mode, 1),
         ("modes", modes, 1),
@@ -290,6 +289,9 @@ def _check(mode, start, stop, modes, steps, points, largest_step) -> None:
         if value is None and name in ("modes", "steps"):
             continue
         integer("backbone", name, value, least=least, most=MOST)
+
+
+def _check_range(start, stop, largest_step) -> None:
     for name, value, unit in (
         ("start", start, "J"),
         ("stop", stop, "J"),
@@ -310,13 +312,19 @@ def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> 
     return result
 
 
-def _collect(
-    system: FreeSystem, motions, reason: str, refine: bool, stability: bool, damped: bool, stop: float
-):
+class _Wanted(NamedTuple):
+    """What is computed of each motion: frequencies with half the step too, multipliers; whether damped."""
+
+    refine: bool
+    stability: bool
+    damped: bool
+
+
+def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: float) -> Backbone:
     r = system.reduced
     frequency, error = np.array([p.frequency for p in motions]), np.full(len(motions), np.nan)
     own, alike = frequency.copy(), not r.initial_gap.any()
-    if refine:
+    if wanted.refine:
         finer = FreeSystem(r, system.mode, 2 * system.steps)
         for n, p in enumerate(motions):
             if n and alike:
@@ -329,13 +337,13 @@ def _collect(
             frequency[n] = (4.0 * fine - p.frequency) / 3.0
             error[n] = abs(frequency[n] - fine)
     if alike:  # one motion times a factor
-        h, a, values = _row(system, motions[0], stability, damped)
+        h, a, values = _row(system, motions[0], wanted)
         rows = [
             (h * factor, a * factor, values)
             for factor in (math.sqrt(p.energy / motions[0].energy) for p in motions)
         ]
     else:
-        rows = [_row(system, p, stability, damped) for p in motions]
+        rows = [_row(system, p, wanted) for p in motions]
     harmonics, amplitudes, multipliers = (np.array(column) for column in zip(*rows))
     return Backbone(
         system.mode + 1,
@@ -348,7 +356,7 @@ def _collect(
         harmonics,
         amplitudes,
         (),
-        damped,
+        wanted.damped,
         reason,
         math.isclose(motions[-1].energy, stop, rel_tol=1e-9),
         system,
@@ -357,7 +365,7 @@ def _collect(
     )
 
 
-def _row(system: FreeSystem, point: FreeMotion, stability: bool, damped: bool):
+def _row(system: FreeSystem, point: FreeMotion, wanted: _Wanted):
     """Harmonics, amplitudes and multipliers of a motion."""
     r = system.reduced
     q, _ = modal_motion(point.driven, point.motion)
@@ -365,10 +373,11 @@ def _row(system: FreeSystem, point: FreeMotion, stability: bool, damped: bool):
     u += np.einsum("pic,nc->npi", r.points.contact, point.motion.forces[:-1], optimize=True)
     spectrum = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
     values = np.zeros(0, dtype=complex)
-    if stability:
+    if wanted.stability:
         values = eigenvalues(point.driven.monodromy(point.motion))
-        values = values[np.argsort(np.abs(values - 1.0))][1 if damped else 2 :]
+        values = values[np.argsort(np.abs(values - 1.0))][1 if wanted.damped else 2 :]
         # what the self-excitation gives to every disturbance alike is none of its growth
-        values = values * math.exp(-0.5 * point.excitation * point.driven.duration) if damped else values
+        if wanted.damped:
+            values = values * math.exp(-0.5 * point.excitation * point.driven.duration)
         values = values[np.argsort(-np.abs(values))]
     return spectrum, 0.5 * np.ptp(u[..., 1], axis=0), values

@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..capacity import require_memory
+from ..checks import Bounds, instance, integer, real, real_array, shown
 from ..checks import frequency as check_frequency
-from ..checks import instance, integer, real, real_array, shown
 from ..checks import progress as check_progress
 from ..dynamics.attraction import Attraction, Patience
 from ..dynamics.basins import Basins, StartAxis, grid_of, start_direction
@@ -93,7 +93,7 @@ def basins(
         frequency = check_frequency(what, "frequency", frequency)
         orbits = _checked_orbits(orbits, around, frequency)
         integer(what, "longest", longest, least=1, most=1000)
-        real(what, "tolerance", tolerance, least=1e-13, most=1e-2)
+        real(what, "tolerance", tolerance, within=Bounds(least=1e-13, most=1e-2))
         integer(what, "limit", limit, least=1, most=10**7)
         check_progress(what, progress)
         count = _count(starts)

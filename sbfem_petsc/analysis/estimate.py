@@ -6,11 +6,11 @@ import math
 import warnings
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..checks import integer, real, shown
+from ..checks import Bounds, integer, real, shown
 from ..errors import SolveError, on_all_ranks
 from ..system.model import Model
 from ..system.resolution import MeshWarning
@@ -89,7 +89,7 @@ class Estimate:
 
 def checked_accuracy(owner: str, accuracy: float) -> float:
     """A relative error that discretisations can be asked for; TypeError or ValueError otherwise."""
-    return real(owner, "accuracy", accuracy, least=FINEST, most=COARSEST)
+    return real(owner, "accuracy", accuracy, within=Bounds(least=FINEST, most=COARSEST))
 
 
 def estimate(
@@ -171,37 +171,51 @@ def estimate(
         raise on_all_ranks(
             TypeError(f"estimate: model = {model!r} is neither a Model nor a function that makes one")
         )
+    mesh = {"order": 5, **(start or {})}
+    options = {
+        "continued_fraction": 1 if continued_fraction is None else continued_fraction,
+        "tip_modes": 4 if tip_modes is None else tip_modes,
+    }
     finest, _, found = refined(
         "estimate",
-        model.remade if isinstance(model, Model) else model,
-        quantity,
-        lambda value: value,
+        Sought(quantity, lambda value: value),
+        model if isinstance(model, Model) else FirstLevel(model, mesh, options),
         accuracy=accuracy,
         levels=levels,
-        first=first,
-        mesh={"order": 5, **(start or {})},
-        options={
-            "continued_fraction": 1 if continued_fraction is None else continued_fraction,
-            "tip_modes": 4 if tip_modes is None else tip_modes,
-        },
     )
     if finest is not first:
         finest.destroy()
     return found
 
 
+class Sought(NamedTuple):
+    """What is computed on each level.
+
+    Attributes
+    ----------
+    solve : callable
+        Gives a result of a model.
+    quantity : callable
+        Number, array or dict of these of a result.
+    least_error : callable
+        Relative error that a result is known to have.
+    """
+
+    solve: Callable[[Model], Any]
+    quantity: Callable[[Any], Any]
+    least_error: Callable[[Any], float] = lambda result: 0.0
+
+
+class FirstLevel(NamedTuple):
+    """A level that is still to be made: a function as `estimate` takes it, options of mesh and model."""
+
+    make_model: Callable[..., Model]
+    mesh: Mapping[str, Any]
+    options: Mapping[str, int]
+
+
 def refined(
-    owner: str,
-    make_model: Callable[..., Model],
-    solve: Callable[[Model], Any],
-    quantity: Callable[[Any], Any],
-    *,
-    accuracy: float,
-    levels: int = 6,
-    first: Model | None = None,
-    mesh: Mapping[str, Any] | None = None,
-    options: Mapping[str, int] | None = None,
-    least_error: Callable[[Any], float] = lambda result: 0.0,
+    owner: str, sought: Sought, start: Model | FirstLevel, *, accuracy: float, levels: int = 6
 ) -> tuple[Model, Any, Estimate]:
     """Solve on finer and finer meshes until a quantity keeps its value. Collective.
 
@@ -209,35 +223,28 @@ def refined(
     ----------
     owner : str
         For messages.
-    make_model : callable
-        See `estimate`.
-    solve : callable
-        Gives a result of a model.
-    quantity : callable
-        Number, array or dict of these of a result.
+    sought : Sought
+    start : Model or FirstLevel
+        The first level; a model that is given is not destroyed.
     accuracy, levels
         See `estimate`.
-    first : Model, optional
-        The first level; it is not destroyed.
-    mesh, options : mappings, optional
-        Options of the first level where there is no `first`.
-    least_error : callable
-        Relative error that a result is known to have.
 
     Returns
     -------
     finest : Model
-        All models but this one and `first` are destroyed.
+        All models but this one and `start` are destroyed.
     result
         That of `solve` on it.
     estimate : Estimate
     """
     accuracy = checked_accuracy(owner, accuracy)
     integer(owner, "levels", levels, least=2, most=8)
-    mesh, options = dict(mesh or {}), dict(options or {})
-    if first is not None:
-        mesh = {"order": first.order, **first.mesh_options(owner)}
-        options = {"continued_fraction": first.continued_fraction, "tip_modes": first.tip_modes}
+    first = start if isinstance(start, Model) else None
+    if isinstance(start, Model):
+        make_model, mesh = start.remade, {"order": start.order, **start.mesh_options(owner)}
+        options = {"continued_fraction": start.continued_fraction, "tip_modes": start.tip_modes}
+    else:
+        make_model, mesh, options = start.make_model, dict(start.mesh), dict(start.options)
     done: list[Level] = []
     model, result, error, first_known = first, None, math.inf, 0.0
     try:
@@ -251,13 +258,13 @@ def refined(
                     )
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
-                result = solve(model)
-            value = quantity(result)
+                result = sought.solve(model)
+            value = sought.quantity(result)
             change = _difference(done[-1].value, value) if done else math.nan
             if not all(np.isfinite(item).all() for item in _items(value).values()):
                 raise on_all_ranks(SolveError(f"{owner}: the quantity is not finite with {mesh}"))
             done.append(Level(dict(mesh), dict(options), model.boundary_unknowns, value, change))
-            known = least_error(result)
+            known = sought.least_error(result)
             error, first_known = max(_last_error(done), known), first_known if len(done) > 1 else known
             if len(done) == levels or (len(done) > 1 and error <= accuracy):
                 break

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ..checks import choice, flag, instance, integer, names_of, real
+from ..checks import Bounds, choice, flag, instance, integer, names_of, real
 from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch, BranchWarning
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, follow_locus
+from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, LocusStart, follow_locus
 from ..errors import SolveError
 from ..parallel import agree, collective
 from ..progress import progress_bar
@@ -117,8 +117,7 @@ def locus(
         return follow_locus(
             family,
             bifurcation.kind,
-            (bifurcation.state, frequency, value),
-            multiplier=bifurcation.multiplier,
+            LocusStart(bifurcation.state, frequency, value, bifurcation.multiplier),
             limits=(min(start, stop), max(start, stop)),
             points=points,
             report=report,
@@ -131,7 +130,8 @@ def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, 
     integer(what, "points", points, least=1)
     check_progress(what, progress)
     bounds = [
-        real(what, name, value, least=0.0, most=1e15) for name, value in (("start", start), ("stop", stop))
+        real(what, name, value, within=Bounds(least=0.0, most=1e15))
+        for name, value in (("start", start), ("stop", stop))
     ]
     return bounds[0], bounds[1]
 

@@ -7,14 +7,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import flag, integer, numbers_of, real, shown
+from ..checks import Bounds, flag, integer, numbers_of, real, shown
 from ..errors import listed
 from ..parallel import agree, collective
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.modes import TOLERANCE, lowest_modes, modes_in_band
 from ..system.resolution import warn_of_modes
-from .estimate import checked_accuracy, refined
+from .estimate import Sought, checked_accuracy, refined
 
 # No structure has a frequency beyond, Hz.
 HIGHEST = 1e30
@@ -106,9 +106,7 @@ def modal(
         found = solve(model)
         warn_of_modes("modal", found)
         return found
-    _, found, estimate = refined(
-        "modal", model.remade, solve, _elastic_frequencies, accuracy=accuracy, first=model
-    )
+    _, found, estimate = refined("modal", Sought(solve, _elastic_frequencies), model, accuracy=accuracy)
     return replace(found, estimate=estimate)
 
 
@@ -119,7 +117,7 @@ def _elastic_frequencies(found: Modal) -> np.ndarray:
 
 def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> tuple[float, float] | None:
     """The band, if one was given."""
-    real("modal", "auxiliary_tolerance", auxiliary_tolerance, least=0.0, below=1.0)
+    real("modal", "auxiliary_tolerance", auxiliary_tolerance, within=Bounds(least=0.0, below=1.0))
     flag("modal", "verify", verify)
     if (count is None) == (band is None):
         raise ValueError(f"modal: give either count or band (count = {count!r}, band = {band!r})")
@@ -132,7 +130,7 @@ def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> 
             )
         return None
     wanted = "two frequencies 0 <= low < high in Hz"
-    low, high = numbers_of("modal", "band", band, 2, wanted, least=0.0, most=HIGHEST)
+    low, high = numbers_of("modal", "band", band, 2, wanted, within=Bounds(least=0.0, most=HIGHEST))
     if not low < high:
         raise ValueError(f"modal: band = {shown(band)} must be {wanted}")
     return low, high

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, integer, real
+from ..checks import Bounds, flag, instance, integer, real
 from ..checks import frequency as check_frequency
 from ..dynamics.loading import communicator
 from ..dynamics.multiple_shooting import segmented_stability, shoot_segments
@@ -107,7 +107,7 @@ def periodic(
         if search is not None:
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
         if tolerance is not None:
-            real("periodic", "tolerance", tolerance, "relative", above=0.0, below=1.0)
+            real("periodic", "tolerance", tolerance, "relative", within=Bounds(above=0.0, below=1.0))
         if segments > 1 and (search is not None or jacobian != "auto" or reduction is None):
             raise ValueError(
                 f"periodic: segments = {segments} takes neither search nor jacobian nor reduction = None"

@@ -7,11 +7,12 @@ from __future__ import annotations
 import math
 import numbers
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ..capacity import require_compiler, require_memory
-from ..checks import flag, instance, integer, numbers_of, real
+from ..checks import Bounds, flag, instance, integer, numbers_of, real
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
@@ -96,7 +97,7 @@ def quasi_periodic(
         flag("quasi_periodic", "stability", stability)
     if isinstance(asked, float):
         assert start is not None  # checked
-        return _with_own_tone(model, load, asked, start, samples, steps, modes, stability)
+        return _with_own_tone(model, load, asked, start, _Wanted(samples, steps, modes, stability))
     frequencies = asked
     with collective(comm):
         loads = loading("quasi_periodic", model, load, _tone)
@@ -183,7 +184,7 @@ def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] |
             continue
         integer(what, name, value, least=least, most=MOST)
     if isinstance(frequencies, (list, tuple)) and len(frequencies) == 2 and frequencies[1] is None:
-        first = real(what, "frequencies[0]", frequencies[0], above=0.0)
+        first = real(what, "frequencies[0]", frequencies[0], within=Bounds(above=0.0))
         if start is None or start.own is None:
             raise ValueError(
                 f"{what}: a motion with a tone of its own, frequencies = ({first:g}, None), needs one to "
@@ -194,7 +195,9 @@ def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] |
                 f"{what}: samples = {samples} must be odd where the second tone is the motion's own"
             )
         return first
-    pair = numbers_of(what, "frequencies", frequencies, 2, "two numbers, (f1, f2), Hz", above=0.0)
+    pair = numbers_of(
+        what, "frequencies", frequencies, 2, "two numbers, (f1, f2), Hz", within=Bounds(above=0.0)
+    )
     if pair[0] == pair[1]:
         raise ValueError(f"{what}: both frequencies are {pair[0]:g} Hz; use periodic for one tone")
     if start is not None and start.own is not None:
@@ -204,18 +207,25 @@ def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] |
     return pair[0], pair[1]
 
 
+class _Wanted(NamedTuple):
+    """Samples of the curve, steps a period, modes, and whether the exponents are computed."""
+
+    samples: int
+    steps: int | None
+    modes: int | None
+    stability: bool
+
+
 def _with_own_tone(
     model: Model | ReducedModel,
     load,
     first: float,
     start: QuasiPeriodic,
-    samples: int,
-    steps: int | None,
-    modes: int | None,
-    stability: bool,
+    wanted: _Wanted,
 ) -> QuasiPeriodic:
     """The motion with a tone of its own near another one."""
     assert start.own is not None  # the caller has asked
+    samples, steps, modes, stability = wanted
     comm, old = communicator(model), start.own.period
     periods = old.excitation.periods
     agree(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..checks import flag, instance, integer, positive, real
+from ..checks import Bounds, flag, instance, integer, positive, real
 from ..checks import progress as check_progress
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
 from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
@@ -65,7 +65,7 @@ def quasi_periodic_response(
             "Neimark-Sacker point"
         )
     with collective(own.comm):
-        stop = real(what, "stop", stop, above=0.0, most=1e15)
+        stop = real(what, "stop", stop, within=Bounds(above=0.0, most=1e15))
         integer(what, "points", points, least=2)
         if not (isinstance(largest_step, float) and largest_step == math.inf):
             positive(what, "largest_step", largest_step)

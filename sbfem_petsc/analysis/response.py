@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capacity import FEW, require_memory, room
-from ..checks import flag, instance, integer, path, positive, real
+from ..checks import Bounds, flag, instance, integer, path, positive, real
 from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
@@ -125,7 +125,8 @@ def frequency_response(
         return find_steady_state(period, start, guess, multiples=False)[0].state
 
     with _file(comm, file, resume) as record:
-        period = prepare(what, model, load, start, settings=shooting, first=first, band=highest)
+        wide = replace(shooting, band=highest)
+        period = prepare(what, model, load, start, settings=wide, first=first)
         return _follow(period, ParameterRange("frequency", start, stop), begin, settings, record, progress)
 
 
@@ -162,7 +163,7 @@ def load_response(
     comm = communicator(model)
     with collective(comm):
         start, stop = (
-            real(what, name, value, least=0.0, most=1e15)
+            real(what, name, value, within=Bounds(least=0.0, most=1e15))
             for name, value in (("start", start), ("stop", stop))
         )
         if start == stop:

@@ -17,7 +17,7 @@ from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.resolution import MeshWarning, warn_of_tips
-from .estimate import checked_accuracy, refined
+from .estimate import Sought, checked_accuracy, refined
 from .static_result import Static
 
 # Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
@@ -96,12 +96,13 @@ def static(
         return found
     _, found, estimate = refined(
         "static",
-        model.remade,
-        lambda level: _solved(level, load, contact, solve),
-        _judged,
+        Sought(
+            lambda level: _solved(level, load, contact, solve),
+            _judged,
+            _unresolved if contact else lambda result: 0.0,
+        ),
+        model,
         accuracy=accuracy,
-        first=model,
-        least_error=_unresolved if contact else lambda result: 0.0,
     )
     return replace(found, estimate=estimate)
 

@@ -116,7 +116,8 @@ def transient(
         loads = loading("transient", model, load)
         duration = positive("transient", "duration", duration, "s")
         step = None if step is None else positive("transient", "step", step, "s")
-        _check(duration, step, modes, contact, scheme, start, decimation)
+        _check(duration, step, modes, contact, scheme, decimation)
+        _check_start(start)
         check_reduction("transient", reduction)
         check_progress("transient", progress)
         if file is not None:
@@ -270,7 +271,7 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
     return ErrorEstimate(distance(history, halved), distance(halved, richer))
 
 
-def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
+def _check(duration, step, modes, contact, scheme, decimation) -> None:
     if step is not None and step > duration:
         raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
     if modes is not None:
@@ -279,6 +280,9 @@ def _check(duration, step, modes, contact, scheme, start, decimation) -> None:
         integer("transient", "decimation", decimation, least=1)
     flag("transient", "contact", contact)
     choice("transient", "scheme", scheme, ("exact", "newmark", "paper"))
+
+
+def _check_start(start) -> None:
     if not isinstance(start, tuple):
         choice("transient", "start", start, ("rest", "equilibrium"))
     elif len(start) != 2:

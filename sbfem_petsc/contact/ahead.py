@@ -6,21 +6,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from .marching import march
+from .marching import StepHistory, StepLoads, StepState, march, step_constants
 
 
 def compile_kernels() -> None:
     """Compile what `marching.march` needs; it is kept where `compiled.compiled` says."""
     rows = np.eye(2)
     march(
-        np.zeros((10, 2)),
-        (rows, rows),
-        rows,
-        np.zeros(2, dtype=bool),
-        external=np.zeros((2, 2)),
-        free_gap=np.ones((2, 2)),
-        state=(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool)),
-        history=(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2))),
+        step_constants(np.zeros((10, 2)), (rows, rows), (rows, rows), np.zeros(2, dtype=bool)),
+        StepLoads(np.zeros((2, 2)), np.ones((2, 2))),
+        StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool)),
+        StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2))),
     )
 
 

@@ -11,20 +11,37 @@ except OSError as error:  # of the library of its compiler, of which it takes th
     ) from error
 
 
-def compiled(function, *more: str):
-    """`function` compiled when it is first called, with `more` of LLVM's liberties with numbers.
+# Quotients by zero give infinity, as in NumPy; a product and a sum may be one operation; no C code calls a
+# kernel.
+OPTIONS: dict[str, object] = {"error_model": "numpy", "fastmath": {"contract"}, "no_cfunc_wrapper": True}
+
+
+def compiled(function, **options):
+    """`function` compiled when it is first called.
 
     The machine code is kept in NUMBA_CACHE_DIR if that is set, else beside the source, or where that is not
     writable in the user's cache directory. Where nothing is writable each process compiles for itself.
     """
-    # quotients by zero give infinity, as in NumPy, and a product and a sum may be one operation
-    options = {"error_model": "numpy", "fastmath": {"contract", *more}}
+    options = OPTIONS | options
     try:
         return njit(cache=True, **options)(function)
     except RuntimeError:  # numba finds no directory to write to
         return njit(**options)(function)
 
 
-def compiled_sums(function):
-    """As `compiled`, and sums may be taken in any order: several terms at once."""
-    return compiled(function, "reassoc")
+def compiled_loops(function):
+    """As `compiled`, for loops over arrays that are given: none is made inside, so that references to them
+    need not be counted, of which much would be compiled.
+    """
+    return compiled(function, _nrt=False)
+
+
+def inner_loops(function):
+    """As `compiled_loops`, for what kernels alone call and is kept with them."""
+    return njit(no_cpython_wrapper=True, _nrt=False, **OPTIONS)(function)
+
+
+def inner_sums(function):
+    """As `inner_loops`, and sums may be taken in any order: several terms at once."""
+    options = OPTIONS | {"fastmath": {"contract", "reassoc"}}
+    return njit(no_cpython_wrapper=True, _nrt=False, **options)(function)

@@ -30,7 +30,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from ..checks import real, shown
+from ..checks import Bounds, real, shown
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ class ContactLaw:
     dissipative: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        real(type(self).__name__, "compliance", self.compliance, "m/N", least=0.0)
+        real(type(self).__name__, "compliance", self.compliance, "m/N", within=Bounds(least=0.0))
 
 
 @dataclass(frozen=True)

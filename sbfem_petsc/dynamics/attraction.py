@@ -10,11 +10,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.repeating import REPEATS, UNSOLVED, settle
+from ..contact.repeating import REPEATS, UNSOLVED, Known, Patience, settle
 from ..errors import SolveError
 from ..petsc import MPI
 from .orbit import Orbit, make_orbit, orbit_stability
@@ -28,25 +27,6 @@ CAPTURED, APART = 1e-3, 0.1
 SAME = 1e-4
 # Initial states from which orbits are looked for before the others are followed.
 SCOUTS = 8
-
-
-@dataclass(frozen=True)
-class Patience:
-    """When a history is told to have settled.
-
-    Attributes
-    ----------
-    longest : int
-        Most of the loads' periods after which a motion may repeat itself.
-    tolerance : float
-        Change of the state, relative to the linear steady state, below which it has.
-    limit : int
-        Of the loads' periods that a history is followed.
-    """
-
-    longest: int
-    tolerance: float
-    limit: int
 
 
 class Attraction:
@@ -139,17 +119,11 @@ class Attraction:
         difference = start - d.linear_state
         q, v = difference[:m] / p.weights, difference[m:].copy()
         outcome, periods, repeats = settle(
-            d.coefficients,
-            (p.left, p.right),
-            (d.flexibility, p.residual_flexibility),
-            p.laws.tied,
-            free_gap=d.free_gap,
-            state=(q, v),
-            weights=p.weights,
-            known=(known, radii),
-            longest=self.patience.longest,
-            tolerance=self.patience.tolerance * float(np.linalg.norm(d.linear_state)),
-            limit=self.patience.limit,
+            d.constants,
+            d.free_gap,
+            (q, v),
+            Known(p.weights, known, radii, float(np.linalg.norm(d.linear_state))),
+            self.patience,
         )
         return outcome, periods, repeats, d.linear_state + np.concatenate([p.weights * q, v])
 

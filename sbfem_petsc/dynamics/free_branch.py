@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,6 +22,17 @@ TURN, TOO_SHARP, COMFORT, TOO_MANY = 0.25, 0.8, 4, 8
 NARROW, ADDED, LEAPS, AFTER, MOSTLY = 0.004, 0.01, (1.01, 1.02, 1.05, 1.1, 1.2, 1.4, 1.7, 2.0), 0.02, 0.5
 
 
+class Pace(NamedTuple):
+    """How a branch is followed: towards higher (1) or lower energies (-1) from its first point, points at
+    most, the largest relative change of the state from one to the next, and whether into interactions.
+    """
+
+    direction: int = 1
+    most: int = 200
+    largest_step: float = LARGEST
+    interactions: bool = False
+
+
 class FreeBranch:
     """A branch of free motions between two energies, point by point.
 
@@ -32,23 +44,16 @@ class FreeBranch:
     """
 
     def __init__(
-        self,
-        system: FreeSystem,
-        first: FreeMotion,
-        lower: float,
-        upper: float,
-        *,
-        direction: int = 1,
-        most: int = 200,
-        largest_step: float = LARGEST,
-        interactions: bool = False,
+        self, system: FreeSystem, first: FreeMotion, limits: tuple[float, float], pace: Pace | None = None
     ):
-        self.system, self.lower, self.upper, self.most = system, lower, upper, most
-        self.points, self.length, self.reason = [first], min(FIRST, largest_step), ""
-        self.largest_step, self.direction, self.interactions = largest_step, direction, interactions
+        pace = pace or Pace()
+        self.system, (self.lower, self.upper), self.most = system, limits, pace.most
+        self.points, self.length, self.reason = [first], min(FIRST, pace.largest_step), ""
+        self.largest_step, self.direction = pace.largest_step, pace.direction
+        self.interactions = pace.interactions
         self.passed: list[tuple[float, float]] = []
         start = np.zeros(2 * system.modes + 2)
-        start[:-2] = direction * first.state / np.linalg.norm(first.state)
+        start[:-2] = self.direction * first.state / np.linalg.norm(first.state)
         self.heading = system.tangent(first, start)
 
     def __iter__(self) -> Iterator[FreeMotion]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..errors import SolveError
 from .free import FreeMotion, FreeSystem
-from .free_branch import ADDED, FreeBranch
+from .free_branch import ADDED, FreeBranch, Pace
 
 # Additional gaps fall by this factor at first and at most, and no slower than by the second one; relative to
 # those between which the mode moves freely they are left out from the third number on.
@@ -39,7 +39,7 @@ def first_motion(system: FreeSystem, energy: float) -> FreeMotion:
     if touching > 1e-12 * energy:
         low = 0.9 * touching
         first = system.solve(system.linear(low, sign), *guess, system.at_energy(low))
-        branch = FreeBranch(system, first, 0.5 * low, energy, most=400)
+        branch = FreeBranch(system, first, (0.5 * low, energy), Pace(most=400))
         for point in branch:
             if point.energy >= energy:
                 return point

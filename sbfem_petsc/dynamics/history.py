@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..checks import names_of, real, shown
+from ..checks import Bounds, names_of, real, shown
 from ..errors import SolveError, UnknownName, on_all_ranks
 from ..system.model import Model
 from ..system.places import checked_line
@@ -110,7 +110,9 @@ class Motion:
             For the motion of an unreduced model that keeps no fields.
         """
         end = float(self.time[-1])
-        at = real("field", "time", time, "s", least=float(self.time[0]), most=end * (1.0 + 1e-9))
+        at = real(
+            "field", "time", time, "s", within=Bounds(least=float(self.time[0]), most=end * (1.0 + 1e-9))
+        )
         return self.states.field(int(np.argmin(np.abs(self.time - at))))
 
     def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:

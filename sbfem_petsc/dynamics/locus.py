@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
@@ -222,12 +223,31 @@ class _Follower:
         raise _Failure(f"not converged in {ITERATIONS} iterations")
 
 
+class LocusStart(NamedTuple):
+    """A motion at a bifurcation.
+
+    Attributes
+    ----------
+    state : (2 m,) array
+    frequency : float
+        Hz.
+    value : float
+        Of the second parameter.
+    multiplier : complex
+        The one on the unit circle; nan for grazing.
+    """
+
+    state: np.ndarray
+    frequency: float
+    value: float
+    multiplier: complex
+
+
 def follow_locus(
     family: Family,
     kind: str,
-    first: tuple[np.ndarray, float, float],
+    first: LocusStart,
     *,
-    multiplier: complex,
     limits: tuple[float, float],
     points: int,
     report: Callable[[float], None] | None = None,
@@ -238,10 +258,8 @@ def follow_locus(
     ----------
     family : Family
     kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
-    first : (state, frequency, value)
+    first : LocusStart
         Close to the locus.
-    multiplier : complex
-        The one on the unit circle there; nan for grazing.
     limits : (float, float)
         Of the second parameter, between which the locus is followed.
     points : int
@@ -255,16 +273,17 @@ def follow_locus(
         If no point is found near the first one.
     """
     lower, upper = limits
-    follower = _Follower(family, kind, upper - lower, first)
-    guess = np.append(first[0], first[1:]) / follower.units
+    follower = _Follower(family, kind, upper - lower, (first.state, first.frequency, first.value))
+    guess = np.append(first.state, [first.frequency, first.value]) / follower.units
     last = np.eye(len(guess))[-1]
-    near = multiplier if multiplier.imag >= 0.0 else multiplier.conjugate()
+    near = first.multiplier if first.multiplier.imag >= 0.0 else first.multiplier.conjugate()
     try:
         # a fold's locus may run along the parameter's axis, the frequency then takes its place
         start = _any_plane(follower, guess, near)
     except (_Failure, SolveError, np.linalg.LinAlgError) as failure:
         raise SolveError(
-            f"locus: no {kind} was found near {first[1]:.8g} Hz and the factor {first[2]:.6g}: {failure}"
+            f"locus: no {kind} was found near {first.frequency:.8g} Hz and the factor {first.value:.6g}: "
+            f"{failure}"
         ) from None
     sides, reasons = [], []
     for number, sign in enumerate((-1.0, 1.0)):

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, thin_factors
-from ..contact.marching import contact_forces, march
+from ..contact.marching import (
+    StepHistory,
+    StepLoads,
+    StepState,
+    contact_forces,
+    empty_factor,
+    march,
+    step_constants,
+)
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
@@ -136,7 +144,11 @@ class _Length:
         r = period.reduced
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
-        self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + period.residual_flexibility
+        residual = period.residual_flexibility
+        self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + residual
+        self.constants = step_constants(
+            self.coefficients, (period.left, period.right), (self.flexibility, residual), period.laws.tied
+        )
 
     @functools.cached_property
     def propagation(self) -> Propagation:
@@ -155,6 +167,7 @@ class DrivenPeriod:
         self.step = self.duration / p.steps
         length = p.length(self.step)
         self.coefficients, self.flexibility = length.coefficients, length.flexibility
+        self.constants = length.constants
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads, static = p.loaded(factor)
@@ -197,21 +210,16 @@ class DrivenPeriod:
                 gap,
                 p.laws.tied,
                 active,
-                np.empty((p.pairs, p.pairs)),
-                np.full(p.pairs + 1, -1),
+                empty_factor(p.pairs),
                 force,
             )
         states[0], velocities[0], forces[0] = q, v, force
         if settled >= 0:
             reached, _ = march(
-                self.coefficients,
-                (p.left, p.right),
-                self.flexibility,
-                p.laws.tied,
-                external=np.zeros((steps + 1, m)),
-                free_gap=self.free_gap,
-                state=(q, v, force, active),
-                history=(states[1:], velocities[1:], forces[1:]),
+                self.constants,
+                StepLoads(np.zeros((0, m)), self.free_gap),
+                StepState(q, v, force, active),
+                StepHistory(states[1:], velocities[1:], forces[1:]),
             )
         if reached < steps:
             raise on_all_ranks(

@@ -49,6 +49,8 @@ class PeriodSettings:
         Most forcing periods in a common period of tones.
     segments : int
         The default number of steps is such that the period's is a multiple of it.
+    band : float or None
+        Highest forcing frequency that the modes are to serve, Hz; None: the one of the period.
     """
 
     periods: int | None = None
@@ -58,6 +60,7 @@ class PeriodSettings:
     jacobian: str = "auto"
     longest: int = LONGEST
     segments: int = 1
+    band: float | None = None
 
     def check(self, owner: str) -> None:
         """Raise TypeError or ValueError for values that make no sense."""
@@ -78,7 +81,6 @@ def prepare(
     *,
     settings: PeriodSettings,
     first: Orbit | None = None,
-    band: float | None = None,
 ) -> Period:
     """The period map of checked input. Collective.
 
@@ -88,8 +90,6 @@ def prepare(
         The analysis, for messages.
     first : Orbit, optional
         A motion to start from, of the same reduced model.
-    band : float, optional
-        Highest forcing frequency that the modes are to serve, Hz; default `frequency`.
     """
     with collective(communicator(system)):
         frequency = check_frequency(owner, "frequency", frequency)
@@ -107,7 +107,7 @@ def prepare(
         first=None if first is None else (first.frequency, first.periods),
     )
     require_compiler(owner, communicator(system))
-    highest = float(excitation.orders.max(initial=0)) / excitation.periods * (band or frequency)
+    highest = float(excitation.orders.max(initial=0)) / excitation.periods * (settings.band or frequency)
     modes = settings.modes
     if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
         modes = len(first.reduced.omega)

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..contact.closed_sets import thin_factors
 from ..contact.complementarity import solve_complementarity
-from ..contact.marching import march
+from ..contact.marching import StepConstants, StepHistory, StepLoads, StepState, march, step_constants
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
@@ -39,14 +39,9 @@ class ReducedIntegrator:
     def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, start):
         r = self.reduced = reduced
         self.comm, self.chunk, self.signals, self.steps = r.comm, CHUNK, signals, steps
-        self.coefficients = step_coefficients(r.omega, r.damping, steps.step, steps.scheme)
         self.size = len(r.initial_gap)
         self.rows = self.size if steps.contact else 0
-        gap_modes = r.gap.modes[: self.rows]
-        self.flexibility = (gap_modes * self.coefficients[4]) @ gap_modes.T + r.gap.contact[
-            : self.rows, : self.rows
-        ]
-        self.factors = r.thin_gaps if steps.contact else thin_factors(gap_modes)
+        self.constants = _constants(r, steps)
         self.q, self.v, self.force, self.active = _start(
             r, self._amplitudes(np.zeros(1))[0], steps.contact, start
         )
@@ -86,14 +81,10 @@ class ReducedIntegrator:
         states, velocities = np.empty((steps, len(self.q))), np.empty((steps, len(self.q)))
         forces = np.empty((steps, n))
         reached, exchanged = march(
-            self.coefficients,
-            self.factors,
-            self.flexibility,
-            r.contact_laws.tied[:n],
-            external=amplitude @ r.load_modes.T,
-            free_gap=amplitude @ r.gap.loads[:n].T + r.initial_gap[:n],
-            state=(self.q, self.v, self.force, self.active),
-            history=(states, velocities, forces),
+            self.constants,
+            StepLoads(amplitude @ r.load_modes.T, amplitude @ r.gap.loads[:n].T + r.initial_gap[:n]),
+            StepState(self.q, self.v, self.force, self.active),
+            StepHistory(states, velocities, forces),
         )
         if reached < steps:
             raise on_all_ranks(
@@ -163,6 +154,16 @@ def reduced_history(
     )
     energy = Energy(*rows["energies"].T)
     return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)
+
+
+def _constants(r: ReducedModel, steps: Steps) -> StepConstants:
+    """Of all steps."""
+    coefficients = step_coefficients(r.omega, r.damping, steps.step, steps.scheme)
+    rows = len(r.initial_gap) if steps.contact else 0
+    modes, residual = r.gap.modes[:rows], r.gap.contact[:rows, :rows]
+    factors = r.thin_gaps if steps.contact else thin_factors(modes)
+    flexibility = (modes * coefficients[4]) @ modes.T + residual
+    return step_constants(coefficients, factors, (flexibility, residual), r.contact_laws.tied[:rows])
 
 
 def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):

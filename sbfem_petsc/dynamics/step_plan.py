@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..capacity import default_decimation, require_disk, require_memory
+from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..errors import on_all_ranks
 from ..petsc import MPI
 from ..recording.history_file import FormerRun
@@ -85,4 +85,4 @@ def require_room(
         )
     if file is not None:
         continued = former is not None and former.count == steps.count
-        require_disk("transient", comm, file, needed=needed, what=what, continued=continued, remedy=fewer)
+        require_disk("transient", comm, PlannedFile(file, needed, continued), what=what, remedy=fewer)

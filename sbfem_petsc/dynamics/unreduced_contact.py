@@ -6,7 +6,7 @@ import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..contact.law import RowLaws
-from ..contact.marching import contact_forces
+from ..contact.marching import contact_forces, empty_factor
 
 
 class StepContact:
@@ -29,16 +29,15 @@ class StepContact:
         self.flexibility, self.laws, self.scheme = flexibility, laws, scheme
         count = len(flexibility)
         self.active = np.zeros(count, dtype=bool)
-        # of the rows in contact; the last entry is how many there are, see `contact_forces`
-        self._factor, self._members = np.empty((count, count)), np.full(count + 1, -1)
+        self._factor = empty_factor(count)
 
     def forget(self) -> None:
         """Factorise anew in the next step: a history that goes on depends on its state and `active` alone."""
-        self._members[-1] = -1
+        self._factor.members[-1] = -1
 
     def open(self) -> None:
         """No row is in contact."""
-        self.active[:], self._members[-1] = False, 0
+        self.active[:], self._factor.members[-1] = False, 0
 
     def solve(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps (c,) from the gaps without forces."""
@@ -47,12 +46,10 @@ class StepContact:
             return found.force, found.gap
         force = np.zeros(len(free))
         self.active |= self.laws.tied
-        exchanges = contact_forces(
-            self.flexibility, free, self.laws.tied, self.active, self._factor, self._members, force
-        )
+        exchanges = contact_forces(self.flexibility, free, self.laws.tied, self.active, self._factor, force)
         if exchanges < 0:
             found = solve_complementarity(self.flexibility, free, self.laws)
-            self.active, self._members[-1] = found.active.copy(), -1
+            self.active, self._factor.members[-1] = found.active.copy(), -1
             return found.force, found.gap
         gap = self.flexibility @ force + free
         gap[self.active] = 0.0

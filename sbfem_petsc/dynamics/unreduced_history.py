@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -82,9 +83,7 @@ class UnreducedIntegrator:
         with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
             self.pencil = Pencil(model, 1.0, 0.0)
             freed.callback(self.pencil.destroy)
-            self.march = UnreducedSteps(
-                model, self.pencil, units, steps.step, found, steps.contact, steps.scheme
-            )
+            self.march = UnreducedSteps(model, self.pencil, units, steps, found)
             freed.callback(self.march.release)
             self.columns = unreduced_columns(model)
             self.fields = KeptFields(model, units, steps.kept)
@@ -194,11 +193,13 @@ class UnreducedIntegrator:
         model = self.model
         return unreduced_history(
             rows,
-            tuple(model.points),
-            model.tips.names,
-            pairs=model.gap_operator.pairs,
-            step=self.march.step,
-            damped_modes=len(self.march.omega),
+            SampledRun(
+                tuple(model.points),
+                model.tips.names,
+                model.gap_operator.pairs,
+                self.march.step,
+                len(self.march.omega),
+            ),
             fields=self.fields.complete(len(rows["time"])),
         )
 
@@ -241,24 +242,26 @@ def sampled_columns(points: int, tips: int, size: int) -> dict[str, Column]:
     }
 
 
+class SampledRun(NamedTuple):
+    """What a history's rows do not tell: names of points and tips, pairs, the step (s), damped modes."""
+
+    points: tuple[str, ...]
+    tips: tuple[str, ...]
+    pairs: int
+    step: float
+    damped_modes: int
+
+
 def unreduced_history(
-    rows: Rows,
-    points: tuple[str, ...],
-    tips: tuple[str, ...],
-    *,
-    pairs: int,
-    step: float,
-    damped_modes: int,
-    complete: bool = True,
-    fields: KeptFields | None = None,
+    rows: Rows, run: SampledRun, complete: bool = True, fields: KeptFields | None = None
 ) -> History:
     """A history from its rows by the names of `UnreducedIntegrator.columns`, and its fields."""
     places, speeds, accelerations = (
-        {name: rows[field][:, k] for k, name in enumerate(points)}
+        {name: rows[field][:, k] for k, name in enumerate(run.points)}
         for field in ("displacement", "velocity", "acceleration")
     )
-    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(tips)}
+    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(run.tips)}
     states = SampledStates(
-        places, speeds, accelerations, rows["contact_force"], rows["gap"], pairs, intensities, fields
+        places, speeds, accelerations, rows["contact_force"], rows["gap"], run.pairs, intensities, fields
     )
-    return History(rows["time"], states, Energy(*rows["energies"].T), step, 0, damped_modes, complete)
+    return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)

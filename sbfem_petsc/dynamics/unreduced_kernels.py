@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ..contact.compiled import compiled
@@ -35,11 +37,37 @@ def add_columns(target, columns, values):
             )
 
 
+class Moving(NamedTuple):
+    """u, v, M v and K u, advanced in place."""
+
+    u: np.ndarray
+    v: np.ndarray
+    mass_v: np.ndarray
+    stiffness_u: np.ndarray
+
+
+class Increment(NamedTuple):
+    """d = u1 - u0, K d and the right side of the step's equation (inertia M + stretch K) d = right."""
+
+    d: np.ndarray
+    stiffness_d: np.ndarray
+    right: np.ndarray
+
+
+class StepFactors(NamedTuple):
+    """Of M and K in a step's equation, 1/s^2 and 1, and of d in v0 + v1 = rate d, 1/s."""
+
+    inertia: float
+    stretch: float
+    rate: float
+
+
 @compiled
-def advance(u, v, mass_v, stiffness_u, d, stiffness_d, right, inertia, stretch, rate):
-    """States after a step from d = u1 - u0, K d and the equation (inertia M + stretch K) d = right; products
-    of d with M d and K d.
-    """
+def advance(moving, increment, factors):
+    """States after a step; products of d with M d and K d."""
+    u, v, mass_v, stiffness_u = moving
+    d, stiffness_d, right = increment
+    inertia, stretch, rate = factors
     by_mass, by_stiffness = 0.0, 0.0
     for i in range(u.size):
         mass_d = (right[i] - stretch * stiffness_d[i]) / inertia

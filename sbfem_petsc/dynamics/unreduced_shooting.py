@@ -23,7 +23,7 @@ from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from .excitation import Excitation
-from .integration import row_size
+from .integration import Steps, row_size
 from .kept_fields import KeptFields
 from .loading import loading
 from .newton import PREFIX, snes_reason
@@ -81,7 +81,8 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
     pencil = Pencil(model, 1.0, 0.0)
     try:
         step = excitation.periods / frequency / count
-        march = UnreducedSteps(model, pencil, loads.units, step, found, settings.contact, "implicit")
+        steps = Steps(count, step, settings.contact, "implicit", 1)
+        march = UnreducedSteps(model, pencil, loads.units, steps, found)
         try:
             fields = KeptFields(model, loads.units, count)
             return _UnreducedPeriod(march, excitation, frequency, count, fields=fields).solve()

@@ -18,19 +18,22 @@ follows from kept responses of all unknowns where the contact rows are few, else
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import sparse
 
+from ..loads import Load
 from ..petsc import MPI, free, stage
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.pencil import CondensedSolve, Pencil
 from ..system.static_solver import block_width
 from .initial import full_shapes
+from .integration import Steps
 from .unreduced_contact import StepContact
-from .unreduced_kernels import add_columns, advance, form
+from .unreduced_kernels import Increment, Moving, StepFactors, add_columns, advance, form
 from .unreduced_probes import SparseColumns, probe_rows
 
 # Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
@@ -58,12 +61,10 @@ class UnreducedSteps:
     pencil : Pencil
         With all auxiliary unknowns.
     units : sequence of Load
-    step : float
-        s.
+    steps : Steps
+        Their scheme is "implicit" or "paper".
     found : Modal or None
         The modes in which the model's damping ratio is met.
-    contact : bool
-    scheme : {"implicit", "paper"}
 
     Attributes
     ----------
@@ -81,16 +82,10 @@ class UnreducedSteps:
     """
 
     def __init__(
-        self,
-        model: Model,
-        pencil: Pencil,
-        units,
-        step: float,
-        found: Modal | None,
-        contact: bool,
-        scheme: str,
+        self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
     ):
-        self.model, self.pencil, self.step, self.scheme = model, pencil, step, scheme
+        self.model, self.pencil, self.scheme = model, pencil, steps.scheme
+        step = self.step = steps.step
         a, b = self.rayleigh = model.rayleigh
         self.stretch, self.inertia = 1.0 + 2.0 * b / step, 4.0 / step**2 + 2.0 * a / step
         self.rate = 2.0 / step
@@ -99,7 +94,7 @@ class UnreducedSteps:
         size = self.d.getLocalSize()
         self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
         try:
-            self._set_up(units, found, contact)
+            self._set_up(units, found, steps.contact)
         except BaseException:
             self.release()
             raise
@@ -277,16 +272,9 @@ class UnreducedSteps:
         solved = self.solve_step(drive, acting)
         self.pencil.stiffness.mult(self.d, self.product)
         lost = advance(
-            self.u,
-            self.v,
-            self.mass_v,
-            self.stiffness_u,
-            self.d.array_r,
-            self.product.array_r,
-            self.right.array_r,
-            self.inertia,
-            self.stretch,
-            self.rate,
+            Moving(self.u, self.v, self.mass_v, self.stiffness_u),
+            Increment(self.d.array_r, self.product.array_r, self.right.array_r),
+            StepFactors(self.inertia, self.stretch, self.rate),
         )
         for place, velocity, change in (
             (self.at_u, self.at_v, solved.probes),

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ..checks import choice, integer, real, shown
+from ..checks import Bounds, choice, integer, real, shown
 from ..dynamics.history import Motion, model_with_fields
 from ..dynamics.orbit import Orbit
 from ..errors import SolveError
@@ -73,9 +73,9 @@ def animate_crack(
     model = model_with_fields("animate_crack", motion)
     with collective(model.comm):
         integer("animate_crack", "frames", frames, least=2, most=1000)
-        real("animate_crack", "seconds", seconds, "s", least=0.1, most=600.0)
+        real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
         if magnification is not None:
-            real("animate_crack", "magnification", magnification, above=0.0)
+            real("animate_crack", "magnification", magnification, within=Bounds(above=0.0))
         if not 0 <= integer("animate_crack", "crack", crack, least=0) < len(model.cracks):
             raise ValueError(
                 f"animate_crack: crack = {crack} does not exist; the model has {len(model.cracks)}"

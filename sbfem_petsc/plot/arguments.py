@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import choice, flag, integer, numbers_of, positive, real, shown
+from ..checks import Bounds, choice, flag, integer, numbers_of, positive, real, shown
 from ..parallel import checked_communicator, collective
 
 
@@ -92,7 +92,7 @@ CHECKS: dict[str, Callable[[str, str, Any], Any]] = {
     "order": lambda owner, name, value: integer(owner, name, value, least=1, most=1000),
     "columns": lambda owner, name, value: integer(owner, name, value, least=1, most=100),
     "crack": lambda owner, name, value: integer(owner, name, value, least=0),
-    "decades": lambda owner, name, value: real(owner, name, value, above=0.0, most=300.0),
+    "decades": lambda owner, name, value: real(owner, name, value, within=Bounds(above=0.0, most=300.0)),
     "window": _window,
     "forces": _table(positive),
     "lines": _table(real),

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -80,7 +81,7 @@ def plot_branches(
                     "amplitudes are not divided by forces; leave it out"
                 )
     return on_root(
-        comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, window, title, every, backbone)
+        comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, backbone, _Frame(window, title, every))
     )
 
 
@@ -168,15 +169,22 @@ def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool,
     return result
 
 
+class _Frame(NamedTuple):
+    """The part of the parameter that is shown, the title, and whether all bifurcations are marked."""
+
+    window: tuple[float, float] | None
+    title: str
+    every: bool
+
+
 def _draw(
     curves: Mapping[str, Branch],
     point: str,
     forces,
-    window,
-    title: str,
-    every: bool,
     backbone: Backbone | None,
+    frame: _Frame,
 ) -> Axes:
+    window, title, every = frame
     if not curves:
         raise ValueError("plot_branches: no branch is given")
     if len({curve.parameter for curve in curves.values()}) > 1:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from ..checks import choice, instance, real, shown
+from ..checks import Bounds, choice, instance, real, shown
 from ..parallel import agree, collective, on_root
 from ..system.model import Model
 from .arguments import check
@@ -62,7 +62,7 @@ def plot_crack(
     with collective(model.comm):
         check("plot_crack", crack=crack)
         if magnification is not None:
-            real("plot_crack", "magnification", magnification, above=0.0)
+            real("plot_crack", "magnification", magnification, within=Bounds(above=0.0))
         if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
             raise TypeError(f"plot_crack: fields = {shown(fields)} must be a dict of fields by name")
         if not fields:

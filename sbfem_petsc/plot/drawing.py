@@ -127,8 +127,11 @@ def by_name(
     return subjects
 
 
-def stems(axes: Axes, x, heights, *, floor: float, number: int, name: str, size: float = 4.0) -> None:
-    """Stems from a floor, which logarithmic scales need, with the colour and marker of the curve `number`."""
+def stems(axes: Axes, x, heights, *, floor: float, curve: tuple[int, str], size: float = 4.0) -> None:
+    """Stems from a floor, which logarithmic scales need, with the colour, marker and name of a curve, told by
+    number and name.
+    """
+    number, name = curve
     colour, marker = CYCLE[number % len(CYCLE)], MARKERS[number % len(MARKERS)]
     axes.vlines(x, floor, heights, color=colour, linewidth=0.35 * size)
     axes.plot(x, heights, linestyle="none", marker=marker, markersize=size, color=colour, label=name or "_")
@@ -151,21 +154,13 @@ def crack_title(crack) -> str:
     return crack.name if crack.name.startswith("crack") else f"crack {crack.name}"
 
 
-def fill(axes: Axes, rings, scale: float, *, colour: str, edge: str, width: float, line="-") -> None:
-    """Closed loops (m), holes running the other way round, as one filled shape; drawn in units of 1 /
-    scale.
+def fill(axes: Axes, rings, scale: float, **style) -> None:
+    """Closed loops (m), holes running the other way round, as one filled shape in a style of
+    Matplotlib's; drawn in units of 1 / scale.
     """
     vertices, codes = [], []
     for ring in rings:
         points = np.concatenate(ring) * scale
         vertices.append(np.vstack([points, points[:1]]))
         codes += [Path.MOVETO] + [Path.LINETO] * (len(points) - 1) + [Path.CLOSEPOLY]
-    axes.add_patch(
-        PathPatch(
-            Path(np.concatenate(vertices), codes),
-            facecolor=colour,
-            edgecolor=edge,
-            linewidth=width,
-            linestyle=line,
-        )
-    )
+    axes.add_patch(PathPatch(Path(np.concatenate(vertices), codes), **style))

@@ -98,18 +98,18 @@ def _draw_modes(
             axes,
             [[pieces[i].positions for i in loop] for loop in order],
             scale_drawn,
-            colour="none",
-            edge="#999999",
-            width=0.4,
-            line=(0, (3, 2)),
+            facecolor="none",
+            edgecolor="#999999",
+            linewidth=0.4,
+            linestyle=(0, (3, 2)),
         )
         fill(
             axes,
             [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order],
             scale_drawn,
-            colour=SKY,
-            edge=BLUE,
-            width=0.6,
+            facecolor=SKY,
+            edgecolor=BLUE,
+            linewidth=0.6,
         )
         tone, tone_unit = frequency_unit(float(frequencies[mode]))
         value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -66,13 +67,20 @@ def plot_harmonics(
     named = by_name("plot_harmonics", orbits, Orbit)
     return on_root(
         comm or MPI.COMM_WORLD,
-        lambda: _draw_harmonics(named, point, direction, count, decades, forces, title),
+        lambda: _draw_harmonics(named, point, direction, forces, _Stems(count, decades, title)),
     )
 
 
-def _draw_harmonics(
-    orbits: Mapping[str, Orbit], point: str, direction: str, count: int, decades: float, forces, title: str
-) -> Axes:
+class _Stems(NamedTuple):
+    """The highest harmonic, the decades below the largest one, and the title of a picture."""
+
+    highest: int
+    decades: float
+    title: str
+
+
+def _draw_harmonics(orbits: Mapping[str, Orbit], point: str, direction: str, forces, shown: _Stems) -> Axes:
+    count, decades, title = shown
     if not orbits:
         raise ValueError("plot_harmonics: no orbit is given")
     divisor = divisors("plot_harmonics", orbits, forces)
@@ -84,10 +92,10 @@ def _draw_harmonics(
     if not top > 0.0:
         raise ValueError(f"plot_harmonics: point {point!r} does not move in {direction}")
     # stems stand on the power of ten below the least harmonic that is shown: the scale has no zero
-    shown = np.concatenate(
+    levels_shown = np.concatenate(
         [v[(v > top * 10.0**-decades) & (v > ROUND_OFF * v.max())] for v in found.values()]
     )
-    floor = 10.0 ** np.floor(np.log10(0.7 * shown.min()))
+    floor = 10.0 ** np.floor(np.log10(0.7 * levels_shown.min()))
     drawing = figure(2.9)
     axes = drawing.subplots()
     apart = min(0.2, 0.7 / len(found))
@@ -95,7 +103,7 @@ def _draw_harmonics(
         # rounding is no harmonic
         seen = (levels > floor) & (levels > ROUND_OFF * levels.max())
         x = np.flatnonzero(seen) + apart * (k - 0.5 * (len(found) - 1))
-        stems(axes, x, levels[seen], floor=floor, number=k, name=name)
+        stems(axes, x, levels[seen], floor=floor, curve=(k, name))
     axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
     axes.set(
         xlabel="harmonic number",

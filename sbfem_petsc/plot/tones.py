@@ -85,7 +85,7 @@ def _draw_lines(
     axes = drawing.subplots()
     for k, (name, lines) in enumerate(found.items()):
         x, y = np.array([(f, height) for f, height, _ in lines if height > least]).T
-        stems(axes, x * along, y * factor, floor=floor, number=k, name=name, size=3.5)
+        stems(axes, x * along, y * factor, floor=floor, curve=(k, name), size=3.5)
     highest: dict[tuple[int, int], tuple[float, float]] = {}
     for lines in found.values():
         for f, height, line in lines:
@@ -167,7 +167,7 @@ def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
         height = heights[name] * factor
         order = np.arange(len(height)) - len(height) // 2
         x = (found.carrier + order * found.modulation) * along
-        stems(axes, x, height, floor=floor, number=k, name=name)
+        stems(axes, x, height, floor=floor, curve=(k, name))
         if k:
             continue
         for at, level, n in zip(x, height, order):

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg
 
-from ..checks import integer, real, real_array, shown
+from ..checks import Bounds, integer, real, real_array, shown
 from ..contact.law import ContactLaw, row_laws
 from .outputs import LinearOutput
 from .reduced_model import ReducedModel
@@ -168,7 +168,7 @@ def _places(sensors: Any, count: int) -> list[int]:
 def _ratios(damping, modes: np.ndarray, omega: np.ndarray) -> np.ndarray:
     """Modal damping ratios from one number or a damping matrix."""
     if not isinstance(damping, (list, tuple, np.ndarray)) or getattr(damping, "ndim", 1) == 0:
-        ratio = real("reduce_matrices", "damping", damping, least=0.0, below=1.0)
+        ratio = real("reduce_matrices", "damping", damping, within=Bounds(least=0.0, below=1.0))
         return np.full(len(omega), ratio)
     matrix = _array("damping", damping, 2)
     if matrix.shape != (len(modes), len(modes)):

@@ -16,7 +16,7 @@ from ..loads import as_loads
 from ..petsc import MPI, PETSc, SLEPc
 from ..system.modal_result import Modal
 from ..system.model import Model
-from .datasets import declare, put, put_fields, put_rows, written
+from .datasets import Label, Place, declare, put, put_fields, put_rows, written
 from .gather import global_size, stream
 
 
@@ -117,7 +117,8 @@ def write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str) 
                 put(facts, "opening", crack.opening, "rad", "total angle between the faces")
                 put(facts, "length", crack.length, "m", "length along the axis")
     nodes = global_size(comm, part.nodes)
-    put_rows(comm, group, "nodes", part.nodes, part.coordinates, nodes, "m", "coordinates of the nodes", path)
+    place = Place(comm, group, path)
+    put_rows(place, Label("nodes", "m", "coordinates of the nodes"), part.nodes, part.coordinates, nodes)
     order = np.argsort(part.elements)
     elements = part.elements[order]
     for name, values, unit, text in (
@@ -141,7 +142,7 @@ def write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str) 
             "number of boundary nodes",
         ),
     ):
-        put_rows(comm, group, name, elements, np.asarray(values)[order], model.elements, unit, text, path)
+        put_rows(place, Label(name, unit, text), elements, np.asarray(values)[order], model.elements)
     # Chains of different lengths stand one after the other, in the order of the S-elements.
     counts = np.zeros(model.elements, dtype=np.int64)
     counts[part.elements] = [len(c) for c in part.chains]
@@ -154,7 +155,7 @@ def write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str) 
         [np.arange(starts[e], starts[e + 1]) for e in elements] or [np.empty(0, dtype=np.int64)]
     )
     text = "boundary nodes of the S-elements, counter-clockwise, one element after the other"
-    put_rows(comm, group, "element_nodes", places, flat, int(starts[-1]), "1", text, path)
+    put_rows(place, Label("element_nodes", "1", text), places, flat, int(starts[-1]))
 
 
 def write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str) -> None:
@@ -180,11 +181,9 @@ def write_modal(comm: MPI.Comm, file: h5py.File | None, modal: Modal, path: str)
                 )
             shapes = declare(
                 group,
-                "shapes",
+                Label("shapes", "1/sqrt(kg)", "mode shapes (mode, node, x and y), modal mass 1"),
                 (count, nodes, 2),
                 float,
-                "1/sqrt(kg)",
-                "mode shapes (mode, node, x and y), modal mass 1",
                 chunks=(1, nodes, 2),
             )
     for mode in range(count):
@@ -245,13 +244,9 @@ def write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Stat
                     f"displacement of point {point}",
                 )
     put_rows(
-        comm,
-        group,
-        "displacement",
+        Place(comm, group, path),
+        Label("displacement", "m", "displacement of the nodes"),
         model.part.nodes,
         result.field,
         global_size(comm, model.part.nodes),
-        "m",
-        "displacement of the nodes",
-        path,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
-from typing import Any
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -43,37 +43,42 @@ def written(comm: MPI.Comm, path: str):
             raise ValueError(f"{WHAT} {path!r} cannot be written: {reason(error)}") from None
 
 
-def declare(
-    group: h5py.Group, name: str, shape: tuple, kind, unit: str, description: str, **layout
-) -> h5py.Dataset:
+class Label(NamedTuple):
+    """Name, unit and description of a dataset."""
+
+    name: str
+    unit: str
+    description: str
+
+
+class Place(NamedTuple):
+    """Where ranks write to: a group, which rank 0 alone has, of the file at a path."""
+
+    comm: MPI.Comm
+    group: h5py.Group | None
+    path: str
+
+
+def declare(group: h5py.Group, label: Label, shape: tuple, kind, **layout) -> h5py.Dataset:
     """A dataset with its unit and description, still without values."""
-    dataset = group.create_dataset(name, shape=shape, dtype=kind, **(layout if 0 not in shape else {}))
-    dataset.attrs["unit"], dataset.attrs["description"] = unit, description
+    dataset = group.create_dataset(label.name, shape=shape, dtype=kind, **(layout if 0 not in shape else {}))
+    dataset.attrs["unit"], dataset.attrs["description"] = label.unit, label.description
     return dataset
 
 
 def put(group: h5py.Group, name: str, values, unit: str, description: str) -> None:
     """A dataset with its values, unit and description."""
     values = np.asarray(values)
-    declare(group, name, values.shape, values.dtype, unit, description)[...] = values
+    declare(group, Label(name, unit, description), values.shape, values.dtype)[...] = values
 
 
-def put_rows(
-    comm: MPI.Comm,
-    group: h5py.Group | None,
-    name: str,
-    numbers: np.ndarray,
-    values: np.ndarray,
-    size: int,
-    unit: str,
-    description: str,
-    path: str,
-) -> None:
+def put_rows(place: Place, label: Label, numbers: np.ndarray, values: np.ndarray, size: int) -> None:
     """One distributed dataset, streamed to rank 0, where alone an error can arise."""
+    comm, group, path = place
     dataset: Any = None
     with written(comm, path):
-        if comm.rank == 0:
-            dataset = declare(group, name, (size, *values.shape[1:]), values.dtype, unit, description)
+        if group is not None:
+            dataset = declare(group, label, (size, *values.shape[1:]), values.dtype)
     with written(comm, path):
         stream(
             comm,

@@ -11,7 +11,7 @@ from ..capacity import SHARE, available_memory, in_bytes
 from ..checks import flag
 from ..dynamics.history import History
 from ..dynamics.reduced_history import recorded_exchanges, reduced_columns, reduced_history
-from ..dynamics.unreduced_history import sampled_columns, unreduced_history
+from ..dynamics.unreduced_history import SampledRun, sampled_columns, unreduced_history
 from ..recording.hdf5 import opened
 from ..recording.history_layout import FORM, VERSION, WHAT, Contents, newest, verified
 from ..recording.reduced_models import read_reduced_model
@@ -70,12 +70,14 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
         return reduced_history(rows, reduced, settings["step"], recorded_exchanges(states), complete)
     return unreduced_history(
         rows,
-        tuple(contents.texts["points"]),
-        tuple(contents.texts["tips"]),
-        pairs=settings["pairs"],
-        step=settings["step"],
-        damped_modes=settings["damped_modes"],
-        complete=complete,
+        SampledRun(
+            tuple(contents.texts["points"]),
+            tuple(contents.texts["tips"]),
+            settings["pairs"],
+            settings["step"],
+            settings["damped_modes"],
+        ),
+        complete,
     )
 
 

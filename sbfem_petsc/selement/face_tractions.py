@@ -27,6 +27,7 @@ from scipy.special import comb
 
 from .coefficients import SElementError, coefficient_matrices
 from .dense import cholesky, cholesky_solve, symmetric
+from .sectors import Sectors
 
 # Reciprocity is met to about 1e-12 up to 200 unknowns; a wrong sign, length or coefficient matrix breaks it
 # entirely.
@@ -166,9 +167,7 @@ def single_face_directions(face: int) -> np.ndarray:
 
 
 def face_tractions(
-    shape: np.ndarray,
-    order: int,
-    elasticity: np.ndarray,
+    sectors: Sectors,
     *,
     stiffness: np.ndarray,
     radial: np.ndarray,
@@ -179,11 +178,7 @@ def face_tractions(
 
     Parameters
     ----------
-    shape : (nodes, 2) array
-        Boundary nodes about the scaling centre, counter-clockwise from face to face, in units of the size.
-    order : int
-    elasticity : (3, 3) or (edges, 3, 3) array
-        D in units of the modulus.
+    sectors : Sectors
     stiffness, radial : (n, n) arrays
         K and A of the S-element.
     directions : (d, 2, 2) array, optional
@@ -201,6 +196,7 @@ def face_tractions(
     """
     if modes < 1:
         raise ValueError(f"modes = {modes!r} must be at least 1: the number of traction polynomials")
+    shape, order, elasticity = sectors
     directions = opening_direction(shape)[None] if directions is None else np.asarray(directions, dtype=float)
     coefficients = coefficient_matrices(shape, order, False, elasticity)
     n, count = len(radial), len(directions)

@@ -10,6 +10,7 @@ import numpy as np
 from scipy import linalg, optimize
 
 from .face_tractions import FaceTractions
+from .sectors import Sectors
 from .singular_modes import TipMode, TipSectors
 
 # Exponents closer than this are those of a crack, where each mode opens and slides.
@@ -132,9 +133,7 @@ class IntensityRows:
 
 def intensity_rows(
     radial: np.ndarray,
-    shape: np.ndarray,
-    order: int,
-    elasticity: np.ndarray,
+    sectors: Sectors,
     axis: np.ndarray,
     isotropic: bool,
     *,
@@ -146,11 +145,8 @@ def intensity_rows(
     ----------
     radial : (n, n) array
         A of the S-element.
-    shape : (nodes, 2) array
-        Boundary nodes about the tip, in units of the size.
-    order : int
-    elasticity : (3, 3) or (edges, 3, 3) array
-        D in units of the modulus, of the S-element or of each edge's sector.
+    sectors : Sectors
+        About the tip.
     axis : (2,) array
         Unit vector from the tip to the mouth.
     isotropic : bool
@@ -182,12 +178,13 @@ def intensity_rows(
         return IntensityRows(
             np.zeros((2, n)), np.full(2, np.nan), np.zeros((0, n)), np.zeros((0, 0)), np.zeros((2, 0))
         )
+    shape, order, elasticity = sectors
     if isotropic and np.ndim(elasticity) == 2:
         strength, exponents = _williams_strength(shape, elasticity, axis, space.fields)
         oscillation, exact = 0.0, exponents[np.isfinite(exponents)]
     else:
-        sectors = TipSectors(shape, order, elasticity, axis)
-        modes = sectors.modes(np.linalg.eigvals(space.generator))
+        around = TipSectors(shape, order, elasticity, axis)
+        modes = around.modes(np.linalg.eigvals(space.generator))
         strength, exponents = _mode_strength(modes, space, reference_length)
         exact = np.array([mode.exponent for mode in modes])
         exact = np.concatenate([exact, exact[exact.imag != 0.0].conj()])

@@ -10,6 +10,7 @@ from .basis import shape_functions
 from .coefficients import edge_nodes, strain_operators
 from .face_tractions import FaceTractions
 from .interior import radial_displacement
+from .sectors import Sectors
 
 # A point this far outside the outline, relative to the size, counts as on it.
 TOLERANCE = 1e-9
@@ -175,9 +176,7 @@ class PointRows:
 
 def point_operators(
     radial: np.ndarray,
-    shape: np.ndarray,
-    order: int,
-    elasticity: np.ndarray,
+    sectors: Sectors,
     *,
     located: Located,
     closed: bool,
@@ -189,10 +188,7 @@ def point_operators(
     ----------
     radial : (n, n) array
         A of the S-element.
-    shape : (nodes, 2) array
-    order : int
-    elasticity : (3, 3) or (edges, 3, 3) array
-        D in units of the modulus.
+    sectors : Sectors
     located : Located
         The points, from `locate`.
     closed : bool
@@ -208,7 +204,7 @@ def point_operators(
         missing = int(np.argmin(located.edge))
         raise ValueError(f"point {missing} lies outside the S-element; take only points that `locate` finds")
     n = len(radial)
-    at_point = PointRows(shape, order, elasticity, located=located, closed=closed)
+    at_point = PointRows(*sectors, located=located, closed=closed)
     m = 0 if tractions is None else len(tractions.powers)
     boundary, force = np.eye(n, n + m), np.eye(m, n + m, k=n)
     count = len(located.edge)

@@ -15,6 +15,7 @@ from .dense import ADVICE, cholesky, cholesky_solve, is_definite, largest, symme
 from .inertia import Inertia, continued_fraction
 from .polynomial_modes import PolynomialModes, polynomial_modes
 from .rigid_motions import rigid_motions
+from .sectors import Sectors
 from .stiffness import ACCEPTED, static_stiffness, stiffness_beyond
 from .symmetry import invariant_subspaces
 
@@ -117,10 +118,8 @@ class SElement:
 
 
 def solve_selement(
-    coordinates: np.ndarray,
-    order: int,
+    sectors: Sectors,
     closed: bool,
-    elasticity: np.ndarray,
     terms: int | None = None,
     isotropic: bool = False,
     *,
@@ -131,12 +130,8 @@ def solve_selement(
 
     Parameters
     ----------
-    coordinates : (nodes, 2) array
-        Boundary nodes relative to the scaling centre, counter-clockwise, in units of the element's size.
-    order : int
+    sectors : Sectors
     closed : bool
-    elasticity : (3, 3) or (edges, 3, 3) array
-        D / E, of the S-element or of the sector that each edge spans with the scaling centre.
     terms : int, optional
         Order of the continued fraction (Mcf of the paper), 0 for stiffness and mass; default: the stiffness
         alone.
@@ -153,6 +148,7 @@ def solve_selement(
     SElementError
         If the boundary is not visible from the scaling centre or a check fails.
     """
+    coordinates, order, elasticity = sectors
     elasticity = np.asarray(elasticity, dtype=float)
     equations = _equations(coordinates, order, closed, elasticity, isotropic, density)
     motions = rigid_motions(coordinates)

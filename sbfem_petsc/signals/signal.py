@@ -10,7 +10,7 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from ..checks import real, shown
+from ..checks import Bounds, real, shown
 
 # Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
 ROUND_OFF = 1e-9
@@ -96,7 +96,7 @@ class Signal:
 
 def not_negative(owner: str, name: str, value: Any, unit: str = "") -> float:
     """A real number that is not negative; TypeError or ValueError otherwise."""
-    return real(owner, name, value, unit, least=0.0)
+    return real(owner, name, value, unit, within=Bounds(least=0.0))
 
 
 @dataclass(frozen=True, repr=False)

@@ -28,9 +28,8 @@ def figures(
     name: str,
     result: Any,
     points: Sequence[str],
-    row: int,
     *,
-    noise: Noise | None,
+    noise: tuple[Noise, int] | None,
     histories: bool,
 ) -> Values:
     """Values of an analysis in a row.
@@ -44,10 +43,9 @@ def figures(
     result
         Of the analysis.
     points : sequence of str
-    row : int
-        Together with noise.seed it seeds the noise.
-    noise : Noise or None
-        Adds values read from a noisy motion, whose names end with "_noisy".
+    noise : (Noise, int) or None
+        With the number of the row, which together with its seed seeds the noise. Adds values read from a
+        noisy motion, whose names end with "_noisy".
     histories : bool
         Keep the motion of the points too.
     """
@@ -70,8 +68,8 @@ def figures(
     }
     random = None
     if noise is not None:
-        place = list(case.tables.analyses).index(name)
-        random = _Noisy(noise.snr, np.random.default_rng([noise.seed, row, place]))
+        (kind, row), place = noise, list(case.tables.analyses).index(name)
+        random = _Noisy(kind.snr, np.random.default_rng([kind.seed, row, place]))
     return makers[table.kind](case, table, result, points, random, histories)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from ..capacity import require_disk
+from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import collective
 from ..recording.hdf5 import new_hdf5, opened
@@ -181,10 +181,8 @@ class _Run:
         require_disk(
             table.kind,
             self.comm,
-            os.path.join(self.path, RESULTS),
-            needed=demand(self.case, table, *sizes)[2],
+            PlannedFile(os.path.join(self.path, RESULTS), demand(self.case, table, *sizes)[2]),
             what=f"what is kept of {name}",
-            continued=False,
             remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
         )
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from .. import indicators
-from ..capacity import require_disk
+from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
 from ..parallel import alone, checked_communicator, collective
@@ -218,10 +218,8 @@ class _Sweeping:
         require_disk(
             "sweep",
             self.comm,
-            os.path.join(self.path, FILE),
-            needed=rows * each,
+            PlannedFile(os.path.join(self.path, FILE), rows * each),
             what=f"{rows:,d} rows",
-            continued=False,
             remedy=lambda share: (
                 f"about {int(share * rows):,d} rows fit; give fewer, leave histories out, or name another "
                 "folder"
@@ -288,8 +286,7 @@ class _Sweeping:
                 name,
                 result,
                 points,
-                number,
-                noise=self.table.noise,
+                noise=None if self.table.noise is None else (self.table.noise, number),
                 histories=self.table.histories,
             )
             values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})

@@ -45,10 +45,10 @@ def assemble(
     comm: MPI.Comm,
     ranges: np.ndarray,
     blocks: list[ElementBlocks],
-    symmetric: bool = True,
+    kind: str = "symmetric",
+    *,
     column_ranges: np.ndarray | None = None,
     block_size: int = 1,
-    upper: bool = False,
 ) -> PETSc.Mat:
     """Sum the element blocks of all ranks to a distributed matrix. Collective.
 
@@ -59,16 +59,16 @@ def assemble(
         Row ownership.
     blocks : list of ElementBlocks
         Rows owned by another rank are sent there.
-    symmetric : bool
-        Mark the matrix as symmetric positive definite (PETSc then offers Cholesky and half the work).
+    kind : {"symmetric", "upper", "general"}
+        "symmetric": marked as symmetric positive definite (PETSc then offers Cholesky and half the work);
+        "upper": its upper half alone is kept, too: products read half as much, and rows cannot be asked for.
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int
         Unknowns a node, where it is the same at all of them.
-    upper : bool
-        Keep the upper half alone: products then read half as much, and rows cannot be asked for.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
+    upper = kind == "upper"
     with solving("assembly"):
         lengths = row_lengths(comm, ranges, column_ranges, blocks, upper)
         matrix = PETSc.Mat().create(comm)
@@ -89,7 +89,7 @@ def assemble(
                 values = np.ascontiguousarray(block.values(batch))
                 matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
         matrix.assemble()
-    _mark(matrix, symmetric)
+    _mark(matrix, kind != "general")
     return matrix
 
 

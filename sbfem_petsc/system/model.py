@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import instance, integer, numbers_of, positive, real, shown
+from ..checks import Bounds, instance, integer, numbers_of, positive, real, shown
 from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
@@ -21,7 +21,7 @@ from .distribution import declared_clamp
 from .modal_result import Modal
 from .modes import lowest_modes
 from .static_solver import Compliance, StaticSolver, compliance
-from .structure import Structure
+from .structure import Named, Numbers, Structure
 
 # Stands for "what the mesh declares".
 _DECLARED = object()
@@ -98,7 +98,7 @@ class Model(Structure):
         comm = checked_communicator("Model", comm)
         with collective(comm):
             terms = integer("Model", "continued_fraction", continued_fraction, least=0, most=20)
-            self.damping = real("Model", "damping", damping, least=0.0, below=1.0)
+            self.damping = real("Model", "damping", damping, within=Bounds(least=0.0, below=1.0))
             self.rayleigh = _rayleigh(rayleigh)
             thickness = positive("Model", "thickness", thickness, "m")
             integer("Model", "tip_modes", tip_modes, least=0, most=12)
@@ -133,11 +133,8 @@ class Model(Structure):
             comm,
             mesh,
             held,
-            functools.partial(_materials, material),
-            contact_laws=functools.partial(_contact_laws, contact_laws),
-            terms=terms,
-            thickness=thickness,
-            tip_modes=tip_modes,
+            Named(functools.partial(_materials, material), functools.partial(_contact_laws, contact_laws)),
+            Numbers(terms, thickness, tip_modes),
         )
         self._modes: Modal | None = None
         self._kept: dict[Hashable, Any] = {}
@@ -266,7 +263,7 @@ def rayleigh_factors(ratio: float, low: float, high: float) -> tuple[float, floa
         2.0 * math.pi * positive("rayleigh_factors", "low", low, "Hz"),
         2.0 * math.pi * positive("rayleigh_factors", "high", high, "Hz"),
     )
-    ratio = real("rayleigh_factors", "ratio", ratio, least=0.0, below=1.0)
+    ratio = real("rayleigh_factors", "ratio", ratio, within=Bounds(least=0.0, below=1.0))
     return 2.0 * ratio * low * high / (low + high), 2.0 * ratio / (low + high)
 
 
@@ -309,6 +306,11 @@ def _contact_laws(laws, cracks: tuple[str, ...]) -> dict[str, ContactLaw]:
 
 def _rayleigh(value) -> tuple[float, float]:
     a, b = numbers_of(
-        "Model", "rayleigh", value, 2, "two numbers, a in 1/s and b in s of a M + b K", least=0.0
+        "Model",
+        "rayleigh",
+        value,
+        2,
+        "two numbers, a in 1/s and b in s of a M + b K",
+        within=Bounds(least=0.0),
     )
     return a, b

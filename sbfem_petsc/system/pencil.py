@@ -74,7 +74,7 @@ class Pencil:
             first += numbers.size
         self.stiffness = self._bordered()
         # products with it take most of an eigensolver's time
-        self.mass = assemble(model.comm, self.ranges, mass, upper=True)
+        self.mass = assemble(model.comm, self.ranges, mass, "upper")
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
         """Numbers in the pencil of displacement unknowns; -1 stays -1."""
@@ -102,7 +102,7 @@ class Pencil:
         blocks = self.model.spring_blocks() + [
             ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
         ]
-        matrix = assemble(self.model.comm, self.model.ranges, blocks, symmetric=False)
+        matrix = assemble(self.model.comm, self.model.ranges, blocks, "general")
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         if shift < 0.0:
             matrix.setOption(PETSc.Mat.Option.SPD, True)
@@ -117,7 +117,7 @@ class Pencil:
             blocks.append(ElementBlocks(piece.unknowns, numbers, piece.coupling))
             first += numbers.size
         return assemble(
-            self.model.comm, self.model.ranges, blocks, symmetric=False, column_ranges=self.auxiliary_ranges
+            self.model.comm, self.model.ranges, blocks, "general", column_ranges=self.auxiliary_ranges
         )
 
     def auxiliary_diagonal(self, shift: float) -> np.ndarray:

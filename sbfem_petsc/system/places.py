@@ -16,6 +16,7 @@ from ..parallel import agree, collective
 from ..petsc import MPI
 from ..selement.interior_motion import inertial_operators
 from ..selement.points import TOLERANCE, Located, locate, point_operators
+from ..selement.sectors import Sectors
 from .boundary import LoadColumns
 from .rows import Rows, flat_entries
 
@@ -180,9 +181,7 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
         faces = tractions.get(numbers.get(element, -1))
         forms = point_operators(
             group.solution.radial,
-            group.shape,
-            group.order,
-            material.elasticity,
+            Sectors(group.shape, group.order, material.elasticity),
             located=located,
             closed=group.closed,
             tractions=None if faces is None else faces.tractions,

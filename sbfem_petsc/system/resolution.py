@@ -13,6 +13,7 @@ from numpy.polynomial import legendre
 from meshing.gll import gll_nodes, lagrange_values
 
 from ..errors import listed
+from ..selement.sectors import Sectors
 from ..selement.solution import SElement, solve_selement
 from .modal_result import Modal
 from .modes import lowest_scale
@@ -223,10 +224,8 @@ def _add_group(
     order, material = model.order, model.materials[group.material]
     whole = _prolongation(len(group.shape), order, group.closed)
     rich = solve_selement(
-        whole @ group.shape,
-        order + MORE_ORDERS,
+        Sectors(whole @ group.shape, order + MORE_ORDERS, material.elasticity),
         group.closed,
-        material.elasticity,
         model.continued_fraction + MORE_TERMS,
         material.isotropic,
         density=material.densities,

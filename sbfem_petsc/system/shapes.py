@@ -14,6 +14,7 @@ from ..petsc import MPI, stage
 from ..selement.coefficients import SElementError
 from ..selement.congruence import placements, same_shape, shape_key
 from ..selement.inertia import Inertia
+from ..selement.sectors import Sectors
 from ..selement.solution import SElement, solve_selement
 from .partition import Part
 
@@ -208,10 +209,8 @@ class Solutions:
             request = self._shapes[number]
             material = self.materials[request.material]
             return solve_selement(
-                request.shape,
-                self.order,
+                Sectors(request.shape, self.order, material.elasticity),
                 request.closed,
-                material.elasticity,
                 isotropic=material.isotropic,
                 density=material.densities,
             )

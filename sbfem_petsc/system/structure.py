@@ -5,8 +5,9 @@ fields.
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,39 @@ from .tip_faces import TipFaces, tip_faces
 from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
 
 
+class Named(NamedTuple):
+    """What a mesh knows by name alone.
+
+    Attributes
+    ----------
+    materials : callable
+        Materials in the order of the mesh's names, which it is given.
+    contact_laws : callable
+        Dict of the law of each crack by its name, from the names of the cracks.
+    """
+
+    materials: Callable
+    contact_laws: Callable
+
+
+class Numbers(NamedTuple):
+    """What a structure is computed with.
+
+    Attributes
+    ----------
+    continued_fraction : int
+        Its terms.
+    thickness : float
+        m.
+    tip_modes : int
+        Pressure modes on the faces inside each tip element.
+    """
+
+    continued_fraction: int
+    thickness: float
+    tip_modes: int
+
+
 class Structure:
     """A distributed structure of S-elements and its operators; `Model` is what a user sees of it.
 
@@ -38,16 +72,8 @@ class Structure:
     comm : Comm
     mesh : BoundaryMesh or None
     supports : tuple of Support
-    materials : callable
-        Materials in the order of the mesh's names, which it is given.
-    contact_laws : callable
-        Dict of the law of each crack by its name, from the names of the cracks.
-    terms : int
-        Of the continued fraction.
-    thickness : float
-        m.
-    tip_modes : int
-        Pressure modes on the faces inside each tip element.
+    named : Named
+    numbers : Numbers
     """
 
     def __init__(
@@ -55,15 +81,11 @@ class Structure:
         comm: MPI.Comm,
         mesh: BoundaryMesh | None,
         supports: tuple[Support, ...],
-        materials,
-        *,
-        contact_laws,
-        terms: int,
-        thickness: float,
-        tip_modes: int,
+        named: Named,
+        numbers: Numbers,
     ):
-        self.comm, self.supports, self.thickness, self.continued_fraction = comm, supports, thickness, terms
-        self.tip_modes = tip_modes
+        self.comm, self.supports = comm, supports
+        self.continued_fraction, self.thickness, self.tip_modes = numbers
         self._freed = False
         found = distribute(comm, mesh, supports)
         self.order, self.elements, self.part, self.ranges = (
@@ -85,10 +107,10 @@ class Structure:
         self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
-            named = materials(self.material_names)
-            sectors = [SectorMaterials(tuple(named[k] for k in parts)) for parts in found.compositions]
-            self.materials: list[AnyMaterial] = [*named, *sectors]
-            self.contact_laws = contact_laws(tuple(crack.name for crack in self.cracks))
+            materials = named.materials(self.material_names)
+            sectors = [SectorMaterials(tuple(materials[k] for k in parts)) for parts in found.compositions]
+            self.materials: list[AnyMaterial] = [*materials, *sectors]
+            self.contact_laws = named.contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:
                 raise ValueError(
                     f"Model: the supports ({listed(s.where for s in supports)}) leave no free displacement"
@@ -96,7 +118,7 @@ class Structure:
         self.groups, self._solutions = solve_groups(comm, self.part, self.order, self.materials)
         self.shapes = self._solutions.count
         # a term of the continued fraction has as many unknowns as the S-element's boundary
-        auxiliary = terms * sum(2 * group.nodes.size for group in self.groups)
+        auxiliary = self.continued_fraction * sum(2 * group.nodes.size for group in self.groups)
         self.unknowns = self.boundary_unknowns + comm.allreduce(auxiliary)
 
     @property

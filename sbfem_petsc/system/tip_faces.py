@@ -15,6 +15,7 @@ from ..selement.face_tractions import (
     opening_direction,
     single_face_directions,
 )
+from ..selement.sectors import Sectors
 from .shapes import Group
 
 
@@ -147,9 +148,7 @@ def _tractions(group: Group, material, modes: int) -> FaceTractions:
         [opening_direction(group.shape)[None], single_face_directions(0), single_face_directions(1)]
     )
     return face_tractions(
-        group.shape,
-        group.order,
-        material.elasticity,
+        Sectors(group.shape, group.order, material.elasticity),
         stiffness=group.solution.stiffness,
         radial=group.solution.radial,
         directions=directions,

@@ -11,6 +11,7 @@ from ..material import SectorMaterials
 from ..parallel import collective
 from ..selement.coefficients import SElementError
 from ..selement.intensity import intensity_rows
+from ..selement.sectors import Sectors
 from .rows import Rows, flat_entries
 from .shapes import Group
 
@@ -97,9 +98,7 @@ def tip_intensities(model) -> TipIntensities:
                 try:
                     shared[key] = intensity_rows(
                         group.solution.radial,
-                        group.shape,
-                        group.order,
-                        material.elasticity,
+                        Sectors(group.shape, group.order, material.elasticity),
                         axis,
                         material.isotropic,
                         reference_length=REFERENCE_LENGTH / size,

@@ -8,6 +8,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.dynamics import unreduced_steps
+from sbfem_petsc.dynamics.integration import Steps
 from sbfem_petsc.dynamics.unreduced_steps import UnreducedSteps
 from sbfem_petsc.system.model import rayleigh_factors
 from sbfem_petsc.system.pencil import Pencil
@@ -78,7 +79,7 @@ def test_memory_of_many_contact_rows(monkeypatch):
     notches = [VNotch(x, 0.005, 0.0) for x in (0.02, 0.04, 0.06, 0.08)]
     model = sb.Model(Beam(0.1, 0.01, notches).mesh(order=3), ALUMINIUM)
     rows, pencil = len(model.gap_operator), Pencil(model, 1.0, 0.0)
-    march = UnreducedSteps(model, pencil, [], 1e-6, None, True, "implicit")
+    march = UnreducedSteps(model, pencil, [], Steps(1, 1e-6, True, "implicit", 1), None)
     monkeypatch.setattr(unreduced_steps, "block_width", lambda _: 8)
 
     def columns() -> float:

@@ -15,10 +15,10 @@ from tests.systems import ALUMINIUM
 
 SMALL = """
 import numpy as np
-from sbfem_petsc.contact.marching import contact_forces
-force, members = np.zeros(2), np.full(3, -1)
+from sbfem_petsc.contact.marching import contact_forces, empty_factor
+force, factor = np.zeros(2), empty_factor(2)
 print(contact_forces(np.array([[2.0, 1.5], [1.5, 2.0]]), np.array([-1.0, -0.1]), np.zeros(2, bool),
-                     np.array([True, True]), np.empty((2, 2)), members, force), force, members)
+                     np.array([True, True]), factor, force), force, factor.members)
 print(len(contact_forces.signatures), contact_forces.stats.cache_path)
 """
 

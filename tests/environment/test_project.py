@@ -185,3 +185,48 @@ def test_few_arguments_by_position():
                 checked += 1
                 assert len([n for n in given if n != "self"]) <= 4, (name, function)
     assert checked > 150
+
+
+# Public functions whose options, by keyword only, are more than six arguments in all.
+OPTIONS = {
+    "sbfem_petsc/analysis/backbone.py: backbone",
+    "sbfem_petsc/analysis/basins.py: basins",
+    "sbfem_petsc/analysis/estimate.py: estimate",
+    "sbfem_petsc/analysis/locus.py: loci",
+    "sbfem_petsc/analysis/locus.py: locus",
+    "sbfem_petsc/analysis/periodic.py: periodic",
+    "sbfem_petsc/analysis/quasi_periodic.py: quasi_periodic",
+    "sbfem_petsc/analysis/response.py: frequency_response",
+    "sbfem_petsc/analysis/response.py: load_response",
+    "sbfem_petsc/analysis/swept.py: swept_response",
+    "sbfem_petsc/analysis/transient.py: transient",
+    "sbfem_petsc/plot/animation.py: animate_crack",
+    "sbfem_petsc/plot/branches.py: plot_branches",
+    "sbfem_petsc/plot/histories.py: plot_spectra",
+    "sbfem_petsc/plot/orbits.py: plot_harmonics",
+    "sbfem_petsc/plot/tones.py: plot_lines",
+    "sbfem_petsc/reduction/matrices.py: reduce_matrices",
+    "sbfem_petsc/results/animation.py: write_animation",
+    "sbfem_petsc/study/sweep.py: sweep",
+    "sbfem_petsc/system/model.py: __init__",
+    "meshing/beam.py: mesh",
+    "meshing/gmsh/reader.py: read_gmsh",
+    "meshing/plate.py: mesh",
+}
+
+
+def test_few_arguments():
+    """At most six of each function, method and kernel, whoever calls it: what belongs together is one."""
+    longer, checked = set(), 0
+    for room in ("sbfem_petsc", "meshing", "benchmarks"):
+        for path in sorted((ROOT / room).rglob("*.py")):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+                    continue
+                a = node.args
+                given = [x.arg for x in (*a.posonlyargs, *a.args, *a.kwonlyargs, a.vararg, a.kwarg) if x]
+                checked += 1
+                if len([name for name in given if name not in ("self", "cls")]) > 6:
+                    longer.add(f"{path.relative_to(ROOT).as_posix()}: {getattr(node, 'name', 'lambda')}")
+    assert longer == OPTIONS
+    assert checked > 2000

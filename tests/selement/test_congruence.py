@@ -6,6 +6,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.selement.congruence import placements, same_shape, shape_key
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.symmetry import invariant_subspaces
 from tests.selement.test_solution import polygon, square
 
@@ -82,7 +83,7 @@ def test_separated_solution_is_the_whole_one():
 
     elasticity = sb.Material(1.0, 0.3, 1.0).elasticity
     parts, whole = (
-        solve_selement(square(5), 5, True, elasticity, 2, isotropic) for isotropic in (True, False)
+        solve_selement(Sectors(square(5), 5, elasticity), True, 2, isotropic) for isotropic in (True, False)
     )
     np.testing.assert_allclose(parts.stiffness, whole.stiffness, atol=1e-12)
     np.testing.assert_allclose(parts.mass, whole.mass, atol=1e-12)

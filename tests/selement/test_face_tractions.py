@@ -16,6 +16,7 @@ from sbfem_petsc.selement.face_tractions import (
 )
 from sbfem_petsc.selement.intensity import intensity_rows
 from sbfem_petsc.selement.interior import radial_displacement
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
 
@@ -31,18 +32,16 @@ LEVELS = np.array([1.0, 0.6, 0.2, 0.01])
 
 def element(corners, order, material, modes=4, directions=None):
     shape = polygon(corners, order, closed=False)
-    solved = solve_selement(shape, order, False, material.elasticity, 0, material.isotropic)
+    solved = solve_selement(Sectors(shape, order, material.elasticity), False, 0, material.isotropic)
     tractions = face_tractions(
-        shape,
-        order,
-        material.elasticity,
+        Sectors(shape, order, material.elasticity),
         stiffness=solved.stiffness,
         radial=solved.radial,
         directions=directions,
         modes=modes,
     )
     form = intensity_rows(
-        solved.radial, shape, order, material.elasticity, face_axis(shape), material.isotropic
+        solved.radial, Sectors(shape, order, material.elasticity), face_axis(shape), material.isotropic
     )
     return shape, solved, tractions, form
 
@@ -236,11 +235,13 @@ def test_violated_reciprocity_is_an_error():
     shape, solved, _, _ = element(CRACK, 3, ISOTROPIC)
     with pytest.raises(SElementError, match="reciprocity of its face tractions is violated"):
         face_tractions(
-            shape, 3, ISOTROPIC.elasticity, stiffness=solved.stiffness, radial=solved.radial * (1.0 + 1e-6)
+            Sectors(shape, 3, ISOTROPIC.elasticity),
+            stiffness=solved.stiffness,
+            radial=solved.radial * (1.0 + 1e-6),
         )
     with pytest.raises(ValueError, match="modes = 0 must be at least 1"):
         face_tractions(
-            shape, 3, ISOTROPIC.elasticity, stiffness=solved.stiffness, radial=solved.radial, modes=0
+            Sectors(shape, 3, ISOTROPIC.elasticity), stiffness=solved.stiffness, radial=solved.radial, modes=0
         )
 
 

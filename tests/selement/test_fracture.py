@@ -16,6 +16,7 @@ from sbfem_petsc.selement.fracture import (
     t_stress_row,
 )
 from sbfem_petsc.selement.intensity import _williams_exponent, intensity_rows
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.singular_modes import TipSectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
@@ -80,9 +81,9 @@ def test_crack_in_an_infinite_plate(material, corners, order, bound):
     the exponents tells the error of K.
     """
     shape = polygon(corners, order, closed=False)
-    element = solve_selement(shape, order, False, material.elasticity)
+    element = solve_selement(Sectors(shape, order, material.elasticity), False)
     u, exact, t = lekhnitskii_crack(shape, material.elasticity, 1.0, 0.5)
-    form = intensity_rows(element.radial, shape, order, material.elasticity, AXIS, False)
+    form = intensity_rows(element.radial, Sectors(shape, order, material.elasticity), AXIS, False)
     error = np.abs(form.rows @ u - exact).max() / np.linalg.norm(exact)
     assert error < bound
     np.testing.assert_array_equal(form.exponents, 0.5)
@@ -101,7 +102,7 @@ def test_energy_release_rate_of_a_moved_tip(angle):
     u, exact, _ = lekhnitskii_crack(shape, material.elasticity, 1.0, 0.5)
 
     def energy(distance):
-        moved = solve_selement(shape - [distance, 0.0], order, False, material.elasticity)
+        moved = solve_selement(Sectors(shape - [distance, 0.0], order, material.elasticity), False)
         return 0.5 * u @ moved.stiffness @ u
 
     slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
@@ -143,9 +144,9 @@ def test_edge_crack(ratio, height, factor, t_stress):
     """
     order = 12
     shape = edge_crack(ratio, height)
-    element = solve_selement(shape, order, False, ISOTROPIC.elasticity, isotropic=True)
+    element = solve_selement(Sectors(shape, order, ISOTROPIC.elasticity), False, isotropic=True)
     axis = face_axis(shape)
-    form = intensity_rows(element.radial, shape, order, ISOTROPIC.elasticity, axis, True)
+    form = intensity_rows(element.radial, Sectors(shape, order, ISOTROPIC.elasticity), axis, True)
     t_form = t_stress_row(element.radial, shape, ISOTROPIC.elasticity, axis)
     # tension of the ends: the nodal forces of the uniform stress, without those on the sides
     strain = np.linalg.solve(ISOTROPIC.elasticity, [0.0, 1.0, 0.0])
@@ -161,7 +162,10 @@ def test_edge_crack(ratio, height, factor, t_stress):
     if t_stress is not None:
         assert t_form.row @ u == pytest.approx(t_stress, abs=6e-5)  # four digits are given
     tractions = face_tractions(
-        shape, order, ISOTROPIC.elasticity, stiffness=element.stiffness, radial=element.radial, modes=3
+        Sectors(shape, order, ISOTROPIC.elasticity),
+        stiffness=element.stiffness,
+        radial=element.radial,
+        modes=3,
     )
     force = tractions.uniform_force([1.0])
     pressed = inverse @ (tractions.rows.T @ force)
@@ -178,11 +182,9 @@ def test_t_stress_of_uniform_stress():
     order = 4
     shape = polygon(TIP, order, closed=False)
     for material in (ISOTROPIC, STRONG):
-        element = solve_selement(shape, order, False, material.elasticity)
+        element = solve_selement(Sectors(shape, order, material.elasticity), False)
         tractions = face_tractions(
-            shape,
-            order,
-            material.elasticity,
+            Sectors(shape, order, material.elasticity),
             stiffness=element.stiffness,
             radial=element.radial,
             directions=np.concatenate([single_face_directions(0), single_face_directions(1)]),
@@ -196,7 +198,7 @@ def test_t_stress_of_uniform_stress():
     corners = TIP.copy()
     corners[[0, -1], 1] = [-0.3, 0.3]
     notch = polygon(corners, order, closed=False)
-    element = solve_selement(notch, order, False, ISOTROPIC.elasticity)
+    element = solve_selement(Sectors(notch, order, ISOTROPIC.elasticity), False)
     assert np.isnan(t_stress_row(element.radial, notch, ISOTROPIC.elasticity, AXIS).row).all()
 
 
@@ -214,8 +216,8 @@ def test_notch_exponents(half_opening):
     np.testing.assert_allclose(sectors.exponents(exact + [0.004, -0.003]), exact, atol=1e-10)
     for turn in (30.0, 90.0):
         material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=turn)
-        element = solve_selement(shape, 8, False, material.elasticity)
-        form = intensity_rows(element.radial, shape, 8, material.elasticity, AXIS, False)
+        element = solve_selement(Sectors(shape, 8, material.elasticity), False)
+        form = intensity_rows(element.radial, Sectors(shape, 8, material.elasticity), AXIS, False)
         assert form.exponent_error < 1e-5
         own = np.linalg.eigvals(element.radial)
         own = np.sort(own[(own.real > 0.05) & (own.real < 0.95)].real)
@@ -228,8 +230,8 @@ def test_wide_orthotropic_notch():
     angles = np.radians(np.linspace(-100.0, 100.0, 7))
     shape = polygon(np.stack([np.cos(angles), np.sin(angles)], axis=1), 8, closed=False)
     material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=90.0)
-    element = solve_selement(shape, 8, False, material.elasticity)
-    form = intensity_rows(element.radial, shape, 8, material.elasticity, AXIS, False)
+    element = solve_selement(Sectors(shape, 8, material.elasticity), False)
+    form = intensity_rows(element.radial, Sectors(shape, 8, material.elasticity), AXIS, False)
     own = np.linalg.eigvals(element.radial).real
     own = own[(own > 0.05) & (own < 0.95)]
     assert len(own) == 1 and form.exponents[0] == pytest.approx(own[0], abs=1e-6)
@@ -293,7 +295,7 @@ def test_interface_crack(order, corners, bound):
     what is measured.
     """
     shape, elasticity = interface_shape(order, corners)
-    element = solve_selement(shape, order, False, elasticity)
+    element = solve_selement(Sectors(shape, order, elasticity), False)
     beta = dundurs((STIFF, SOFT))[1]
     eps = np.log((1.0 - beta) / (1.0 + beta)) / (2.0 * np.pi)
     for tension, shear in ((1.0, 0.0), (0.3, -1.0)):
@@ -301,7 +303,7 @@ def test_interface_crack(order, corners, bound):
         assert closed_form == pytest.approx(eps, rel=1e-12) and abs(eps) > 0.05
         for length in (0.01, 1.0, 2.0 * HALF_LENGTH):
             form = intensity_rows(
-                element.radial, shape, order, elasticity, AXIS, False, reference_length=length
+                element.radial, Sectors(shape, order, elasticity), AXIS, False, reference_length=length
             )
             assert form.oscillation == pytest.approx(abs(eps), abs=1e-9)
             exact = k * length ** (1j * eps)
@@ -315,12 +317,12 @@ def test_interface_crack_turned_over():
     order = 5
     shape, elasticity = interface_shape(order)
     u, _, _ = interface_crack(shape, 1.0, 0.4)
-    element = solve_selement(shape, order, False, elasticity)
-    here = intensity_rows(element.radial, shape, order, elasticity, AXIS, False).rows @ u
+    element = solve_selement(Sectors(shape, order, elasticity), False)
+    here = intensity_rows(element.radial, Sectors(shape, order, elasticity), AXIS, False).rows @ u
     mirrored, flipped = (shape * [1, -1])[::-1], elasticity[::-1]
     image = (u.reshape(-1, 2) * [1, -1])[::-1].ravel()
-    element = solve_selement(mirrored, order, False, flipped)
-    there = intensity_rows(element.radial, mirrored, order, flipped, AXIS, False).rows @ image
+    element = solve_selement(Sectors(mirrored, order, flipped), False)
+    there = intensity_rows(element.radial, Sectors(mirrored, order, flipped), AXIS, False).rows @ image
     np.testing.assert_allclose(there, here * [1, -1], rtol=1e-8)
 
 
@@ -331,7 +333,9 @@ def test_interface_energy_release_rate():
     u, k, _ = interface_crack(shape, 1.0, 0.4)
 
     def energy(distance):
-        return 0.5 * u @ solve_selement(shape - [distance, 0.0], order, False, elasticity).stiffness @ u
+        return (
+            0.5 * u @ solve_selement(Sectors(shape - [distance, 0.0], order, elasticity), False).stiffness @ u
+        )
 
     # vertices above and below the tip are on no interface: only those on the x axis carry one
     slope = (8 * (energy(step) - energy(-step)) - (energy(2 * step) - energy(-2 * step))) / (12 * step)
@@ -359,8 +363,8 @@ def test_crack_that_ends_at_an_interface(ratio):
     exponent = 1.0 - optimize.brentq(equation, 0.05, 0.95, xtol=1e-14)
     shape = polygon(SQUARE, order, closed=False)
     elasticity = np.array([cracked] * 2 + [ahead] * 4 + [cracked] * 2)
-    element = solve_selement(shape, order, False, elasticity)
-    form = intensity_rows(element.radial, shape, order, elasticity, AXIS, False)
+    element = solve_selement(Sectors(shape, order, elasticity), False)
+    form = intensity_rows(element.radial, Sectors(shape, order, elasticity), AXIS, False)
     np.testing.assert_allclose(form.exponents, exponent, atol=1e-8)
     assert form.exponent_error < 1e-5 and form.oscillation == 0.0
     opening = (form.rows.reshape(2, -1, 2) * [1, -1])[:, ::-1].reshape(2, -1)
@@ -369,6 +373,6 @@ def test_crack_that_ends_at_an_interface(ratio):
 
 def test_t_stress_of_several_materials():
     shape, elasticity = interface_shape(3)
-    element = solve_selement(shape, 3, False, elasticity)
+    element = solve_selement(Sectors(shape, 3, elasticity), False)
     with pytest.raises(SElementError, match="several materials is not one number"):
         t_stress_row(element.radial, shape, elasticity, AXIS)

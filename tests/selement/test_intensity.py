@@ -8,6 +8,7 @@ import pytest
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.intensity import intensity_rows
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
 # Around a tip at the origin, the crack along (1, 3.25) from it: the tip element of a mesh of quadrilaterals
@@ -68,8 +69,10 @@ def test_unsymmetric_tip_element(order, bound):
         Material(1.0, NU, 1.0),
         OrthotropicMaterial(1.0, 1.0, NU, 0.5 / (1.0 + NU), 1.0, angle=20.0),
     ):
-        element = solve_selement(shape, order, False, material.elasticity, 0, material.isotropic)
-        form = intensity_rows(element.radial, shape, order, material.elasticity, AXIS, material.isotropic)
+        element = solve_selement(Sectors(shape, order, material.elasticity), False, 0, material.isotropic)
+        form = intensity_rows(
+            element.radial, Sectors(shape, order, material.elasticity), AXIS, material.isotropic
+        )
         np.testing.assert_allclose(form.exponents, 0.5, atol=1e-15)
         for factors in ((1.0, 0.0), (0.0, 1.0), (2.0, -0.7)):
             found = form.rows @ displacement(shape, *factors).ravel()

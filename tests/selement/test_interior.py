@@ -11,6 +11,7 @@ from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.interior import InteriorSampler, _translations, radial_displacement
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
 STEEL = Material(young=2.0e11, poisson=0.3, density=7800.0)
@@ -42,7 +43,7 @@ def evaluate(outline, order, closed, material, displacement, centre=(0.0, 0.0), 
     """Positions, displacement and stress of one element whose nodes follow `displacement(x, y)`."""
     centre = np.asarray(centre, dtype=float)
     placement = placements(outline[None], order, closed, material.isotropic)[0]
-    solution = solve_selement(placement.shape, order, closed, material.elasticity, 0)
+    solution = solve_selement(Sectors(placement.shape, order, material.elasticity), closed, 0)
     sampler = InteriorSampler(solution.radial, placement.shape, order, closed, material.elasticity, AT)
     sizes, rotations = np.array([placement.size]), placement.rotation[None]
     boundary = displacement(*(outline + centre).T)[placement.permutation][None]
@@ -139,7 +140,7 @@ def test_crack_tip_field_and_its_exponent():
 def test_crack_tip_exponents_of_any_boundary_displacement():
     outline = crack_square(4)
     shape = outline / np.sqrt((outline**2).sum(axis=1)).max()
-    solution = solve_selement(shape, 4, False, STEEL.elasticity, 0)
+    solution = solve_selement(Sectors(shape, 4, STEEL.elasticity), False, 0)
     boundary = np.random.default_rng(1).standard_normal((2 * len(shape), 1))
     levels = np.array([1e-4, 1e-6, 1e-8, 0.0])
     field = radial_displacement(solution.radial, boundary, levels)[..., 0]
@@ -167,7 +168,7 @@ def test_turned_and_mirrored_copies_share_one_sampler():
     transforms, scales = [np.eye(2), turn, mirror], [1.0, 3.0, 0.5]
     placed = placements(np.stack(copies), order, True, True)
     assert all(np.abs(p.shape - placed[0].shape).max() < 1e-12 for p in placed)
-    solution = solve_selement(placed[0].shape, order, True, STEEL.elasticity, 0)
+    solution = solve_selement(Sectors(placed[0].shape, order, STEEL.elasticity), True, 0)
     sampler = InteriorSampler(solution.radial, placed[0].shape, order, True, STEEL.elasticity, AT)
     boundary = np.stack([f[p.permutation] for f, p in zip(fields, placed)])
     sizes, rotations = np.array([p.size for p in placed]), np.stack([p.rotation for p in placed])

@@ -7,6 +7,7 @@ from scipy import linalg
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement import polynomial_modes, solution, stiffness
 from sbfem_petsc.selement.coefficients import coefficient_matrices
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
 
@@ -43,7 +44,9 @@ def test_doubling_and_schur_agree(case):
     corners, order, closed, material = CASES[case]
     shape = polygon(corners, order, closed)
     first, second = (
-        solve_selement(shape, order, closed, material.elasticity, None, material.isotropic, method=method)
+        solve_selement(
+            Sectors(shape, order, material.elasticity), closed, None, material.isotropic, method=method
+        )
         for method in ("doubling", "schur")
     )
     # both lose what the equation's condition costs: 2e-13 in the graded and the flat shapes
@@ -54,16 +57,16 @@ def test_doubling_and_schur_agree(case):
 def test_schur_where_doubling_fails(monkeypatch):
     """A residual above what is accepted leads to the Schur form, never to the poorer solution."""
     shape = polygon(QUADRILATERAL, 4)
-    expected = solve_selement(shape, 4, True, STRESS.elasticity, method="schur")
+    expected = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, method="schur")
     called = []
     original = stiffness._invariant_subspace
     monkeypatch.setattr(stiffness, "_invariant_subspace", lambda *a: called.append(1) or original(*a))
     monkeypatch.setattr(stiffness, "ACCEPTED", 0.0)
-    found = solve_selement(shape, 4, True, STRESS.elasticity)
+    found = solve_selement(Sectors(shape, 4, STRESS.elasticity), True)
     assert called == [1]
     np.testing.assert_array_equal(found.stiffness, expected.stiffness)
     monkeypatch.setattr(stiffness, "ACCEPTED", 1e-12)
-    solve_selement(shape, 4, True, STRESS.elasticity)
+    solve_selement(Sectors(shape, 4, STRESS.elasticity), True)
     assert called == [1]
 
 
@@ -77,8 +80,8 @@ def test_beyond_polynomial_modes(case, monkeypatch):
     """
     corners, order, closed, material = CASES[case]
     shape, elasticity = polygon(corners, order, closed), material.elasticity
-    found = solve_selement(shape, order, closed, elasticity, 1)
-    schur = solve_selement(shape, order, closed, elasticity, method="schur").stiffness
+    found = solve_selement(Sectors(shape, order, elasticity), closed, 1)
+    schur = solve_selement(Sectors(shape, order, elasticity), closed, method="schur").stiffness
     assert relative(found.stiffness, schur) < 1e-12
     known = solution._equations(shape, order, closed, elasticity, False, None).known
     count = known.basis.shape[1]
@@ -110,7 +113,7 @@ def test_fields_of_plane_elasticity_are_among_the_polynomial_modes(material):
     rest = equations.known.rest.T @ field
     assert np.abs(rest).max() < 1e-14 * np.abs(field).max()
     # its nodal forces do the work of the stress: area integral of s00 y^2
-    forces = solve_selement(shape, order, True, elasticity).stiffness @ field
+    forces = solve_selement(Sectors(shape, order, elasticity), True).stiffness @ field
     at, weight = np.polynomial.legendre.leggauss(6)
     corners = np.array([*QUADRILATERAL, QUADRILATERAL[0]])
     area = 0.0
@@ -125,7 +128,7 @@ def test_fields_of_plane_elasticity_are_among_the_polynomial_modes(material):
 def test_mass_solves_its_lyapunov_equation(order, closed):
     """(A + I)^T M + M (A + I) = M0 by SciPy's solver."""
     shape = polygon(QUADRILATERAL if closed else TIP[::2], order, closed)
-    element = solve_selement(shape, order, closed, STRESS.elasticity, 0)
+    element = solve_selement(Sectors(shape, order, STRESS.elasticity), closed, 0)
     m0 = coefficient_matrices(shape, order, closed, STRESS.elasticity).m0
     raised = element.radial + np.eye(len(m0))
     expected = linalg.solve_continuous_lyapunov(raised.T, m0)
@@ -139,7 +142,7 @@ def test_continued_fraction_by_scipy(terms, order):
     triangular scalings: the dynamic stiffness is the same.
     """
     shape = polygon(QUADRILATERAL, order)
-    element = solve_selement(shape, order, True, STRESS.elasticity, terms)
+    element = solve_selement(Sectors(shape, order, STRESS.elasticity), True, terms)
     c = coefficient_matrices(shape, order, True, STRESS.elasticity)
     identity = np.eye(len(shape) * 2)
     u, inverse = element.radial.T, np.linalg.inv(c.e0)
@@ -166,8 +169,8 @@ def test_continued_fraction_by_scipy(terms, order):
 @pytest.mark.parametrize("isotropic", [True, False])
 def test_inertia_computed_later(isotropic):
     shape = polygon(SQUARE, 4)
-    at_once = solve_selement(shape, 4, True, STRESS.elasticity, 2, isotropic)
-    static = solve_selement(shape, 4, True, STRESS.elasticity, isotropic=isotropic)
+    at_once = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, 2, isotropic)
+    static = solve_selement(Sectors(shape, 4, STRESS.elasticity), True, isotropic=isotropic)
     np.testing.assert_array_equal(static.stiffness, at_once.stiffness)
     with pytest.raises(RuntimeError, match="with_inertia"):
         _ = static.mass
@@ -187,7 +190,7 @@ def test_sectors_of_two_materials():
     soft, stiff = 0.2 * STRESS.elasticity, STRESS.elasticity
     elasticity = np.array([soft] * 3 + [stiff] * 3)
     density = np.array([3.0] * 3 + [1.0] * 3)
-    element = solve_selement(shape, order, True, elasticity, 0, True, density=density)
+    element = solve_selement(Sectors(shape, order, elasticity), True, 0, True, density=density)
     # tension along y: the strains across add up layer by layer, with sigma_xx for equal strain along x
     strain_x = 0.1
     u = np.zeros_like(shape)
@@ -201,5 +204,7 @@ def test_sectors_of_two_materials():
     assert forces[top, 1].sum() == pytest.approx(np.sqrt(2.0), rel=1e-12)
     translation = np.tile([1.0, 0.0], len(shape))
     assert translation @ element.mass @ translation == pytest.approx(1.0 * 3.0 + 1.0 * 1.0, rel=1e-12)
-    later = solve_selement(shape, order, True, elasticity, None, True, density=density).with_inertia(0)
+    later = solve_selement(Sectors(shape, order, elasticity), True, None, True, density=density).with_inertia(
+        0
+    )
     np.testing.assert_array_equal(later.mass, element.mass)

@@ -10,6 +10,7 @@ from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.face_tractions import face_axis, face_tractions
 from sbfem_petsc.selement.fracture import t_stress_row
 from sbfem_petsc.selement.intensity import intensity_rows
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_fracture import AXIS, NEARLY, STRONG, TIP, halved, lekhnitskii_crack
 from tests.selement.test_solution import polygon
@@ -51,10 +52,10 @@ def test_intensity_of_placed_tips(mirrored, turn):
     if mirrored:
         outline, moved = outline[::-1], moved[::-1]
     placement = placements(outline[None], order, False, True)[0]
-    element = solve_selement(placement.shape, order, False, material.elasticity)
+    element = solve_selement(Sectors(placement.shape, order, material.elasticity), False)
     axis = face_axis(placement.shape)
     np.testing.assert_allclose(placement.rotation @ move @ AXIS, axis, atol=1e-12)
-    form = intensity_rows(element.radial, placement.shape, order, material.elasticity, axis, True)
+    form = intensity_rows(element.radial, Sectors(placement.shape, order, material.elasticity), axis, True)
     rows = form.placed(placement.rotation, placement.size, material.modulus)
     found = np.einsum("kni,ni->k", rows, moved[placement.permutation])
     # stresses of the field are those of unit modulus, lengths are scaled
@@ -67,9 +68,7 @@ def test_intensity_of_placed_tips(mirrored, turn):
     assert t_found == pytest.approx(t * material.modulus, rel=2e-3)
     # closing the crack's faces by the pressure of a uniform stress leaves no stress intensity
     tractions = face_tractions(
-        placement.shape,
-        order,
-        material.elasticity,
+        Sectors(placement.shape, order, material.elasticity),
         stiffness=element.stiffness,
         radial=element.radial,
         modes=1,
@@ -95,8 +94,8 @@ def test_exponents_of_a_symmetric_orthotropic_notch(angle):
     corners[[0, -1], 1] = np.tan(opening) * np.array([-1.0, 1.0])
     shape = polygon(halved(corners / 1.5), order, closed=False)
     material = OrthotropicMaterial(14.0, 1.0, 0.3, 0.7, 1.0, angle=angle)
-    element = solve_selement(shape, order, False, material.elasticity)
-    form = intensity_rows(element.radial, shape, order, material.elasticity, AXIS, False)
+    element = solve_selement(Sectors(shape, order, material.elasticity), False)
+    form = intensity_rows(element.radial, Sectors(shape, order, material.elasticity), AXIS, False)
     n = 2 * len(shape)
     mirror = np.eye(n).reshape(n // 2, 2, n // 2, 2)[::-1] * np.array([1.0, -1.0])[None, :, None, None]
     mirror = mirror.reshape(n, n)

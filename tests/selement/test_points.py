@@ -8,6 +8,7 @@ from sbfem_petsc.selement.basis import gll_nodes, shape_functions
 from sbfem_petsc.selement.congruence import placements
 from sbfem_petsc.selement.face_tractions import face_tractions, single_face_directions
 from sbfem_petsc.selement.points import locate, point_operators
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
 
@@ -74,13 +75,11 @@ def test_faces_of_a_closed_crack():
 @pytest.mark.parametrize("shape, order", [(polygon(PENTAGON, 3), 3), (disc(6), 6)], ids=["pentagon", "disc"])
 def test_linear_field(shape, order, material):
     """A linear displacement and its stress, centre and boundary included."""
-    element = solve_selement(shape, order, True, material.elasticity)
+    element = solve_selement(Sectors(shape, order, material.elasticity), True)
     points = np.concatenate([0.4 * np.random.default_rng(0).uniform(-1, 1, (70, 2)), [[0.0, 0.0]], shape[:2]])
     rows = point_operators(
         element.radial,
-        shape,
-        order,
-        material.elasticity,
+        Sectors(shape, order, material.elasticity),
         located=locate(shape, order, True, points),
         closed=True,
     )
@@ -92,9 +91,7 @@ def test_linear_field(shape, order, material):
     with pytest.raises(ValueError, match="lies outside"):
         point_operators(
             element.radial,
-            shape,
-            order,
-            material.elasticity,
+            Sectors(shape, order, material.elasticity),
             located=locate(shape, order, True, np.array([[3.0, 0.0]])),
             closed=True,
         )
@@ -109,11 +106,11 @@ def test_turned_copy(mirrored):
     if mirrored:
         outline = np.roll((outline * [-1, 1])[::-1], 1, axis=0)
     placement = placements(outline[None], order, True, True)[0]
-    element = solve_selement(placement.shape, order, True, ISOTROPIC.elasticity)
+    element = solve_selement(Sectors(placement.shape, order, ISOTROPIC.elasticity), True)
     points = 0.35 * size * np.random.default_rng(1).uniform(-1, 1, (20, 2))
     located = locate(placement.shape, order, True, points @ placement.rotation.T / placement.size)
     rows = point_operators(
-        element.radial, placement.shape, order, ISOTROPIC.elasticity, located=located, closed=True
+        element.radial, Sectors(placement.shape, order, ISOTROPIC.elasticity), located=located, closed=True
     ).turned(placement.rotation)
 
     def bending(x, y):
@@ -132,11 +129,9 @@ def test_loaded_faces(corners, material):
     """A uniform stress with its tractions on the faces is uniform at points next to the tip too."""
     order = 4
     shape = polygon(corners, order, closed=False)
-    element = solve_selement(shape, order, False, material.elasticity)
+    element = solve_selement(Sectors(shape, order, material.elasticity), False)
     tractions = face_tractions(
-        shape,
-        order,
-        material.elasticity,
+        Sectors(shape, order, material.elasticity),
         stiffness=element.stiffness,
         radial=element.radial,
         directions=np.concatenate([single_face_directions(0), single_face_directions(1)]),
@@ -152,9 +147,7 @@ def test_loaded_faces(corners, material):
     points = np.array([[-0.5, 0.1], [0.1, 0.4], [1e-4, -2e-4], [-1e-5, 0.0], [0.0, 0.0]])
     rows = point_operators(
         element.radial,
-        shape,
-        order,
-        material.elasticity,
+        Sectors(shape, order, material.elasticity),
         located=locate(shape, order, False, points),
         closed=False,
         tractions=tractions,

@@ -9,11 +9,12 @@ from sbfem_petsc.selement.rigid_motions import (
     rigid_motions,
     without_rigid_motions,
 )
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 from tests.selement.test_solution import polygon
 
 SHAPE = polygon(np.array([[-1.0, -0.7], [0.9, -1.0], [1.2, 0.3], [-0.8, 0.9]]) / 1.3, 5)
-STIFFNESS = solve_selement(SHAPE, 5, True, Material(1.0, 0.3, 1.0).elasticity).stiffness
+STIFFNESS = solve_selement(Sectors(SHAPE, 5, Material(1.0, 0.3, 1.0).elasticity), True).stiffness
 
 
 def test_basis():

@@ -7,6 +7,7 @@ from scipy import linalg
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.selement.basis import gll_nodes
 from sbfem_petsc.selement.coefficients import SElementError
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import solve_selement
 
 
@@ -49,7 +50,7 @@ def test_book_square():
     """Song, The Scaled Boundary Finite Element Method (2018): square (+-1)^2, E = 10, nu = 0, rho = 2,
     two-node edges.
     """
-    element = solve_selement(square(1), 1, True, plane_stress(0.0), 0)
+    element = solve_selement(Sectors(square(1), 1, plane_stress(0.0)), True, 0)
     np.testing.assert_allclose(
         10 * element.stiffness[0], [4.8936, 1.25, -2.3936, -1.25, -2.6064, -1.25, 0.1064, 1.25], atol=6e-5
     )
@@ -62,7 +63,7 @@ def test_free_square_frequencies():
     """Free unit square, plane stress, nu = 0.3, order 10, four terms: printed digits of an independent
     prototype.
     """
-    found = frequencies(solve_selement(square(10, 0.5), 10, True, plane_stress(0.3), 4), count=15)
+    found = frequencies(solve_selement(Sectors(square(10, 0.5), 10, plane_stress(0.3)), True, 4), count=15)
     expected = [
         2.43265,
         2.59096,
@@ -83,7 +84,9 @@ def test_free_square_frequencies():
 @pytest.mark.parametrize("poisson", [0.0, 0.2, 0.3, 0.45])
 def test_lame_mode(poisson):
     """The Lame mode of a free square, omega = sqrt(2) pi c_s / L for any Poisson's ratio."""
-    found = frequencies(solve_selement(square(10, 0.5), 10, True, plane_stress(poisson), 4), count=12)
+    found = frequencies(
+        solve_selement(Sectors(square(10, 0.5), 10, plane_stress(poisson)), True, 4), count=12
+    )
     exact = np.sqrt(2.0) * np.pi * np.sqrt(0.5 / (1.0 + poisson))
     assert (
         np.abs(found / exact - 1.0).min() < 1e-6
@@ -109,7 +112,9 @@ def test_roller_square(terms, modes):
         [np.abs(np.abs(coordinates[:, 0]) - 0.5) > 1e-9, np.abs(np.abs(coordinates[:, 1]) - 0.5) > 1e-9],
         axis=1,
     ).ravel()
-    found = frequencies(solve_selement(coordinates, 16, True, plane_stress(0.3), terms), keep, modes + 1)
+    found = frequencies(
+        solve_selement(Sectors(coordinates, 16, plane_stress(0.3)), True, terms), keep, modes + 1
+    )
     error = np.abs(found / roller_exact(0.3, modes + 1) - 1.0)
     assert (error[:modes] < 0.01).all()
     assert error[modes] >= 0.01
@@ -118,7 +123,7 @@ def test_roller_square(terms, modes):
 def test_crack_exponents():
     """Radial exponents of an open square around a crack tip: 0, 0, 1/2, 1/2, 1, 1, 3/2, 3/2, 2."""
     corners = [[0, 1], [-1, 1], [-1, 0], [-1, -1], [0, -1], [1, -1], [1, 0], [1, 1], [0, 1]]
-    element = solve_selement(polygon(corners, 8, closed=False), 8, False, plane_stress(0.3), 1)
+    element = solve_selement(Sectors(polygon(corners, 8, closed=False), 8, plane_stress(0.3)), False, 1)
     exponents = np.sort(linalg.eigvals(element.radial).real)[:9]
     np.testing.assert_allclose(exponents, [0, 0, 0.5, 0.5, 1, 1, 1.5, 1.5, 2], atol=1e-6)
 
@@ -128,7 +133,7 @@ def test_checks_hold_at_every_order(order):
     """Residual, symmetry and rigid-body motions stay at round-off from order 1 to 16 (200 unknowns: an
     independent prototype had 5e-15 and 3e-15; times 100).
     """
-    element = solve_selement(square(order), order, True, plane_stress(0.3), 1)
+    element = solve_selement(Sectors(square(order), order, plane_stress(0.3)), True, 1)
     assert max(element.riccati_residual, element.asymmetry, element.rigid_body_residual) < 5e-13
     assert linalg.eigvalsh(element.mass)[0] > 0
     translation = np.tile([1.0, 0.0], 4 * order)
@@ -144,7 +149,7 @@ def test_dynamic_stiffness_equation():
     coordinates, elasticity = square(4), plane_stress(0.3)
     c = coefficient_matrices(coordinates, 4, True, elasticity)
     for terms in (1, 2, 3):
-        element = solve_selement(coordinates, 4, True, elasticity, terms)
+        element = solve_selement(Sectors(coordinates, 4, elasticity), True, terms)
 
         def residual(x, element=element):
             inverse = np.diag(1.0 / (1.0 + x * element.inertia))
@@ -165,15 +170,15 @@ def test_similar_elements():
     """Rotation and reflection turn the matrices and change nothing else."""
     corners = np.array([[-1, -0.7], [0.9, -1], [1.2, 0.3], [0.2, 1.1], [-0.8, 0.9]])
     order, elasticity = 4, plane_stress(0.3)
-    base = solve_selement(polygon(corners, order), order, True, elasticity, 2)
+    base = solve_selement(Sectors(polygon(corners, order), order, elasticity), True, 2)
     c, s = np.cos(0.7), np.sin(0.7)
     turn = np.array([[c, -s], [s, c]])
-    turned = solve_selement(polygon(corners @ turn.T, order), order, True, elasticity, 2)
+    turned = solve_selement(Sectors(polygon(corners @ turn.T, order), order, elasticity), True, 2)
     big = np.kron(np.eye(len(base.stiffness) // 2), turn)
     np.testing.assert_allclose(turned.stiffness, big @ base.stiffness @ big.T, atol=1e-12)
     np.testing.assert_allclose(turned.mass, big @ base.mass @ big.T, atol=1e-12)
     np.testing.assert_allclose(turned.inertia, base.inertia, rtol=1e-9)
-    mirrored = solve_selement(polygon(corners[::-1] * [-1, 1], order), order, True, elasticity, 2)
+    mirrored = solve_selement(Sectors(polygon(corners[::-1] * [-1, 1], order), order, elasticity), True, 2)
     np.testing.assert_allclose(
         linalg.eigvalsh(mirrored.stiffness), linalg.eigvalsh(base.stiffness), atol=1e-12
     )
@@ -197,4 +202,4 @@ def test_orthotropic_with_isotropic_constants():
 
 def test_scaling_centre_outside():
     with pytest.raises(SElementError, match="does not see edge"):
-        solve_selement(square(3) + [1.5, 0.0], 3, True, plane_stress(0.3), 1)
+        solve_selement(Sectors(square(3) + [1.5, 0.0], 3, plane_stress(0.3)), True, 1)

@@ -38,7 +38,7 @@ def test_blocks_are_summed(monkeypatch):
         for r, c, v in zip(*numbers, values):
             kept = np.ix_(r >= 0, c >= 0)
             expected[np.ix_(r[r >= 0], c[c >= 0])] += v[kept]
-    matrix = assemble(MPI.COMM_SELF, np.array([0, 30]), blocks, symmetric=False)
+    matrix = assemble(MPI.COMM_SELF, np.array([0, 30]), blocks, "general")
     np.testing.assert_allclose(dense(matrix), expected, rtol=1e-14, atol=1e-14)
     info = matrix.getInfo()
     assert info["mallocs"] == 0 and info["nz_unneeded"] == 0

@@ -8,6 +8,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from meshing.boundary_mesh import BoundaryMesh, ContactPairs
+from sbfem_petsc.selement.sectors import Sectors
 from sbfem_petsc.selement.solution import SElement, solve_selement
 from tests.validation.page import Row, case
 
@@ -23,7 +24,7 @@ def exponents(element: SElement) -> np.ndarray:
 @case("Square S-element", BOOK + "example 3.1: corners (+-1, +-1), E = 10, nu = 0, rho = 2.")
 def square() -> Iterator[Row]:
     corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
-    element = solve_selement(corners, 1, True, sb.Material(1.0, 0.0, 1.0).elasticity, 0)
+    element = solve_selement(Sectors(corners, 1, sb.Material(1.0, 0.0, 1.0).elasticity), True, 0)
     for name, value, printed in (
         ("K11", 10 * element.stiffness[0, 0], 4.8936),
         ("K12", 10 * element.stiffness[0, 1], 1.2500),
@@ -39,7 +40,7 @@ def square() -> Iterator[Row]:
 def pentagon() -> Iterator[Row]:
     angle = np.deg2rad(-126.0 + 72.0 * np.arange(5))
     corners = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    found = exponents(solve_selement(corners, 1, True, sb.Material(1.0, 0.0, 1.0).elasticity, 0))
+    found = exponents(solve_selement(Sectors(corners, 1, sb.Material(1.0, 0.0, 1.0).elasticity), True, 0))
     yield Row("exponents 1 and 2", 2.1922, float(found[:2].mean()), 1e-4, note=PRINTED)
     yield Row("exponents 3 and 4", 2.1731, float(found[2:4].mean()), 1e-4, note=PRINTED)
     yield Row("exponents 5 to 8", 1.0, float(found[4:8].mean()), 1e-9)
@@ -157,7 +158,7 @@ def cracked_disc() -> Iterator[Row]:
     count = 16
     angle = np.linspace(-np.pi, np.pi, count + 1)
     nodes = np.stack([np.cos(angle), np.sin(angle)], axis=1)
-    element = solve_selement(nodes - [-0.25, 0.0], 1, False, sb.Material(1.0, 0.25, 1.0).elasticity)
+    element = solve_selement(Sectors(nodes - [-0.25, 0.0], 1, sb.Material(1.0, 0.25, 1.0).elasticity), False)
     share = np.full(count + 1, 2 * np.pi / count)
     share[[0, -1]] *= 0.5
     force = (share[:, None] * nodes).ravel()
