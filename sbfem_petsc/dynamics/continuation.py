@@ -236,7 +236,7 @@ class Continuation:
     def _ahead(self, length: float) -> np.ndarray:
         """Derivative of x(T) that is expected after a step, by those of the last two points."""
         last = self.points[-1].derivative(self.parameter.name)
-        if len(self.points) < 2:
+        if len(self.points) < 2 or length < CORNER:  # behind a corner it is another one
             return last
         size, unit = self.metric()
         one, other = self.points[-2:]
@@ -319,7 +319,9 @@ class Continuation:
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
         if length > CORNER and (turn > TOO_SHARP or fixed.effort > TOO_MANY):
             return None
-        if onward @ chord < 0.0:  # a branch point: the determinant has changed its sign on a smooth branch
+        if onward @ chord < -BACK:
+            # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the
+            # branch may well lead back, but beside the chord
             assert self.sign is not None  # set with the first tangent
             self.sign = -self.sign
         self.length = min(
