@@ -48,7 +48,7 @@ def assemble(
     symmetric: bool = True,
     column_ranges: np.ndarray | None = None,
     block_size: int = 1,
-    upper: bool = False,
+    kind: str = PETSc.Mat.Type.AIJ,
 ) -> PETSc.Mat:
     """Sum the element blocks of all ranks to a distributed matrix. Collective.
 
@@ -65,32 +65,50 @@ def assemble(
         Column ownership of a rectangular matrix.
     block_size : int
         Unknowns a node, where it is the same at all of them.
-    upper : bool
-        Keep the upper half alone: products then read half as much, and rows cannot be asked for.
+    kind : {"aij", "baij", "sbaij"}
+        Full blocks of the block size (baij) have the fastest products of a matrix that caches hold. The upper
+        half alone (sbaij) takes least memory, of which its products read half as much; its rows cannot be
+        asked for.
     """
+    upper = kind == PETSc.Mat.Type.SBAIJ
     column_ranges = ranges if column_ranges is None else column_ranges
     with solving("assembly"):
         lengths = row_lengths(comm, ranges, column_ranges, blocks, upper)
         matrix = PETSc.Mat().create(comm)
-        matrix.setType(PETSc.Mat.Type.SBAIJ if upper else PETSc.Mat.Type.AIJ)
+        matrix.setType(kind)
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
         matrix.setBlockSize(block_size)
+        if kind == PETSc.Mat.Type.BAIJ:
+            lengths = (-(-lengths[0][::block_size] // block_size), -(-lengths[1][::block_size] // block_size))
         matrix.setPreallocationNNZ(lengths)
         # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless
         # it is said on all of them.
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         if upper:
             matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        for block in blocks:
-            rows, columns = (
-                np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns)
-            )
-            for batch in block.batches():
-                values = np.ascontiguousarray(block.values(batch))
-                matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
-        matrix.assemble()
+        _add(matrix, blocks)
     _mark(matrix, symmetric)
     return matrix
+
+
+@stage("Assembly")
+def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> PETSc.Mat:
+    """Sum of other element blocks of all ranks where `matrix` has entries, itself assembled from blocks of
+    the same rows and columns: their lengths are not counted again. Collective.
+    """
+    with solving("assembly"):
+        result = matrix.duplicate(copy=False)
+        _add(result, blocks)
+    return result
+
+
+def _add(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> None:
+    for block in blocks:
+        rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
+        for batch in block.batches():
+            values = np.ascontiguousarray(block.values(batch))
+            matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
+    matrix.assemble()
 
 
 @stage("Assembly")
@@ -213,9 +231,11 @@ def _count(
     if upper:
         kept = columns >= rows
         rows, columns = rows[kept], columns[kept]
-    diagonal = (columns >= owned[0]) & (columns < owned[1])
-    for kind, chosen in enumerate((diagonal, ~diagonal)):
-        counts[kind] += np.bincount(rows[chosen] - first, minlength=counts.shape[1]).astype(counts.dtype)
+    rows = rows - first
+    elsewhere = (columns < owned[0]) | (columns >= owned[1])
+    everything, others = (np.bincount(some, minlength=counts.shape[1]) for some in (rows, rows[elsewhere]))
+    counts[0] += (everything - others).astype(counts.dtype)
+    counts[1] += others.astype(counts.dtype)
 
 
 class _Pattern:
@@ -234,8 +254,8 @@ class _Pattern:
 
     def entries(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Global (rows, columns) of the entries in some of the rows, each once."""
-        found = (self._of_rows[chosen] @ self._of_columns).tocoo()
-        return self.rows[chosen[found.row]], self._columns[found.col]
+        found = self._of_rows[chosen] @ self._of_columns
+        return np.repeat(self.rows[chosen], np.diff(found.indptr)), self._columns[found.indices]
 
 
 def _incidence(numbers: list[np.ndarray]) -> tuple[np.ndarray, sparse.csr_matrix]:
