@@ -66,27 +66,31 @@ def assemble(
     block_size : int
         Unknowns a node, where it is the same at all of them.
     kind : {"aij", "baij", "sbaij"}
-        Full blocks of the block size (baij) have the fastest products of a matrix that caches hold. The upper
+        Full blocks of the block size (baij), for rows and columns that are all unknowns of nodes in their
+        order, have the fastest products of a matrix that caches hold. The upper
         half alone (sbaij) takes least memory, of which its products read half as much; its rows cannot be
         asked for.
     """
     upper = kind == PETSc.Mat.Type.SBAIJ
     column_ranges = ranges if column_ranges is None else column_ranges
+    width = block_size if kind == PETSc.Mat.Type.BAIJ else 1
+    if width > 1:
+        blocks = [
+            ElementBlocks(_of_nodes(b.rows, width), _of_nodes(b.columns, width), b.values) for b in blocks
+        ]
     with solving("assembly"):
-        lengths = row_lengths(comm, ranges, column_ranges, blocks, upper)
+        lengths = row_lengths(comm, ranges // width, column_ranges // width, blocks, upper)
         matrix = PETSc.Mat().create(comm)
         matrix.setType(kind)
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
         matrix.setBlockSize(block_size)
-        if kind == PETSc.Mat.Type.BAIJ:
-            lengths = (-(-lengths[0][::block_size] // block_size), -(-lengths[1][::block_size] // block_size))
         matrix.setPreallocationNNZ(lengths)
         # Implied by the lengths where a rank has rows; but the end of an assembly waits for all ranks unless
         # it is said on all of them.
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         if upper:
             matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        _add(matrix, blocks)
+        _add(matrix, blocks, matrix.setValuesRCV if width == 1 else matrix.setValuesBlockedRCV)
     _mark(matrix, symmetric)
     return matrix
 
@@ -98,16 +102,21 @@ def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> PETSc.Mat:
     """
     with solving("assembly"):
         result = matrix.duplicate(copy=False)
-        _add(result, blocks)
+        _add(result, blocks, result.setValuesRCV)
     return result
 
 
-def _add(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> None:
+def _of_nodes(unknowns: np.ndarray, width: int) -> np.ndarray:
+    """Numbers of nodes from those of all their unknowns; -1 stays -1."""
+    return unknowns[:, ::width] // width
+
+
+def _add(matrix: PETSc.Mat, blocks: list[ElementBlocks], add: Callable) -> None:
     for block in blocks:
         rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
         for batch in block.batches():
             values = np.ascontiguousarray(block.values(batch))
-            matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
+            add(rows[batch], columns[batch], values, addv=True)
     matrix.assemble()
 
 

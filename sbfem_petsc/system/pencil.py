@@ -77,9 +77,10 @@ class Pencil:
             if numbers.size:
                 mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
                 mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
-                flat, inertia = numbers.reshape(-1, 1), np.tile(piece.inertia, len(numbers))[:, None, None]
-                mass.append(ElementBlocks(flat, flat, inertia.__getitem__))
-                own = flat.ravel() - (self.ranges[model.comm.rank] + self.owned)
+                pairs = numbers.reshape(-1, 2)
+                inertia = np.tile(piece.inertia, len(numbers)).reshape(-1, 2, 1) * np.eye(2)
+                mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
+                own = numbers.ravel() - (self.ranges[model.comm.rank] + self.owned)
                 self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()

@@ -46,13 +46,13 @@ def test_blocks_are_summed(monkeypatch):
 
 
 def test_full_blocks_and_a_pattern_taken_over():
-    """Nodes of two unknowns, some held, and a few single entries: in full blocks, and summed again with other
-    values where a matrix has its entries, the dense sums, and no room but what the entries take.
+    """Nodes of two unknowns, some held: in full blocks, and summed again with other values where a matrix has
+    its entries, the dense sums, and no room but what the entries take.
     """
     rng = np.random.default_rng(2)
     nodes = np.stack([rng.permutation(np.arange(-1, 15))[:4] for _ in range(6)])
     numbers = np.where(nodes[..., None] >= 0, 2 * nodes[..., None] + [0, 1], -1).reshape(6, 8)
-    single = np.array([[3], [28]])
+    single = np.array([[2, 3], [28, 29]])
     comm, ranges = MPI.COMM_SELF, np.array([0, 30])
 
     def blocks_and_sum():
