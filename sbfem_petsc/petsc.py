@@ -105,13 +105,18 @@ def make_ksp(
     positive_definite: bool = True,
     *,
     by_ranks: Callable[[], PETSc.Mat] | None = None,
+    small: bool = False,
 ) -> PETSc.KSP:
     """Linear solver for a symmetric matrix: direct by default, all of it an option under `prefix`.
 
     An iterative solver chosen on the command line stops at a relative residual of 1e-12 unless told
-    otherwise. `by_ranks` makes the matrix kept apart by ranks, a MATIS, that PCBDDC works with.
+    otherwise. `by_ranks` makes the matrix kept apart by ranks, a MATIS, that PCBDDC works with. `small` takes
+    PETSc's own factors of a positive definite matrix on one rank; those of LU, whose rows go several at a
+    time, solve twice as fast as the one of Cholesky.
     """
-    factorisation, package = direct_solver(matrix.comm.tompi4py(), positive_definite)
+    factorisation, package = (
+        ("lu", "petsc") if small else direct_solver(matrix.comm.tompi4py(), positive_definite)
+    )
     ksp = PETSc.KSP().create(matrix.comm)
     ksp.setOptionsPrefix(prefix)
     ksp.setOperators(matrix)
@@ -120,6 +125,8 @@ def make_ksp(
     pc = ksp.getPC()
     pc.setType(factorisation)
     pc.setFactorSolverType(package)
+    if small:
+        pc.setFactorOrdering("qmd")
     configure(ksp)
     if pc.getType() == PETSc.PC.Type.BDDC and by_ranks is not None:
         apart = by_ranks()

@@ -23,6 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import linalg
 from scipy.special import comb
 
 from .coefficients import SElementError, coefficient_matrices
@@ -218,7 +219,7 @@ def face_tractions(
         operator = (
             power**2 * coefficients.e0 - power * (coefficients.e1 - coefficients.e1.T) - coefficients.e2
         )
-        particular = np.linalg.lstsq(operator, -loads, rcond=1e-12)[0]
+        particular = linalg.lstsq(operator, -loads, cond=1e-12, lapack_driver="gelsy")[0]
         force = (stiffness - power * coefficients.e0 - coefficients.e1.T) @ particular
         reciprocity = max(reciprocity, float(np.abs(force - g).max() / np.abs(g).max()))
     if not reciprocity < TOLERANCE:

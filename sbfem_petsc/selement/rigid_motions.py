@@ -11,19 +11,19 @@ import numpy as np
 
 
 def rigid_motions(coordinates: np.ndarray) -> np.ndarray:
-    """(n, 3): two translations and the rotation about the origin, each of unit maximum, for nodes (nodes, 2)
-    of unit size.
+    """(..., n, 3): two translations and the rotation about the origin, each of unit maximum, for nodes
+    (..., nodes, 2) of unit size.
     """
-    motions = np.zeros((len(coordinates), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2], motions[:, 1, 2] = -coordinates[:, 1], coordinates[:, 0]
-    return motions.reshape(-1, 3)
+    motions = np.zeros((*coordinates.shape, 3))
+    motions[..., 0, 0] = motions[..., 1, 1] = 1.0
+    motions[..., 0, 2], motions[..., 1, 2] = -coordinates[..., 1], coordinates[..., 0]
+    return motions.reshape(*coordinates.shape[:-2], 2 * coordinates.shape[-2], 3)
 
 
 def rigid_body_basis(coordinates: np.ndarray) -> np.ndarray:
-    """(n, 3): orthonormal translations and rotation about the mean of the nodes (nodes, 2)."""
-    motions = rigid_motions(coordinates - coordinates.mean(axis=0))
-    return motions / np.linalg.norm(motions, axis=0)
+    """(..., n, 3): orthonormal translations and rotation about the mean of the nodes (..., nodes, 2)."""
+    motions = rigid_motions(coordinates - coordinates.mean(axis=-2, keepdims=True))
+    return motions / np.linalg.norm(motions, axis=-2, keepdims=True)
 
 
 def without_rigid_motions(basis: np.ndarray, vectors: np.ndarray) -> np.ndarray:

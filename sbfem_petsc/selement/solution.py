@@ -6,7 +6,7 @@ of E / (rho h^2), so that similar elements share one solution.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -50,6 +50,8 @@ class SElement:
     density : (edges,) array or None
         Densities of the sectors in units of the S-element's.
     dynamics : Inertia or None
+    equations : _Equations or None
+        What `stiffness` was solved from, as long as someone keeps it for the inertia: several times as large.
     """
 
     coordinates: np.ndarray
@@ -63,6 +65,7 @@ class SElement:
     rigid_body_residual: float
     density: np.ndarray | None = None
     dynamics: Inertia | None = None
+    equations: _Equations | None = field(default=None, repr=False, compare=False)
 
     @property
     def radial(self) -> np.ndarray:
@@ -73,7 +76,7 @@ class SElement:
         return self._equations().radial(self.stiffness)
 
     def _equations(self) -> _Equations:
-        return _equations(
+        return self.equations or _equations(
             self.coordinates, self.order, self.closed, self.elasticity, self.isotropic, self.density
         )
 
@@ -114,7 +117,8 @@ class SElement:
             If a matrix that is positive definite in exact arithmetic is not.
         """
         equations = self._equations()
-        return replace(self, dynamics=_dynamics(equations, equations.radial(self.stiffness), terms))
+        dynamics = _dynamics(equations, equations.radial(self.stiffness), terms)
+        return replace(self, dynamics=dynamics, equations=None)
 
 
 def solve_selement(
@@ -176,7 +180,7 @@ def solve_selement(
         asymmetry,
         rigid,
         density,
-        None if terms is None else _dynamics(equations, radial, terms),
+        *((None, equations) if terms is None else (_dynamics(equations, radial, terms), None)),
     )
 
 

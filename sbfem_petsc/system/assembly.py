@@ -40,6 +40,9 @@ class ElementBlocks:
             yield slice(first, min(first + length, len(self.rows)))
 
 
+_TYPES = {"upper": PETSc.Mat.Type.SBAIJ, "blocks": PETSc.Mat.Type.BAIJ}
+
+
 @stage("Assembly")
 def assemble(
     comm: MPI.Comm,
@@ -59,20 +62,26 @@ def assemble(
         Row ownership.
     blocks : list of ElementBlocks
         Rows owned by another rank are sent there.
-    kind : {"symmetric", "upper", "general"}
-        "symmetric": marked as symmetric positive definite (PETSc then offers Cholesky and half the work);
-        "upper": its upper half alone is kept, too: products read half as much, and rows cannot be asked for.
+    kind : {"symmetric", "upper", "blocks", "general"}
+        All but "general" are marked as symmetric positive definite: PETSc then offers Cholesky and half the
+        work. "upper": the upper half alone is kept, which takes least memory, and products read half as much;
+        rows cannot be asked for. "blocks": full blocks of the block size, for rows and columns that are all
+        unknowns of nodes in their order, whose products are the fastest where caches hold the matrix.
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int
         Unknowns a node, where it is the same at all of them.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
-    upper = kind == "upper"
+    upper, width = kind == "upper", block_size if kind == "blocks" else 1
+    if width > 1:
+        blocks = [
+            ElementBlocks(_of_nodes(b.rows, width), _of_nodes(b.columns, width), b.values) for b in blocks
+        ]
     with solving("assembly"):
-        lengths = row_lengths(comm, ranges, column_ranges, blocks, upper)
+        lengths = row_lengths(comm, ranges // width, column_ranges // width, blocks, upper)
         matrix = PETSc.Mat().create(comm)
-        matrix.setType(PETSc.Mat.Type.SBAIJ if upper else PETSc.Mat.Type.AIJ)
+        matrix.setType(_TYPES.get(kind, PETSc.Mat.Type.AIJ))
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
         matrix.setBlockSize(block_size)
         matrix.setPreallocationNNZ(lengths)
@@ -81,16 +90,34 @@ def assemble(
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         if upper:
             matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        for block in blocks:
-            rows, columns = (
-                np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns)
-            )
-            for batch in block.batches():
-                values = np.ascontiguousarray(block.values(batch))
-                matrix.setValuesRCV(rows[batch], columns[batch], values, addv=True)
-        matrix.assemble()
+        _add(matrix, blocks, matrix.setValuesRCV if width == 1 else matrix.setValuesBlockedRCV)
     _mark(matrix, kind != "general")
     return matrix
+
+
+@stage("Assembly")
+def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> PETSc.Mat:
+    """Sum of other element blocks of all ranks where `matrix` has entries, itself assembled from blocks of
+    the same rows and columns: their lengths are not counted again. Collective.
+    """
+    with solving("assembly"):
+        result = matrix.duplicate(copy=False)
+        _add(result, blocks, result.setValuesRCV)
+    return result
+
+
+def _of_nodes(unknowns: np.ndarray, width: int) -> np.ndarray:
+    """Numbers of nodes from those of all their unknowns; -1 stays -1."""
+    return unknowns[:, ::width] // width
+
+
+def _add(matrix: PETSc.Mat, blocks: list[ElementBlocks], add: Callable) -> None:
+    for block in blocks:
+        rows, columns = (np.ascontiguousarray(n, dtype=PETSc.IntType) for n in (block.rows, block.columns))
+        for batch in block.batches():
+            values = np.ascontiguousarray(block.values(batch))
+            add(rows[batch], columns[batch], values, addv=True)
+    matrix.assemble()
 
 
 @stage("Assembly")
@@ -213,9 +240,11 @@ def _count(
     if upper:
         kept = columns >= rows
         rows, columns = rows[kept], columns[kept]
-    diagonal = (columns >= owned[0]) & (columns < owned[1])
-    for kind, chosen in enumerate((diagonal, ~diagonal)):
-        counts[kind] += np.bincount(rows[chosen] - first, minlength=counts.shape[1]).astype(counts.dtype)
+    rows = rows - first
+    elsewhere = (columns < owned[0]) | (columns >= owned[1])
+    everything, others = (np.bincount(some, minlength=counts.shape[1]) for some in (rows, rows[elsewhere]))
+    counts[0] += (everything - others).astype(counts.dtype)
+    counts[1] += others.astype(counts.dtype)
 
 
 class _Pattern:
@@ -234,8 +263,8 @@ class _Pattern:
 
     def entries(self, chosen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Global (rows, columns) of the entries in some of the rows, each once."""
-        found = (self._of_rows[chosen] @ self._of_columns).tocoo()
-        return self.rows[chosen[found.row]], self._columns[found.col]
+        found = self._of_rows[chosen] @ self._of_columns
+        return np.repeat(self.rows[chosen], np.diff(found.indptr)), self._columns[found.indices]
 
 
 def _incidence(numbers: list[np.ndarray]) -> tuple[np.ndarray, sparse.csr_matrix]:

@@ -40,46 +40,56 @@ class ElementStiffness:
 
     def __init__(self, model):
         self.model = model
-        places, motions, blocks = [], [], []
-        for group in model.groups:
-            coordinates = model.part.coordinates[group.nodes]
-            places.append((2 * group.nodes[:, :, None] + [0, 1]).reshape(-1))
-            motions += [rigid_body_basis(outline) for outline in coordinates]
-            blocks += list(model.scales(group)[0] * group.turned_both(group.solution.stiffness))
+        groups = model.groups
+        places = [(2 * group.nodes[:, :, None] + [0, 1]).reshape(-1) for group in groups]
         self._places = np.concatenate([np.empty(0, dtype=int), *places])
-        size = (len(self._places), 2 * len(model.part.nodes))
-        ones = np.ones(size[0])
-        self._motions, self._blocks = _block_diagonal(motions, 3), _block_diagonal(blocks, None)
-        self._transposed_motions = self._motions.T.tocsr()
-        self._gather = sparse.csr_matrix((ones, (self._places, np.arange(size[0]))), shape=size[::-1])
-        self._springs = _springs(model, size[1])
+        self._motions = _block_diagonal(
+            [rigid_body_basis(model.part.coordinates[group.nodes]) for group in groups]
+        )
+        self._blocks = _block_diagonal(
+            [model.scales(group)[0] * group.turned_both(group.solution.stiffness) for group in groups]
+        )
+        self._shares, self._vector = self._motions.createVecs()
+        self._product = self._vector.duplicate()
+        self._springs = _springs(model, 2 * len(model.part.nodes))
 
     def __call__(self, owned: np.ndarray) -> np.ndarray:
         """Forces (owned,) or (owned, c) of displacements of the same shape. Collective."""
         if owned.ndim == 2:
             return np.stack([self(column) for column in owned.T], axis=1)
         field = self.model.nodal(owned).ravel()
-        deformation = self._without_motions(field[self._places])
-        forces = self._without_motions(self._blocks @ deformation)
-        return self.model.summed_nodal((self._gather @ forces + self._springs @ field).reshape(-1, 2))
+        self._vector.array = field[self._places]
+        self._remove_motions(self._vector)
+        self._blocks.mult(self._vector, self._product)
+        self._remove_motions(self._product)
+        forces = np.bincount(self._places, self._product.array_r, minlength=len(field))
+        if self._springs.nnz:
+            forces += self._springs @ field
+        return self.model.summed_nodal(forces.reshape(-1, 2))
 
-    def _without_motions(self, vectors: np.ndarray) -> np.ndarray:
+    def _remove_motions(self, vector: PETSc.Vec) -> None:
         """Twice: once leaves the round-off of large motions."""
         for _ in range(2):
-            vectors = vectors - self._motions @ (self._transposed_motions @ vectors)
-        return vectors
+            self._motions.multTranspose(vector, self._shares)
+            self._shares.scale(-1.0)
+            self._motions.multAdd(self._shares, vector, vector)
 
 
-def _block_diagonal(blocks: list[np.ndarray], width: int | None) -> sparse.csr_matrix:
-    """Block-diagonal matrix of dense (n, m) blocks, m the same of all or that of the block's rows."""
-    heights = np.array([len(block) for block in blocks], dtype=int)
-    widths = heights if width is None else np.full(len(blocks), width)
-    first = np.concatenate([[0], np.cumsum(widths)])
-    columns = [np.tile(np.arange(start, start + m), n) for start, n, m in zip(first, heights, widths)]
-    starts = np.concatenate([[0], np.cumsum(np.repeat(widths, heights))])
-    values = np.concatenate([np.empty(0), *(block.ravel() for block in blocks)])
-    columns_of = np.concatenate([np.empty(0, dtype=int), *columns])
-    return sparse.csr_matrix((values, columns_of, starts), shape=(int(heights.sum()), int(first[-1])))
+def _block_diagonal(blocks: list[np.ndarray]) -> PETSc.Mat:
+    """This rank's block-diagonal matrix of dense blocks, (k, n, m) of those of one shape."""
+    kind = PETSc.IntType
+    columns, lengths, first, height = [np.empty(0, dtype=kind)], [np.zeros(1, dtype=kind)], 0, 0
+    for k, n, m in (some.shape for some in blocks):
+        numbers = np.arange(first, first + k * m, dtype=kind).reshape(k, 1, m)
+        columns.append(np.broadcast_to(numbers, (k, n, m)).ravel())
+        lengths.append(np.full(k * n, m, dtype=kind))
+        first, height = first + k * m, height + k * n
+    csr = (
+        np.cumsum(np.concatenate(lengths), dtype=kind),
+        np.concatenate(columns),
+        np.concatenate([np.empty(0), *(some.ravel() for some in blocks)]),
+    )
+    return PETSc.Mat().createAIJWithArrays((height, first), csr, comm=PETSc.COMM_SELF)
 
 
 def _springs(model, size: int) -> sparse.csr_matrix:
@@ -185,4 +195,6 @@ class Refinement:
 
     def _dot(self, first: np.ndarray, second: np.ndarray) -> np.ndarray:
         """Inner products (c,) of columns, or of two vectors."""
-        return np.asarray(self.model.comm.allreduce((first * second).sum(axis=0)))
+        sums = np.array((first * second).sum(axis=0))
+        self.model.comm.Allreduce(MPI.IN_PLACE, sums)
+        return sums

@@ -207,8 +207,7 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
         eps.getEigenvector(int(i), x)
         array[:, k] = x.array_r
     x.destroy()
-    # one by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns
-    kx, mx = (_products(matrix, array) for matrix in (pencil.stiffness, pencil.mass))
+    kx, mx = pencil.stiff_products(array), _products(pencil.mass, array)
     # modes whose product with the assembled stiffness is mostly round-off, and so is their Rayleigh quotient
     squares = _inner(model, array, array)
     noise = model.refinement.scale * np.sqrt(squares) / np.sqrt(_inner(model, mx, mx))
@@ -287,7 +286,10 @@ def _collect(pencil: Pencil, eps: SLEPc.EPS, solve: CondensedSolve, values: np.n
 
 
 def _products(matrix: PETSc.Mat, columns: np.ndarray) -> np.ndarray:
-    """A symmetric matrix times this rank's rows of columns. Collective."""
+    """A symmetric matrix times this rank's rows of columns. Collective.
+
+    One by one: PETSc 3.18 crashes in products of matrices kept by halves with blocks of columns.
+    """
     right, left = matrix.createVecs()
     result = np.empty_like(columns)
     for k, column in enumerate(columns.T):
@@ -315,7 +317,9 @@ def _change(pencil: Pencil, solve: CondensedSolve, shape: np.ndarray, forces: np
 
 def _inner(model: Structure, one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """(n,): inner products of the columns of two distributed arrays."""
-    return model.comm.allreduce(np.einsum("ij,ij->j", one, other))
+    sums = np.einsum("ij,ij->j", one, other)
+    model.comm.Allreduce(MPI.IN_PLACE, sums)
+    return sums
 
 
 def _misfits(kx: np.ndarray, values: np.ndarray, mx: np.ndarray) -> np.ndarray:

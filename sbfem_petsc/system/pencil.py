@@ -13,13 +13,20 @@ import numpy as np
 
 from ..capacity import give_back
 from ..parallel import alone
-from ..petsc import PETSc, configure, direct_solver, free, make_ksp, solving
+from ..petsc import PETSc, configure, dense_columns, direct_solver, free, make_ksp, solving
 from ..selement.dense import cholesky, lower_solve, symmetric_eigen
-from .assembly import ElementBlocks, assemble, from_rows
+from .assembly import ElementBlocks, assemble, assemble_like, from_rows
 from .linear_solver import LinearSolver
 from .rows import Rows
 from .shapes import Group
 from .structure import Structure
+
+# Unknowns up to which, on one rank, a hundred solves by PETSc's own factor are faster than by MUMPS and its
+# fronts: four times as fast at 2,000, as fast at 4,000. Products with full blocks are faster than those with
+# the upper half, too.
+_SMALL = 4000
+# Columns that the stiffness is multiplied with at a time.
+_COLUMNS = 16
 
 
 class Pencil:
@@ -27,7 +34,8 @@ class Pencil:
 
     The auxiliary unknowns of an S-element act through -omega^4 C (E t I - omega^2 J)^-1 C'. For a band of
     frequencies they are projected on the leading right singular vectors of L^-1 C, L L' = K_b + omega^2 M_b
-    of the element at the top of the band: what is left out is bounded there, and below falls with omega^4.
+    of the element at the top of the band, an even number of them: what is left out is bounded there, and
+    below falls with omega^4.
     Elements much smaller than a wavelength keep none. The projection keeps the pencil symmetric and its mass
     positive definite.
 
@@ -49,6 +57,8 @@ class Pencil:
 
     def __init__(self, model: Structure, highest: float, tolerance: float):
         self.model = model
+        # a matter of caches, not of memory
+        self.small = model.comm.size == 1 and model.boundary_unknowns <= _SMALL
         self._pieces = [
             piece for group in model.moving_groups for piece in _pieces(model, group, highest, tolerance)
         ]
@@ -67,14 +77,16 @@ class Pencil:
             if numbers.size:
                 mass.append(ElementBlocks(unknowns, numbers, piece.coupling))
                 mass.append(ElementBlocks(numbers, unknowns, piece.transposed_coupling))
-                flat, inertia = numbers.reshape(-1, 1), np.tile(piece.inertia, len(numbers))[:, None, None]
-                mass.append(ElementBlocks(flat, flat, inertia.__getitem__))
-                own = flat.ravel() - (self.ranges[model.comm.rank] + self.owned)
+                pairs = numbers.reshape(-1, 2)
+                inertia = np.tile(piece.inertia, len(numbers)).reshape(-1, 2, 1) * np.eye(2)
+                mass.append(ElementBlocks(pairs, pairs, inertia.__getitem__))
+                own = numbers.ravel() - (self.ranges[model.comm.rank] + self.owned)
                 self._auxiliary_stiffness[own] = piece.modulus
             first += numbers.size
         self.stiffness = self._bordered()
         # products with it take most of an eigensolver's time
-        self.mass = assemble(model.comm, self.ranges, mass, "upper")
+        kind, size = ("blocks", 2) if self.small and model.stiffness.getBlockSize() == 2 else ("upper", 1)
+        self.mass = assemble(model.comm, self.ranges, mass, kind, block_size=size)
 
     def numbers(self, unknowns: np.ndarray) -> np.ndarray:
         """Numbers in the pencil of displacement unknowns; -1 stays -1."""
@@ -95,6 +107,18 @@ class Pencil:
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
         return matrix
 
+    def stiff_products(self, columns: np.ndarray) -> np.ndarray:
+        """diag(K_b, E t I) times this rank's rows of columns, in Fortran's order. Collective."""
+        upper, result = self.model.stiffness, np.empty_like(columns)
+        for first in range(0, columns.shape[1], _COLUMNS):
+            some = slice(first, first + _COLUMNS)
+            given = dense_columns(upper, np.asfortranarray(columns[: self.owned, some]))
+            product = upper.matMult(given)
+            result[: self.owned, some] = product.getDenseArray()
+            free(self.model.comm, given, product)
+        result[self.owned :] = self._auxiliary_stiffness[:, None] * columns[self.owned :]
+        return result
+
     def condensed(self, shift: float) -> PETSc.Mat:
         """K - shift M with the auxiliary unknowns eliminated, over the displacement unknowns alone."""
         if shift == 0.0:
@@ -102,10 +126,9 @@ class Pencil:
         blocks = self.model.spring_blocks() + [
             ElementBlocks(piece.unknowns, piece.unknowns, piece.condensed(shift)) for piece in self._pieces
         ]
-        matrix = assemble(self.model.comm, self.model.ranges, blocks, "general")
+        matrix = assemble_like(self.model.stiffness, blocks)
         matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
-        if shift < 0.0:
-            matrix.setOption(PETSc.Mat.Option.SPD, True)
+        matrix.setOption(PETSc.Mat.Option.SPD, shift < 0.0)
         return matrix
 
     @functools.cached_property
@@ -252,7 +275,9 @@ def _project(solution, w2: float, tolerance: float, terms: int) -> tuple[np.ndar
         block = block * (w2 * solution.inertia)
         gram = gram + block.T @ block
     values, vectors = symmetric_eigen(gram)
-    basis = vectors[:, values > tolerance]
+    # an even number of them, as of displacements: matrices then consist of blocks of two
+    kept = int((values > tolerance).sum())
+    basis = vectors[:, len(values) - kept - kept % 2 :]
     inertia, modes = (
         symmetric_eigen((basis.T * solution.inertia) @ basis)
         if basis.shape[1]
@@ -273,10 +298,14 @@ class CondensedSolve:
         self.pencil, self.shift, self.what = pencil, shift, what
         self.matrix = pencil.condensed(shift)
         solver = pencil.model.__dict__.get("solver")
-        if shift == 0.0 and solver is not None and solver.direct and not PETSc.Options(prefix).getAll():
+        chosen = bool(PETSc.Options(prefix).getAll())
+        definite = shift <= 0.0
+        if definite and pencil.small and not chosen:
+            self.ksp = make_ksp(self.matrix, prefix, small=True)
+        elif shift == 0.0 and solver is not None and solver.direct and not chosen:
             self.ksp = copy.copy(solver.ksp)  # the stiffness is factorised
         else:
-            self.ksp = make_ksp(self.matrix, prefix, positive_definite=shift <= 0.0)
+            self.ksp = make_ksp(self.matrix, prefix, definite)
         self._solver = LinearSolver(self.ksp, self.matrix)
         # without a shift the lowest modes of slender structures need more digits than the assembled stiffness
         # has

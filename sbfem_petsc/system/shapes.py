@@ -20,6 +20,8 @@ from .partition import Part
 
 # S-elements that are placed at a time.
 _BATCH = 4096
+# Shapes of a rank up to which their equations are kept from the stiffness to the inertia, some 100 kB each.
+_KEPT = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,15 +210,16 @@ class Solutions:
         def solve(number: int) -> SElement:
             request = self._shapes[number]
             material = self.materials[request.material]
-            return solve_selement(
+            found = solve_selement(
                 Sectors(request.shape, self.order, material.elasticity),
                 request.closed,
                 isotropic=material.isotropic,
                 density=material.densities,
             )
+            return found if len(self._shapes) <= _KEPT else replace(found, equations=None)
 
         self._solved = self._each(solve)
-        return self._sent_back(self._solved)
+        return self._sent_back([replace(found, equations=None) for found in self._solved])
 
     @stage("Inertia")
     def inertia(self, terms: int) -> list[Inertia]:
@@ -225,6 +228,7 @@ class Solutions:
         def solve(number: int) -> Inertia:
             dynamics = self._solved[number].with_inertia(terms).dynamics
             assert dynamics is not None  # `with_inertia` has just made them
+            self._solved[number] = replace(self._solved[number], equations=None)
             return dynamics
 
         return self._sent_back(self._each(solve))

@@ -8,8 +8,8 @@ import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
 from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.selement import solution
-from sbfem_petsc.system import assembly, bordered_contact
-from sbfem_petsc.system.assembly import ElementBlocks, assemble
+from sbfem_petsc.system import assembly, bordered_contact, shapes
+from sbfem_petsc.system.assembly import ElementBlocks, assemble, assemble_like
 from tests.parallel import answer, on_ranks
 
 STEEL = sb.Material(70e9, 0.3, 2700)
@@ -43,6 +43,35 @@ def test_blocks_are_summed(monkeypatch):
     info = matrix.getInfo()
     assert info["mallocs"] == 0 and info["nz_unneeded"] == 0
     assert info["nz_used"] == np.count_nonzero(expected)
+
+
+def test_full_blocks_and_a_pattern_taken_over():
+    """Nodes of two unknowns, some held: in full blocks, and summed again with other values where a matrix has
+    its entries, the dense sums, and no room but what the entries take.
+    """
+    rng = np.random.default_rng(2)
+    nodes = np.stack([rng.permutation(np.arange(-1, 15))[:4] for _ in range(6)])
+    numbers = np.where(nodes[..., None] >= 0, 2 * nodes[..., None] + [0, 1], -1).reshape(6, 8)
+    single = np.array([[2, 3], [28, 29]])
+    comm, ranges = MPI.COMM_SELF, np.array([0, 30])
+
+    def blocks_and_sum():
+        blocks, expected = [], np.zeros((30, 30))
+        for rows in (numbers, single):
+            values = rng.standard_normal((*rows.shape, rows.shape[1]))
+            blocks.append(ElementBlocks(rows, rows, values.__getitem__))
+            for r, v in zip(rows, values):
+                expected[np.ix_(r[r >= 0], r[r >= 0])] += v[np.ix_(r >= 0, r >= 0)]
+        return blocks, expected
+
+    blocks, expected = blocks_and_sum()
+    full = assemble(comm, ranges, blocks, "blocks", block_size=2)
+    plain = assemble(comm, ranges, blocks, "general")
+    again, other = blocks_and_sum()
+    for matrix, total in ((full, expected), (plain, expected), (assemble_like(plain, again), other)):
+        np.testing.assert_allclose(dense(matrix.convert("aij")), total, rtol=1e-14, atol=1e-14)
+        info = matrix.getInfo()
+        assert info["mallocs"] == 0 and info["nz_unneeded"] == 0
 
 
 ROOM = """
@@ -91,6 +120,26 @@ def test_statics_compute_no_inertia(monkeypatch):
     sb.static(model, sb.SupportMotion(ay=9.81))
     sb.modal(model, 5)
     assert len(calls) == model.shapes
+
+
+def test_equations_of_few_shapes_are_kept(monkeypatch):
+    """The inertia of a few shapes takes the equations that their stiffness was solved from; many shapes make
+    them again, for the same result.
+    """
+    calls = []
+    original = solution.coefficient_matrices
+    monkeypatch.setattr(
+        solution, "coefficient_matrices", lambda *a, **k: calls.append(1) or original(*a, **k)
+    )
+    found = []
+    for most, times in ((64, 1), (0, 2)):
+        monkeypatch.setattr(shapes, "_KEPT", most)
+        calls.clear()
+        model = sb.Model(Beam(0.1, 0.005).mesh(order=3), STEEL)
+        found.append(sb.modal(model, 3).frequencies)
+        assert len(calls) == times * model.shapes
+        assert all(group.solution.equations is None for group in model.moving_groups)
+    np.testing.assert_array_equal(*found)
 
 
 def cracked():
