@@ -33,7 +33,9 @@ class BandWarning(UserWarning):
 
 
 class StepWarning(UserWarning):
-    """The time step is coarse for the load's highest frequency or for contact, or not every step is kept."""
+    """The time step is coarse for the load's highest frequency or for contact, the phases of a slower tone
+    are few for its multiples, or not every step is kept.
+    """
 
 
 class RoundOffWarning(UserWarning):

@@ -180,7 +180,8 @@ def backbone(
         Largest change of the state from a point to the next, relative.
     interactions : bool
         Follow the narrow tongues along which the branch turns back in energy where a multiple of its
-        frequency meets that of a higher mode; by default they are passed over, and notes in `passed`.
+        frequency meets that of a higher mode; by default those that can be are passed over, and noted in
+        `passed`.
     refine : bool
         Solve every point once more with half the step and extrapolate the frequency.
     stability : bool
@@ -273,6 +274,7 @@ def backbone(
         failure = SolveError(
             f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
             f"points, before {stop:.6g} J: {reason}; {more}, take more steps a period or fewer modes"
+            f"{'' if interactions or damping else ', or follow interactions (interactions=True)'}"
         )
         failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)

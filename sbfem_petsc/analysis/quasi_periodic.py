@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import math
 import numbers
+import warnings
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
 from ..dynamics.preparation import FAST_STEPS, PeriodSettings, period_memory, prepare
-from ..dynamics.step_plan import CONTACT_STEP
+from ..dynamics.step_plan import CONTACT_STEP, warn_if_coarse
 from ..dynamics.tones import (
     EXPONENTS,
     TURNS,
@@ -27,7 +28,7 @@ from ..dynamics.tones import (
     tone_lines,
 )
 from ..dynamics.torus import RESTART, Torus
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, StepWarning, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
@@ -71,10 +72,12 @@ def quasi_periodic(
         f1, f2, Hz; in the usual words the probe and the pump. None: the second tone is the motion's own, of
         unknown frequency; such a motion leaves a branch at a Neimark-Sacker point (`switch_branch`).
     samples : int
-        Phases of the slower tone: multiples up to half as many are resolved.
+        Phases of the slower tone: multiples up to half as many are resolved. Contact makes multiples of the
+        loads' ones; a warning tells if not even the second of the highest is among those.
     steps : int, optional
-        Time steps in a period of the faster tone. Default: 512, or as many as keep the step below 0.8 of the
-        shortest modal period and 1 / 32 of that of the highest multiple among the loads.
+        Time steps in a period of the faster tone; a warning tells of fewer than 20 in a period of the highest
+        multiple among the loads. Default: 512, or as many as keep the step below 0.8 of the shortest modal
+        period and 1 / 32 of that of the highest multiple.
     modes : int, optional
         Default: as for `periodic`.
     start : QuasiPeriodic, optional
@@ -90,6 +93,11 @@ def quasi_periodic(
         more memory than is free.
     SolveError
         If Newton's method does not converge, neither from the first guess nor behind a history of the curve.
+
+    Warns
+    -----
+    StepWarning
+        If contact is possible and the samples or the steps given are few for the loads' multiples.
     """
     comm = communicator(model)
     with collective(comm):
@@ -120,11 +128,23 @@ def quasi_periodic(
     reduced = serving("quasi_periodic", model, loads, modes, _highest(drives, ordered))
     with collective(comm):
         guess = _guess(start, samples, reduced, ordered[1] / ordered[0])
+    contact, fastest = len(reduced.initial_gap) > 0, _highest(drives, ordered)
     if steps is None:
-        contact = len(reduced.initial_gap) > 0
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
-        fast = math.ceil(FAST_STEPS * _highest(drives, ordered) / ordered[0])
+        fast = math.ceil(FAST_STEPS * fastest / ordered[0])
         steps = max(STEPS, shortest, fast) if contact else STEPS
+    elif contact:
+        warn_if_coarse(
+            "quasi_periodic", steps, ordered[0], fastest, period="period of the faster tone", stacklevel=2
+        )
+    slow = int(drives[1].orders.max())
+    if contact and samples // 2 < 2 * slow:
+        warnings.warn(
+            f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of {ordered[1]:g} Hz, "
+            f"of which the loads have multiple {slow}; at least {4 * slow + 1} are advisable",
+            StepWarning,
+            stacklevel=2,
+        )
     require_compiler("quasi_periodic", comm)
     orders = max(len(drive.orders) for drive in drives)
     require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)

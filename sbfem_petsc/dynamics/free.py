@@ -29,6 +29,8 @@ CLOSED, ITERATIONS = 1e-11, 12
 DIFFERENCE = 1e-5
 # Arc length: change of the state relative to its size and SPAN times the relative change of the frequency.
 SPAN = 10.0
+# Velocity relative to the state that is none.
+AT_REST = 1e-7
 # Times that added damping is halved before it is left out.
 HALVINGS = 7
 
@@ -137,11 +139,14 @@ class FreeSystem:
         frequency: float,
         excitation: float,
         condition: Callable[[np.ndarray, float], tuple[float, np.ndarray, float]],
+        *,
+        reversible: bool = False,
     ) -> FreeMotion:
         """The free motion near a guess.
 
         `condition` gives for a state and a frequency a value that is to vanish, of order 1, and its
-        derivatives with both.
+        derivatives with both. `reversible`: among motions from rest without self-excitation, which run back
+        after half a period.
 
         Raises
         ------
@@ -149,7 +154,9 @@ class FreeSystem:
             If Newton's method does not converge.
         """
         x, f, xi, m2 = state.copy(), frequency, excitation, 2 * self.modes
-        error = math.nan
+        if reversible:
+            x[self.modes :], xi = 0.0, 0.0
+        free, error = self._unknowns(reversible), math.nan
         for iteration in range(ITERATIONS + 1):
             driven = self.at(f, xi)
             motion = driven.run(x)
@@ -166,7 +173,7 @@ class FreeSystem:
             matrix[m2, self.modes + self.mode], right[m2] = 1.0, x[self.modes + self.mode] / size
             matrix[m2 + 1, :m2], matrix[m2 + 1, m2], right[m2 + 1] = row * size, slope * f, value
             try:
-                change = np.linalg.solve(matrix, right)
+                change = _solved(matrix, right, free)
             except np.linalg.LinAlgError:
                 break
             length = np.linalg.norm(change[:m2])
@@ -218,9 +225,21 @@ class FreeSystem:
             point, added = self.damped(lower).again(point, point.energy, excitation), lower
         return point
 
-    def tangent(self, point: FreeMotion, near: np.ndarray) -> np.ndarray:
+    def from_rest(self, point: FreeMotion) -> bool:
+        """Whether a motion begins at rest and runs back along itself after half a period."""
+        moving = np.linalg.norm(point.state[self.modes :]) > AT_REST * np.linalg.norm(point.state)
+        return not moving and not self.reduced.damping.any()
+
+    def _unknowns(self, reversible: bool) -> np.ndarray:
+        """Which of x, f and xi are free."""
+        free = np.ones(2 * self.modes + 2, dtype=bool)
+        if reversible:
+            free[self.modes : 2 * self.modes] = free[-1] = False
+        return free
+
+    def tangent(self, point: FreeMotion, near: np.ndarray, *, reversible: bool = False) -> np.ndarray:
         """(2 m + 2,): the branch's direction in x / size and SPAN times ln f, of length 1, on the side of
-        `near`; its last entry is that of xi.
+        `near`; its last entry is that of xi. `reversible` as for `solve`.
         """
         m2, size = 2 * self.modes, float(np.linalg.norm(point.state))
         matrix = np.zeros((m2 + 2, m2 + 2))
@@ -230,6 +249,15 @@ class FreeSystem:
         matrix[:m2, m2] /= SPAN
         matrix[m2, self.modes + self.mode] = 1.0
         matrix[m2 + 1, : m2 + 1] = near[: m2 + 1]
-        direction = np.linalg.solve(matrix, np.eye(m2 + 2)[m2 + 1])
+        direction = _solved(matrix, np.eye(m2 + 2)[m2 + 1], self._unknowns(reversible))
         direction /= np.linalg.norm(direction[: m2 + 1])
         return direction
+
+
+def _solved(matrix: np.ndarray, right: np.ndarray, free: np.ndarray) -> np.ndarray:
+    """The free unknowns of a linear system that has a solution in them; zeros for the others."""
+    if free.all():
+        return np.linalg.solve(matrix, right)
+    result = np.zeros(len(right))
+    result[free] = np.linalg.lstsq(matrix[:, free], right, rcond=None)[0]
+    return result

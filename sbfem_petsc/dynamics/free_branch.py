@@ -60,7 +60,9 @@ class FreeBranch:
         tried = 0.0
         while len(self.points) < self.most:
             last = self.points[-1]
-            point = self._next(0.0 if self.interactions else NARROW)
+            # behind the furthest energy the branch is in a tongue that could not be passed over
+            inside = self.interactions or self.direction * (last.energy - self._furthest()) < 0.0
+            point = self._next(0.0 if inside else NARROW)
             if not self.interactions and (point is None or self._turned(point)) and last.energy != tried:
                 tried = last.energy
                 beyond = self._beyond()
@@ -76,6 +78,9 @@ class FreeBranch:
                 self.reason = f"end of the range at {point.energy:.6g} J"
                 return
         self.reason = f"{self.most} points"
+
+    def _furthest(self) -> float:
+        return self.direction * max(self.direction * point.energy for point in self.points)
 
     def _turned(self, point: FreeMotion) -> bool:
         return self.direction * (point.energy - self.points[-1].energy) < 0.0
@@ -95,6 +100,8 @@ class FreeBranch:
             energy = min(max(last.energy * factor**self.direction, self.lower), self.upper)
             try:
                 damped = more.again(damped, energy, damped.excitation)
+                if self.direction * (energy - self._furthest()) <= 0.0:
+                    continue
                 point = replace(system.without(damped, ADDED), energy=energy)
                 start = np.zeros(2 * system.modes + 2)
                 start[:-2] = self.direction * point.state / np.linalg.norm(point.state)
@@ -109,14 +116,20 @@ class FreeBranch:
         return None
 
     def _next(self, least: float) -> FreeMotion | None:
-        while self.length >= max(least, SMALLEST):
-            point = self._step(self.length)
-            if point is not None:
-                return point
-            self.length *= 0.5
+        """The next motion. In a tongue, from rest if the last one is and there is such a one: near motions of
+        another mode the steps make others beside them, which end in corners.
+        """
+        first, at_rest = self.length, least == 0.0 and self.system.from_rest(self.points[-1])
+        for reversible in (True, False) if at_rest else (False,):
+            self.length = first
+            while self.length >= max(least, SMALLEST):
+                point = self._step(self.length, reversible)
+                if point is not None:
+                    return point
+                self.length *= 0.5
         return None
 
-    def _step(self, length: float) -> FreeMotion | None:
+    def _step(self, length: float, reversible: bool) -> FreeMotion | None:
         system, last, heading = self.system, self.points[-1], self.heading
         size, m2 = float(np.linalg.norm(last.state)), 2 * self.system.modes
         guess = last.state + length * size * heading[:m2]
@@ -129,16 +142,19 @@ class FreeBranch:
             return along - length, heading[:m2] / size, heading[m2] * SPAN / f
 
         try:
-            point = system.solve(guess, frequency, excitation, across)
+            point = system.solve(guess, frequency, excitation, across, reversible=reversible)
             if not self.lower < point.energy < self.upper:
                 end = self.upper if point.energy >= self.upper else self.lower
-                point = system.solve(point.state, point.frequency, point.excitation, system.at_energy(end))
+                at_end = system.at_energy(end)
+                point = system.solve(
+                    point.state, point.frequency, point.excitation, at_end, reversible=reversible
+                )
                 point = replace(point, energy=end)
             chord = np.zeros(m2 + 2)
             chord[:m2] = (point.state - last.state) / size
             chord[m2] = SPAN * math.log(point.frequency / last.frequency)
             chord /= np.linalg.norm(chord)
-            onward = system.tangent(point, chord)
+            onward = system.tangent(point, chord, reversible=reversible)
         except (SolveError, np.linalg.LinAlgError):
             return None
         cosine = min(chord[: m2 + 1] @ heading[: m2 + 1], onward[: m2 + 1] @ chord[: m2 + 1])

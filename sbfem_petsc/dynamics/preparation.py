@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 
 from ..capacity import require_compiler, require_memory
 from ..checks import choice, flag, instance, integer, shown
 from ..checks import frequency as check_frequency
-from ..errors import StepWarning
 from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals import Harmonic
@@ -19,7 +17,7 @@ from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
 from .shooting import JACOBIANS
-from .step_plan import COARSE, CONTACT_STEP
+from .step_plan import CONTACT_STEP, warn_if_coarse
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
 STEPS, LONGEST = 512, 64
@@ -124,13 +122,8 @@ def prepare(
             steps = max(steps, math.ceil(FAST_STEPS * fastest / frequency))
         multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
         steps = multiple * math.ceil(steps / multiple)
-    elif contact and steps * frequency < COARSE * fastest:
-        warnings.warn(
-            f"{owner}: {steps} steps a forcing period are {steps * frequency / fastest:.1f} a period of the "
-            f"highest load frequency {fastest:g} Hz; at least {COARSE} are advisable",
-            StepWarning,
-            stacklevel=3,
-        )
+    elif contact:
+        warn_if_coarse(owner, steps, frequency, fastest, period="forcing period", stacklevel=3)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 

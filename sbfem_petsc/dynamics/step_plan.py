@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import warnings
 
 from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
-from ..errors import on_all_ranks
+from ..errors import StepWarning, on_all_ranks
 from ..petsc import MPI
 from ..recording.history_file import FormerRun
 from .integration import Steps
@@ -28,6 +29,19 @@ def default_step(duration: float, highest: float, top: float) -> float:
     """Time step for the highest frequencies of the loads and of the modes, Hz."""
     step = 1.0 / (STEPS_A_PERIOD * highest) if highest > 0.0 else duration / 2000.0
     return min(step, CONTACT_STEP / top) if top > 0.0 else step
+
+
+def warn_if_coarse(
+    owner: str, steps: int, frequency: float, fastest: float, *, period: str, stacklevel: int
+) -> None:
+    """Warn of few steps a period of the loads' highest frequency, of so many in one of `frequency`, Hz."""
+    if steps * frequency < COARSE * fastest * (1.0 - 1e-9):  # a frequency that rounding has moved is no other
+        warnings.warn(
+            f"{owner}: {steps} steps a {period} are {steps * frequency / fastest:.1f} a period of the "
+            f"highest load frequency {fastest:g} Hz; at least {COARSE} are advisable",
+            StepWarning,
+            stacklevel=stacklevel + 1,
+        )
 
 
 def plan_steps(

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
+from scipy.optimize import minimize_scalar, root
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.free import FreeSystem
@@ -202,6 +203,97 @@ def test_second_mode_of_two_masses():
     assert (beyond.frequency[beyond.energy < touching] < linear * (1.0 + 1e-9)).all()
     rising = beyond.frequency[beyond.energy > 1.05 * touching]
     assert (np.diff(rising) > 0.0).all() and rising[-1] > 1.05 * linear
+
+
+def integrated(state, duration):
+    """(u, v) of the two masses after a time, each stretch between contact changes by itself."""
+    time, y = 0.0, np.array(state, dtype=float)
+    side = 0.0 if abs(y[0]) < 1.0 else np.sign(y[0])
+    while time < duration:
+        matrix, push = np.array([[2.0 + 30.0 * abs(side), -1.0], [-1.0, 1.0]]), np.array([30.0 * side, 0.0])
+
+        def rate(_, y, matrix=matrix, push=push):
+            return np.concatenate([y[2:], push - matrix @ y[:2]])
+
+        def reaches(_, y, side=side):
+            return abs(y[0]) - 1.0 if side == 0.0 or side * y[0] > 0.0 else -1.0
+
+        reaches.terminal, reaches.direction = True, -1.0 if side else 1.0
+        part = solve_ivp(rate, (time, duration), y, method="DOP853", rtol=1e-12, atol=1e-13, events=reaches)
+        time, y = part.t[-1], part.y[:, -1]
+        side = (0.0 if side else np.sign(y[0])) if part.status == 1 else side
+    return y
+
+
+def energy_of(u):
+    """J of the two masses at rest."""
+    return 0.5 * u @ [[2.0, -1.0], [-1.0, 1.0]] @ u + 15.0 * max(0.0, abs(u[0]) - 1.0) ** 2
+
+
+def from_rest(u, frequency, energy=None):
+    """Displacements, and the frequency if an energy is given, from which the two masses come to rest again
+    after half a period, near a guess.
+    """
+
+    def equations(x):
+        f = frequency if energy is None else x[2]
+        end = integrated([*x[:2], 0.0, 0.0], 0.5 / f)[2:]
+        return end if energy is None else np.append(end, energy_of(x[:2]) / energy - 1.0)
+
+    found = root(equations, u if energy is None else [*u, frequency], tol=1e-11)
+    assert np.abs(found.fun).max() < 1e-9
+    return found.x
+
+
+@pytest.fixture(scope="module")
+def turning():
+    """The branch of mode 1 of the two masses up to 100 J, and its displacements at rest."""
+    r = two_masses()
+    found = sb.backbone(r, 1, 0.5, 100.0, interactions=True, largest_step=0.1, points=400, refine=False)
+    return found, found.states[:, :2] / r.omega @ r.points.modes[:, 1].T
+
+
+@pytest.mark.long
+def test_a_branch_that_turns_back_in_energy(turning):
+    """Mode 1 with a stop to either side turns where mass 1 begins to touch and comes back; again at 56 J,
+    where three times its frequency is that of mode 2, down to 7.19 J, where it is mode 2 for three periods,
+    through it, and after two more turns on to 100 J. Energies of the turns and motions between them by an
+    independent integration from contact change to contact change: 1024 steps are good to 1e-3 of a turn's
+    energy and 3e-5 of a frequency.
+    """
+    found, displacement = turning
+    energy, frequency = found.energy, found.frequency
+    turns = 1 + np.flatnonzero(np.diff(np.sign(np.diff(energy))))
+    assert found.complete and not found.passed
+    # two of the turns are near where the branch crosses that of mode 2, and near a grazing
+    assert energy[turns] == pytest.approx([0.691239, 0.674821, 56.15923, 7.1903, 18.75787, 4.75130], rel=2e-3)
+    for k in turns[[1, 2, 4]]:
+        sign = np.sign(energy[k] - energy[k - 1])
+
+        def depth(f, k=k, sign=sign):
+            return -sign * energy_of(from_rest(displacement[k], f))
+
+        bounds = sorted((frequency[k - 1], frequency[k + 1]))
+        exact = minimize_scalar(depth, bounds=bounds, method="bounded", options={"xatol": 1e-7})
+        assert energy[k] == pytest.approx(-sign * exact.fun, rel=1e-3)
+    ends = np.concatenate([[0], turns, [len(energy) - 1]])
+    for k in (ends[1:] + ends[:-1]) // 2:  # in the midst of every stretch
+        *u, exact = from_rest(displacement[k], frequency[k], energy[k])
+        assert frequency[k] == pytest.approx(exact, rel=3e-5)
+        assert displacement[k] == pytest.approx(u, abs=1e-3 * np.abs(u).max())
+
+
+@pytest.mark.long
+def test_a_tongue_that_is_not_passed_over(turning):
+    """Where the coupling is too strong to pass the interaction over by way of damped motions the branch is
+    followed, and what is passed over lies beyond all energies before.
+    """
+    expected, _ = turning
+    found = sb.backbone(two_masses(), 1, 0.5, 100.0, points=400, refine=False, stability=False)
+    assert found.complete and found.energy[-1] == 100.0
+    assert found.frequency[-1] == pytest.approx(expected.frequency[-1], rel=1e-6)
+    for before, after in found.passed:
+        assert after > found.energy[: 1 + np.flatnonzero(found.energy == before)[0]].max()
 
 
 @pytest.mark.long

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from examples.tables.frequency_response import doublings, half
 from meshing import Beam, VNotch
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.fixed_point import FixedPoint
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.several_periods import minimal_periods
-from tests.systems import two_masses
+from tests.systems import case_p, two_masses
 
 TURN = 2.0 * np.pi
 STEPS = 2048
@@ -163,6 +164,21 @@ def test_subcritical_doubling():
     assert branch.stable[-1] and not branch.stable[0] and half[-1] == pytest.approx(3.67e-4, rel=0.01)
     settled = sb.periodic(model, load, 3436.0, periods=2, start=branch.orbit(-3), stability=False)
     assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("damping, force, some", [(0.0005, 1300.0, True), (0.001, 1500.0, False)])
+def test_search_over_fig_11(damping, force, some):
+    """The paper's beam where motions of twice the period come nearest: at half the damping some are found,
+    none stable, at double that none, and no real multiplier is below -1.
+    """
+    load = sb.PointForce("A", fy=force)
+    curve = sb.frequency_response(case_p(damping), load, 14110.0, 14130.0, largest_step=4.0)
+    found = doublings(load, curve)
+    real = curve.multipliers[curve.multipliers.imag == 0.0].real
+    assert curve.complete and (real.min() < -1.0) == some and bool(found) == some
+    for orbit in found:
+        assert orbit.periods == 2 and not orbit.stable and 1e-4 < half(orbit) < 0.02
 
 
 @pytest.mark.slow

@@ -2,12 +2,16 @@
 contact, and what is refused.
 """
 
+import time
+import warnings
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
+from tests.systems import case_p
 
 PROBE, PUMP = 3000.0, 400.0 * np.sqrt(2.0)
 STEPS = 384
@@ -59,6 +63,20 @@ def test_lines_of_a_history(beam, found):
     assert abs(found.line(1, 2, "A")) == pytest.approx(5.81e-9, rel=0.02)
     assert abs(found.line(1, -2, "A")) == pytest.approx(3.97e-9, rel=0.02)
     assert found.stable and len(found.residuals) <= 6
+
+
+@pytest.mark.long
+def test_cost():
+    """The paper's beam on the default mesh, 80 modes, 21 samples, 512 steps, with exponents, from the reduced
+    model: under 1.5 CPU seconds (0.9), the least of three.
+    """
+    reduced = sb.reduce(case_p(0.005), two_tones(), modes=80)
+    seconds = []
+    for _ in range(3):
+        begun = time.process_time()
+        sb.quasi_periodic(reduced, two_tones(), (PROBE, PUMP), samples=21, steps=512)
+        seconds.append(time.process_time() - begun)
+    assert min(seconds) < 1.5
 
 
 @pytest.mark.long
@@ -234,6 +252,7 @@ def errors_of_lines(r, pump, samples, steps):
 
 
 @pytest.mark.long
+@pytest.mark.filterwarnings("ignore:quasi_periodic. 3 samples resolve")
 def test_convergence_in_the_samples():
     """Where the mass opens and closes once in every period of the probe, whatever the pump's phase, the curve
     is smooth and the error falls by more than a hundred with two more samples, down to that of the steps
@@ -260,6 +279,53 @@ def test_sidebands_grow_with_the_pump(beam, found):
         )
         index.append(weaker.modulation_index("A"))
     assert 0.0 < index[0] < index[1] < found.modulation_index("A")
+
+
+def test_few_steps_are_told():
+    """A load at the seventh multiple of the faster tone: 48 steps are 6.9 in its period, and lines are off by
+    a tenth to a half; 20 in its period are taken without a word.
+    """
+    load = [sb.Harmonic(1.0, 0.05) + sb.Harmonic(10.0, 0.35) + sb.Harmonic(0.3, 0.01 * np.sqrt(3.0))]
+    r = oscillator(0.6, 0.05)
+
+    def lines(steps):
+        tones = (0.05, 0.01 * np.sqrt(3.0))
+        found = sb.quasi_periodic(r, load, tones, steps=steps, samples=15, stability=False)
+        return np.array([found.line(m, n, "x") for m, n in ((2, 0), (1, 1), (1, -1))]), found.steps
+
+    (default, steps), (exact, _) = lines(None), lines(4096)
+    assert steps == 512
+    np.testing.assert_allclose(default, exact, rtol=0.01)
+    with pytest.warns(
+        sb.StepWarning, match="48 steps a period of the faster tone are 6.9 a period of the high"
+    ):
+        few, _ = lines(48)
+    assert (abs(few - exact) > 0.1 * abs(exact)).all()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sb.StepWarning)
+        lines(140)
+
+
+def test_few_samples_are_told():
+    """A pump's third multiple with seven samples, which resolve it and not what contact makes of it: a tone
+    itself is off by more than a tenth; with the thirteen that are asked for by less than a fiftieth.
+    """
+    r, pump = oscillator(0.0, 0.05), 0.05 / np.sqrt(3.0)
+    load = [sb.Harmonic(1.0, 0.25) + sb.Harmonic(0.3, 3.0 * pump) + sb.Harmonic(0.05, pump)]
+
+    def tones(samples):
+        found = sb.quasi_periodic(r, load, (0.25, pump), samples=samples, stability=False)
+        return np.array([found.line(1, 0, "x"), found.line(0, 1, "x")])
+
+    exact = tones(41)
+    with pytest.warns(
+        sb.StepWarning, match="7 samples resolve multiples up to 3 of .* multiple 3; at least 13"
+    ):
+        few = tones(7)
+    assert (abs(few - exact) > 0.1 * abs(exact)).any()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sb.StepWarning)
+        np.testing.assert_allclose(tones(13), exact, rtol=0.02)
 
 
 @pytest.mark.parametrize(

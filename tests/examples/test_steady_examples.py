@@ -7,10 +7,13 @@ import re
 
 import numpy as np
 import pytest
+from mpi4py import MPI
 
 import sbfem_petsc as sb
+from sbfem_petsc.study.case import read_case
 from tests.examples.test_transient_examples import cells, example
-from tests.parallel import on_ranks
+from tests.parallel import ROOT, on_ranks
+from tests.systems import case_p
 
 
 def column(path, name):
@@ -183,6 +186,23 @@ def test_backbone(tmp_path):
     energy = column(tmp_path / "backbone.csv", "energy_J")
     assert energy[0] == pytest.approx(1e-3) and energy[-1] == pytest.approx(0.15)
     assert (tmp_path / "backbone.png").stat().st_size > 20000
+
+
+@pytest.mark.long
+def test_modulation_map():
+    """Nothing is modulated where the pump does not close the crack; from there the index rises with the force
+    and with the depth. Its largest within 1 % of that with twice the samples.
+    """
+    case = read_case(ROOT / "examples/modulation_map.toml")
+    axes = {"geometry.notches[0].depth": [0.5e-3, 1.5e-3, 2.5e-3], "loads.pump.fy": [1.0, 100.0, 300.0]}
+    index = sb.sweep(case, axes, comm=MPI.COMM_SELF).values["lines/modulation_index/A"].reshape(3, 3)
+    assert (index[:, 0] < 1e-12).all() and (np.diff(index) > 0.0).all()
+    assert (np.diff(index[:, 1:], axis=0) > 0.0).all()
+    load = sb.PointForce("A", fy=sb.Harmonic(1.0, 3000.0) + sb.Harmonic(300.0, 431.7))
+    finer = sb.quasi_periodic(
+        sb.reduce(case_p(0.002), load, modes=30), load, (3000.0, 431.7), samples=61, stability=False
+    )
+    assert index[2, 2] == pytest.approx(finer.modulation_index("A"), rel=0.01)
 
 
 @pytest.mark.long
