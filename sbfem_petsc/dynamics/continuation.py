@@ -313,7 +313,9 @@ class Continuation:
             )
             return None
         chord = self._secant(last, point)
-        if behind is not None and (chord @ behind > BACK or self._gone_through(point)):
+        if np.arccos(np.clip(chord @ heading, -1.0, 1.0)) > TOO_SHARP or (
+            behind is not None and (chord @ behind > BACK or self._gone_through(point))
+        ):
             return None
         onward = self._tangent(point.derivative(self.parameter.name), chord)
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
