@@ -23,6 +23,8 @@ FIRST, LARGEST, SMALLEST = 0.05, 0.35, 1e-5
 # The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
 # its length; radian.
 TURN, TOO_SHARP = 0.35, 1.0
+# Further than this from its heading a step has come to another part of the branch, radian.
+ASIDE = 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch.
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
@@ -313,7 +315,7 @@ class Continuation:
             )
             return None
         chord = self._secant(last, point)
-        if np.arccos(np.clip(chord @ heading, -1.0, 1.0)) > TOO_SHARP or (
+        if np.arccos(np.clip(chord @ heading, -1.0, 1.0)) > ASIDE or (
             behind is not None and (chord @ behind > BACK or self._gone_through(point))
         ):
             return None

@@ -192,9 +192,31 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
     curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert curve.complete
     monkeypatch.setattr(continuation.Continuation, "_gone_through", lambda self, point: False)
+    monkeypatch.setattr(continuation, "ASIDE", np.pi)
     with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
         other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert not other.complete and "run back along itself" in other.reason
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "damping, compliance, force, steps, highest",
+    [(0.01, 0.12100891, 0.12112702, 256, 0.92188251), (0.03, 0.01923889, 0.10303447, 1024, 1.08253308)],
+)
+def test_corners_that_are_come_to_from_above(damping, compliance, force, steps, highest):
+    """Downwards to where the stop is met and the branch turns back: a step across the corner that lands on
+    the part behind, aside of its heading, is taken again; these two of eighty curves had run back to their
+    beginning. The same folds as upwards, to what lies between two points of the curves.
+    """
+    system, options = two_masses(damping, compliance), {"steps": steps, "stability": False}
+    ends = [0.5 / TURN, highest / TURN]
+    folds = []
+    for start, stop in (ends, ends[::-1]):
+        curve = sb.frequency_response(system, [force], start, stop, **options)
+        assert curve.complete
+        folds.append(np.sort(curve.value[np.flatnonzero(np.diff(np.sign(np.diff(curve.value)))) + 1]))
+    assert len(folds[0]) == 2
+    np.testing.assert_allclose(*folds, rtol=5e-4)
 
 
 @pytest.mark.long
