@@ -34,6 +34,9 @@ SAME = 1e-6
 # Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
 # that has been gone through.
 BACK = 0.999
+# A tangent that points back so straight is that of a smooth branch at which the determinant has changed its
+# sign, and not of the far side of a corner.
+STRAIGHT = 0.999
 # The same of a branch that bends there: a point this near, of its distance from the last one, to the parabola
 # through the last three.
 ALONG = 0.05
@@ -323,7 +326,7 @@ class Continuation:
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
         if length > CORNER and (turn > TOO_SHARP or fixed.effort > TOO_MANY):
             return None
-        if onward @ chord < -BACK:
+        if onward @ chord < -STRAIGHT:
             # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the
             # branch may well lead back, but beside the chord
             assert self.sign is not None  # set with the first tangent
