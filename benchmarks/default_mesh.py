@@ -35,7 +35,7 @@ from sbfem_petsc.dynamics import stability
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
 MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002
 RANGE, FREQUENCIES = (13900.0, 14600.0), (433.0, 3000.0, 20140.0)
-ASKED = {"orbit": 0.05, "from the model": 0.30, 300.0: 1.0, 1500.0: 3.0, "history": 0.2, "compiling": 3.0}
+ASKED = {"orbit": 0.05, "from the model": 0.30, 300.0: 1.0, 1500.0: 2.0, "history": 0.2, "compiling": 3.0}
 COLD = """
 import time
 import sbfem_petsc as sb
