@@ -213,13 +213,11 @@ def row_lengths(
         # rows that other ranks add to: their entries with this rank's own, each once
         shared = np.flatnonzero(mine)[touched[pattern.rows[mine] - first]]
         own_rows, own_columns = pattern.entries(shared)
+        width = int(column_ranges[-1])
         pairs = np.unique(
-            np.stack(
-                [np.concatenate([foreign_rows, own_rows]), np.concatenate([foreign_columns, own_columns])]
-            ),
-            axis=1,
+            np.concatenate([foreign_rows, own_rows]) * width + np.concatenate([foreign_columns, own_columns])
         )
-        _count(counts, first, pairs[0], pairs[1], owned=columns, upper=upper)
+        _count(counts, first, *np.divmod(pairs, width), owned=columns, upper=upper)
     alone = np.flatnonzero(mine)
     alone = alone[~touched[pattern.rows[alone] - first]]
     for part in np.array_split(alone, max(1, len(alone) // 20_000)):
