@@ -109,11 +109,11 @@ class Pencil:
 
     def stiff_products(self, columns: np.ndarray) -> np.ndarray:
         """diag(K_b, E t I) times this rank's rows of columns, in Fortran's order. Collective."""
-        upper, result = self.model.stiffness, np.empty_like(columns)
+        matrix, result = self.model.stiffness, np.empty_like(columns)
         for first in range(0, columns.shape[1], _COLUMNS):
             some = slice(first, first + _COLUMNS)
-            given = dense_columns(upper, np.asfortranarray(columns[: self.owned, some]))
-            product = upper.matMult(given)
+            given = dense_columns(matrix, np.asfortranarray(columns[: self.owned, some]))
+            product = matrix.matMult(given)
             result[: self.owned, some] = product.getDenseArray()
             free(self.model.comm, given, product)
         result[self.owned :] = self._auxiliary_stiffness[:, None] * columns[self.owned :]
