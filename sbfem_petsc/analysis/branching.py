@@ -125,7 +125,9 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
     def conditions(value: float) -> tuple[float, float]:
         return branch.conditions(value)
 
-    for share in sizes:
+    # the motion passes on both sides of the one of half its period, half a period apart; a pair that begins
+    # to touch may leave but one of them in reach
+    for share in (side * size for size in sizes for side in (1.0, -1.0)):
         target = direction @ bifurcation.state + share * norm
 
         def condition(state, change, target=target):
@@ -144,7 +146,7 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         motion = fixed.driven.run(fixed.state)
         half = period.steps // 2
         apart = np.linalg.norm(period.weights * (motion.states[half] - motion.states[0]))
-        if apart > TRULY * share * norm:
+        if apart > TRULY * abs(share) * norm:
             at = conditions(float(fixed.parameters[0]))
             return make_orbit(fixed, *orbit_stability(period, fixed, *at), "period doubling")
     raise on_all_ranks(

@@ -188,7 +188,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             point.value,
             complex(values.values[nearest]),
             point.fixed.state,
-            values.direction(nearest),
+            values.vectors[:, nearest],
             k if second is points[k] else k + 1,
         )
     values = multipliers_of(points[k].fixed)
@@ -198,7 +198,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         points[k].value,
         complex(values.values[nearest]),
         points[k].fixed.state,
-        values.direction(nearest),
+        values.vectors[:, nearest],
         k + 1,
     )
 
@@ -235,7 +235,7 @@ def _crossing(
     )
     rows = np.flatnonzero(_touching(one) != _touching(other))
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.direction(rank), k, row)
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k, row)
 
 
 def _root(

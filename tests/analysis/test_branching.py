@@ -52,6 +52,14 @@ def _doubling(curve):
     return next(item for item in curve.bifurcations if item.kind == "period doubling")
 
 
+@pytest.mark.slow
+def test_doubling_with_its_direction_turned_about(curve, orbit):
+    """The sign of a Floquet direction means nothing: the same motion, at one of its beginnings."""
+    doubling = _doubling(curve)
+    other = sb.switch_branch(curve, replace(doubling, direction=-doubling.direction))
+    assert other.amplitude("2") == pytest.approx(orbit.amplitude("2"), rel=1e-9)
+
+
 @pytest.mark.long
 def test_doubling_is_where_a_multiplier_is_minus_one(curve):
     """The multiplier at the point found; the step of the grid moves it by 1e-3 (2048 against 4096 steps)."""
