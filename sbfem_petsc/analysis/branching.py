@@ -105,7 +105,7 @@ def _quasi_periodic(
     for share in sizes:
         guess, plane = first_circle(own, bifurcation, share)
         try:
-            return own_motion(own, own.solve(guess, plane, guess), stability=True)
+            return own_motion(own, own.near(guess, plane), stability=True)
         except SolveError as error:
             problem = str(error)
     raise on_all_ranks(

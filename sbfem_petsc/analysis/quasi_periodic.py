@@ -268,7 +268,7 @@ def _with_own_tone(
     guess = Circle(own.resampled(known.states), known.rotation, first * periods)
     plane = np.eye(1, guess.states.size + 2, guess.states.size + 1)[0]
     try:
-        return own_motion(own, own.solve(guess, plane, guess), stability)
+        return own_motion(own, own.near(guess, plane), stability)
     except SolveError as error:
         raise on_all_ranks(error) from None
 

@@ -77,7 +77,7 @@ def quasi_periodic_response(
     agree(own.comm, what, first=first.frequencies, stop=stop, points=points, largest_step=largest_step)
     plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
     try:
-        begin = own.solve(known, plane, known)
+        begin = own.near(known, plane)
     except SolveError as error:
         raise on_all_ranks(error) from None
     with progress_bar(own.comm, "quasi-periodic response", progress) as report:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +19,8 @@ from .stability import Multipliers, multipliers_of
 FINE = 5e-3
 # A located multiplier this near the unit circle has passed it there.
 RESOLVED = 1e-2
+# Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
+APART = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,19 +75,15 @@ def several(one: Multipliers, other: Multipliers) -> bool:
 
 def between(
     continuation: Continuation,
-    one: ContinuationPoint,
-    other: ContinuationPoint,
+    k: int,
     fraction: float,
     known: dict[float, ContinuationPoint] | None = None,
 ) -> ContinuationPoint:
-    """A point of the branch in the plane across the chord of two others; `known` are such points by their
-    fractions.
+    """A point of the branch in the plane across the chord from point k to the next one; `known` are such
+    points by their fractions.
     """
-    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
-    chord = np.append(
-        (other.fixed.state - one.fixed.state) / size,
-        (other.value - one.value) / continuation.parameter.extent,
-    )
+    one, other = continuation.points[k : k + 2]
+    size, chord = _chord(continuation, one, other)
     heading = chord / np.linalg.norm(chord)
     guess, value = (
         one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
@@ -102,7 +101,9 @@ def between(
 
     name = continuation.parameter.name
     near = (1.0 - fraction) * one.derivative(name) + fraction * other.derivative(name)
-    start, begin = _interpolated({0.0: one, 1.0: other, **(known or {})}, fraction)
+    start, begin = _interpolated(
+        {0.0: one, 1.0: other, **_beside(continuation, k), **(known or {})}, fraction
+    )
     fixed = shoot_along(
         continuation.period,
         (start, begin),
@@ -112,6 +113,34 @@ def between(
         near,
     )
     return ContinuationPoint(fixed, float(fixed.parameters[0]))
+
+
+def _chord(
+    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint
+) -> tuple[float, np.ndarray]:
+    """Unit of the state, and the way from a point to another one with the parameter as a share of its
+    range.
+    """
+    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
+    state, value = other.fixed.state - one.fixed.state, other.value - one.value
+    return size, np.append(state / size, value / continuation.parameter.extent)
+
+
+def _beside(continuation: Continuation, k: int) -> dict[float, ContinuationPoint]:
+    """The points before and behind points k and k + 1 by their fractions of the way between these."""
+    points = continuation.points
+    size, chord = _chord(continuation, points[k], points[k + 1])
+    result = {}
+    for n, outside in ((k - 1, lambda place: place < -APART), (k + 2, lambda place: place > 1.0 + APART)):
+        if 0 <= n < len(points):
+            way = np.append(
+                (points[n].fixed.state - points[k].fixed.state) / size,
+                (points[n].value - points[k].value) / continuation.parameter.extent,
+            )
+            place = float(way @ chord / (chord @ chord))
+            if outside(place):
+                result[place] = points[n]
+    return result
 
 
 def _interpolated(known: dict[float, ContinuationPoint], fraction: float) -> tuple[np.ndarray, float]:
@@ -176,11 +205,11 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
         return float(direction[m2])
 
-    for first, second in ((points[k - 1], points[k]), (points[k], points[k + 1])):
-        ends = slope(first), slope(second)
+    for first in (k - 1, k):
+        ends = slope(points[first]), slope(points[first + 1])
         if ends[0] * ends[1] > 0.0:
             continue
-        point, _, _ = _root(continuation, first, second, slope, ends)
+        point, _, _ = _root(continuation, first, slope, ends)
         values = multipliers_of(point.fixed)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
         return Bifurcation(
@@ -188,8 +217,8 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             point.value,
             complex(values.values[nearest]),
             point.fixed.state,
-            values.vectors[:, nearest],
-            k if second is points[k] else k + 1,
+            values.direction(nearest),
+            first + 1,
         )
     values = multipliers_of(points[k].fixed)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
@@ -198,7 +227,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         points[k].value,
         complex(values.values[nearest]),
         points[k].fixed.state,
-        values.vectors[:, nearest],
+        values.direction(nearest),
         k + 1,
     )
 
@@ -219,7 +248,7 @@ def _crossing(
     ends = float(np.abs(before.values[rank]) - 1.0), float(np.abs(after.values[rank]) - 1.0)
     if ends[0] * ends[1] > 0.0:
         return None
-    point, one, other = _root(continuation, first, second, excess, ends)
+    point, one, other = _root(continuation, k - 1, excess, ends)
     found = known.get(id(point)) or (before if point is first else after)
     value = complex(found.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
@@ -235,26 +264,27 @@ def _crossing(
     )
     rows = np.flatnonzero(_touching(one) != _touching(other))
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.vectors[:, rank], k, row)
+    return Bifurcation(kind, point.value, value, point.fixed.state, found.direction(rank), k, row)
 
 
 def _root(
     continuation: Continuation,
-    first: ContinuationPoint,
-    second: ContinuationPoint,
-    test,
+    k: int,
+    test: Callable[[ContinuationPoint], float],
     ends: tuple[float, float],
 ) -> tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]:
-    """The point between two others at which a test function of points vanishes, and its nearest neighbours of
-    either sign.
+    """The point between points k and k + 1 at which a test function of points vanishes, and its nearest
+    neighbours of either sign.
     """
-    known = {0.0: (first, ends[0]), 1.0: (second, ends[1])}
+    known = dict(zip((0.0, 1.0), zip(continuation.points[k : k + 2], ends)))
 
     def value(fraction: float) -> float:
         if fraction not in known:
             points = {place: point for place, (point, _) in known.items()}
-            point = between(continuation, first, second, fraction, points)
+            point = between(continuation, k, fraction, points)
             known[fraction] = point, test(point)
+            if _arrived(known, fraction):
+                return 0.0
         return known[fraction][1]
 
     try:
@@ -262,9 +292,25 @@ def _root(
     except SolveError:  # the nearer of the points that were found stands for it
         pass
     places = sorted(known)
-    k = next(k for k in range(1, len(places)) if known[places[k - 1]][1] * known[places[k]][1] <= 0.0)
+    n = next(n for n in range(1, len(places)) if known[places[n - 1]][1] * known[places[n]][1] <= 0.0)
     nearest = min(known.values(), key=lambda pair: abs(pair[1]))[0]
-    return nearest, known[places[k - 1]][0], known[places[k]][0]
+    return nearest, known[places[n - 1]][0], known[places[n]][0]
+
+
+def _arrived(known: dict[float, tuple[ContinuationPoint, float]], fraction: float) -> bool:
+    """Whether a test function vanishes next to a fraction: by the straight lines to the nearest point of
+    the other sign and to the nearest of all others, between which the zero of a curve without inflection
+    lies; not where pairs touch on one side alone.
+    """
+    point, value = known[fraction]
+    nearest = sorted((place for place in known if place != fraction), key=lambda place: abs(place - fraction))
+    across = next(place for place in nearest if known[place][1] * value <= 0.0)
+    if (_touching(point) != _touching(known[across][0])).any():
+        return False
+    return all(
+        abs(value * (place - fraction)) <= 0.5 * FINE * abs(value - known[place][1])
+        for place in (across, nearest[0])
+    )
 
 
 def _touching(point: ContinuationPoint) -> np.ndarray:

@@ -241,7 +241,7 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
             bent |= {m for i in np.flatnonzero(angle > BEND) for m in (i, i + 1) if length[m] > SHORT}
         for k in sorted(bent, reverse=True):
             try:
-                point = between(continuation, points[k], points[k + 1], 0.5)
+                point = between(continuation, k, 0.5)
             except SolveError:  # a corner of the branch: the curve is left as it is there
                 continue
             rows.add(point, k + 1)
@@ -258,7 +258,7 @@ def _separate(continuation: Continuation, rows: PointRows) -> None:
         mixed = [k for k in range(len(points) - 1) if several(*found[k : k + 2])]  # type: ignore[arg-type]
         for k in reversed(mixed):
             try:
-                point = between(continuation, points[k], points[k + 1], 0.5)
+                point = between(continuation, k, 0.5)
             except SolveError:  # a corner of the branch: they stay together
                 continue
             rows.add(point, k + 1)

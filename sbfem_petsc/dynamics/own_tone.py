@@ -25,6 +25,8 @@ from .torus import derivatives, exponents, images
 # Newton's method: closing error relative to the curve's size, iterations, and the gain with which the
 # derivative is kept for another one.
 CLOSED, ITERATIONS, KEPT = 1e-10, 14, 0.05
+# Phases at which a curve is looked for, in distances of its samples.
+PHASES = (0.0, 0.5, 0.25, 0.75)
 # The linear systems: relative residual, and iterations of GMRES.
 LINEAR, RESTART = 1e-10, 150
 # The parameter's unit is this share of its value.
@@ -182,6 +184,27 @@ class OwnTone:
             f"curve misses itself by {residuals[-1]:.1e} of its size, from {residuals[0]:.1e}; take more "
             "samples or steps, or a motion nearer to the one that is known"
         )
+
+    def near(self, guess: Circle, plane: np.ndarray) -> Circle:
+        """As `solve` with the guess as the reference, from other phases of the guess if one leads to none: of
+        few samples some stand where pairs begin to touch.
+
+        Raises
+        ------
+        SolveError
+            The first one, if Newton's method converges from none.
+        """
+        failed: SolveError | None = None
+        for share in PHASES:
+            turns = share / self.samples
+            begin = replace(guess, states=self.turned(guess.states, turns))
+            across = plane[:-2].reshape(self.samples, -1)
+            try:
+                return self.solve(begin, np.append(self.turned(across, turns), plane[-2:]), begin)
+            except SolveError as error:
+                failed = failed or error
+        assert failed is not None
+        raise failed
 
     def heading(self, circle: Circle, near: np.ndarray) -> np.ndarray:
         """Direction of unit length, in the curve's units, in which invariant curves follow one another;

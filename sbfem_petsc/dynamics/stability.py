@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import numpy as np
 from numba.extending import get_cython_function_address
-from scipy import linalg, optimize
+from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc, configure
@@ -24,6 +24,8 @@ PREFIX = "floquet_"
 LARGEST, SUBSPACE = 6, 400
 # Unknowns up to which LAPACK's plain QR iteration is the faster one.
 SMALL = 200
+# Values are this far off where their vectors are found by inverse iteration: nearer to them than to others.
+ROUNDING = 1e-13
 
 
 class Multipliers:
@@ -32,9 +34,9 @@ class Multipliers:
     Parameters
     ----------
     values : (k,) complex array
-    directions : callable
-        Eigenvectors of these values, (2 m, k) complex, in the state x = (Omega q, q'); called when they are
-        asked for.
+    direction : callable
+        The eigenvector of the k-th value, (2 m,) complex of unit length, in the state x = (Omega q, q'), a
+        Floquet direction; its largest component is real and positive.
     monodromy : (2 m, 2 m) array or None
         Where it was made whole.
     """
@@ -42,15 +44,17 @@ class Multipliers:
     def __init__(
         self,
         values: np.ndarray,
-        directions: Callable[[], np.ndarray],
+        direction: Callable[[int], np.ndarray],
         monodromy: np.ndarray | None = None,
     ):
-        self.values, self._directions, self.monodromy = values, directions, monodromy
+        self.values, self.monodromy = values, monodromy
+        self._direction = direction
 
-    @functools.cached_property
-    def vectors(self) -> np.ndarray:
-        """(2 m, k) complex array: Floquet directions."""
-        return self._directions()
+    def direction(self, k: int) -> np.ndarray:
+        """(2 m,) complex: the Floquet direction of the k-th value."""
+        found = self._direction(k)
+        largest = found[np.abs(found).argmax()]
+        return found * (largest.conjugate() / abs(largest) / np.linalg.norm(found))
 
 
 def multipliers(
@@ -82,7 +86,7 @@ def multipliers(
     values = eigenvalues(matrix)
     order = np.argsort(-np.abs(values), kind="stable")
     values = values[order]
-    return Multipliers(values, lambda: _directions(matrix, values), matrix)
+    return Multipliers(values, lambda k: _inverse_iteration(matrix, values[k]), matrix)
 
 
 def eigenvalues(matrix: np.ndarray) -> np.ndarray:
@@ -135,13 +139,14 @@ def multipliers_of(fixed: FixedPoint) -> Multipliers:
     return multipliers(fixed.driven, fixed.motion, monodromy=lambda: fixed.monodromy)
 
 
-def _directions(matrix: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Eigenvectors of unit length in the order of values that are known."""
-    found, vectors = linalg.eig(matrix, check_finite=False)
-    order = np.argsort(-np.abs(found), kind="stable")
-    # rounding may exchange values of one modulus, such as a conjugate pair
-    distance = np.abs(values[:, None] - found[order])
-    return vectors[:, order[optimize.linear_sum_assignment(distance)[1]]]
+def _inverse_iteration(matrix: np.ndarray, value: complex) -> np.ndarray:
+    """Eigenvector of a value that is known to rounding."""
+    shift = value * (1.0 + ROUNDING) if value.imag else value.real * (1.0 + ROUNDING)
+    factors = linalg.lu_factor(matrix - shift * np.eye(len(matrix)), check_finite=False)
+    vector = np.ones(len(matrix))
+    for _ in range(3):
+        vector = linalg.lu_solve(factors, vector / np.linalg.norm(vector), check_finite=False)
+    return vector.astype(complex)
 
 
 def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multipliers:
@@ -179,7 +184,7 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
         solver.destroy()
         matrix.destroy()
     order = np.argsort(-np.abs(values), kind="stable")
-    return Multipliers(values[order], lambda: vectors[:, order])
+    return Multipliers(values[order], lambda k: vectors[:, order[k]])
 
 
 class _Monodromy:

@@ -162,7 +162,7 @@ def test_points_on_the_part_that_has_been_gone_through(stepped):
     point aside of them.
     """
     points = stepped.points
-    behind = [between(stepped, points[k], points[k + 1], 0.5) for k in (2, 3)]
+    behind = [between(stepped, k, 0.5) for k in (2, 3)]
     ahead = points.pop()
     stepped.points = points[:5]
     assert all(stepped._gone_through(point) for point in behind)
