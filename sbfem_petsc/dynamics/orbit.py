@@ -146,7 +146,7 @@ def multiplier_error(
     elsewhere in their steps; nan if there is no motion on that grid.
     """
     moved = moved_by_half_a_step(period)
-    guess = 0.5 * (state_at(fixed, 0) + state_at(fixed, 1))
+    guess = half_a_step_on(fixed)
     try:
         other = None
         if found.monodromy is not None:
@@ -166,10 +166,12 @@ def moved_by_half_a_step(period: Period) -> Period:
     return period.under(replace(excitation, amplitudes=turned))
 
 
-def state_at(fixed: FixedPoint, k: int) -> np.ndarray:
-    """x at the k-th instant."""
-    q, v = modal_motion(fixed.driven, fixed.motion)
-    return np.concatenate([fixed.driven.period.weights * q[k], v[k]])
+def half_a_step_on(fixed: FixedPoint) -> np.ndarray:
+    """x half a step after t = 0, by the cubic through the four instants about it."""
+    instants = [-2, 0, 1, 2]  # the last one stands for the first one too
+    q, v = (values[instants] for values in modal_motion(fixed.driven, fixed.motion))
+    states = np.concatenate([fixed.driven.period.weights * q, v], axis=1)
+    return np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0 @ states
 
 
 def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray]:

@@ -145,7 +145,8 @@ class _Length:
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
         residual = period.residual_flexibility
-        self.flexibility = (period.rows * self.coefficients[4]) @ period.rows.T + residual
+        moved = (period.right.T * self.coefficients[4]) @ period.right
+        self.flexibility = period.left @ moved @ period.left.T + residual
         self.constants = step_constants(
             self.coefficients, (period.left, period.right), (self.flexibility, residual), period.laws.tied
         )

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from scipy import linalg
 
-# Terms of the power series of phi_2 for |z| < 1; the next is below rounding.
+# Most terms of the power series of phi_2 for |z| < 1, and what |z|^(n - 2) is to stay below that n of them
+# leave out no more than rounding of its imaginary part.
 TERMS = 20
+ROUND_OFF = [0.01 * np.finfo(float).eps * math.factorial(n + 1) for n in range(TERMS + 1)]
 
 
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
@@ -31,37 +35,45 @@ def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     h phi_2(z) / omega_d; phi_1 = (exp z - 1) / z, phi_2 = (phi_1 - 1) / z. Near critical damping, which a
     self-excitation may make negative, and for motions as a rigid body the exponential of a matrix is taken.
     """
-    result = np.empty((10, len(omega)))
     swings = (omega > 0.0) & (np.abs(damping) < 0.9)
     if not swings.all():
+        result = np.empty((10, len(omega)))
         result[:, ~swings] = _by_exponential(omega[~swings], damping[~swings], step)
-    omega, damping = omega[swings], damping[swings]
+        result[:, swings] = _exact(omega[swings], damping[swings], step)
+        return result
     decay, turn = damping * omega, omega * np.sqrt(1.0 - damping**2)
-    z = step * (-decay + 1j * turn)
+    z = np.empty(len(omega), dtype=complex)
+    z.real, z.imag = -step * decay, step * turn
     e = np.exp(z)
-    small = np.abs(z) < 1.0
+    small = step * omega < 1.0
+    largest = step * float(omega.max(where=small, initial=0.0))
+    terms = next(n for n in range(3, TERMS + 1) if largest ** (n - 2) < ROUND_OFF[n])
+    within = z if small.all() else np.where(small, z, 0.0)
     series = np.ones_like(z)
-    for ratio in np.where(small, z, 0.0) / np.arange(TERMS, 2, -1)[:, None]:  # differences would lose digits
-        series *= ratio
+    for n in range(terms, 2, -1):  # differences would lose digits
+        series *= within / n
         series += 1.0
-    first = np.where(small, 1.0 + 0.5 * z * series, (e - 1.0) / z)
-    second = np.where(small, 0.5 * series, (first - 1.0) / z)
+    first, second = 1.0 + 0.5 * z * series, 0.5 * series
+    if not small.all():
+        first = np.where(small, first, (e - 1.0) / z)
+        second = np.where(small, second, (first - 1.0) / z)
     sine = e.imag / turn
     by_force, by_slope = step * first.imag / turn, step * second.imag / turn
     rate = first.imag / turn
-    result[:, swings] = [
-        e.real + decay * sine,
-        sine,
-        by_force - by_slope,
-        by_slope,
-        0.5 * by_force,
-        -(omega**2) * sine,
-        e.real - decay * sine,
-        sine - rate,
-        rate,
-        0.5 * sine,
-    ]
-    return result
+    return np.array(
+        [
+            e.real + decay * sine,
+            sine,
+            by_force - by_slope,
+            by_slope,
+            0.5 * by_force,
+            -(omega**2) * sine,
+            e.real - decay * sine,
+            sine - rate,
+            rate,
+            0.5 * sine,
+        ]
+    )
 
 
 def _by_exponential(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:

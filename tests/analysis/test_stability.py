@@ -8,7 +8,7 @@ from scipy import optimize
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.bifurcations import several
-from sbfem_petsc.dynamics.orbit import moved_by_half_a_step, state_at
+from sbfem_petsc.dynamics.orbit import half_a_step_on, moved_by_half_a_step
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
 from sbfem_petsc.dynamics.shooting import shoot
 from sbfem_petsc.dynamics.stability import Multipliers, multipliers
@@ -211,7 +211,7 @@ def test_uncertainty_is_the_jitter_of_the_grid(beam):
     period = prepare("test", reduction, load, 14254.61, settings=PeriodSettings(steps=512))
     first = shoot(period, orbit.state, 14254.61)
     moved = moved_by_half_a_step(period)
-    other = shoot(moved, 0.5 * (state_at(first, 0) + state_at(first, 1)), 14254.61)
+    other = shoot(moved, half_a_step_on(first), 14254.61)
     change = abs(np.abs(multipliers(other.driven, other.motion).values[0]) - np.abs(orbit.multipliers[0]))
     # the error is estimated with one derivative for both grids: to 1e-6 of itself here
     assert change == pytest.approx(orbit.multiplier_error, rel=1e-3) and orbit.multiplier_error < 1e-4
