@@ -2,25 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import brentq
 
-from ..errors import SolveError
+from .branch_zero import find_zero, touching
 from .continuation import Continuation, ContinuationPoint
 from .orbit import FLOOR
-from .shooting import shoot_along
 from .stability import Multipliers, multipliers_of
 
-# How far along the arc between two points a bifurcation is located.
-FINE = 5e-3
 # A located multiplier this near the unit circle has passed it there.
 RESOLVED = 1e-2
-# Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
-APART = 0.2
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,87 +65,6 @@ def several(one: Multipliers, other: Multipliers) -> bool:
     return bool((below[0] - below[1]) % 2 and (above[0] - above[1]) % 2)
 
 
-def between(
-    continuation: Continuation,
-    k: int,
-    fraction: float,
-    known: dict[float, ContinuationPoint] | None = None,
-) -> ContinuationPoint:
-    """A point of the branch in the plane across the chord from point k to the next one; `known` are such
-    points by their fractions.
-    """
-    one, other = continuation.points[k : k + 2]
-    size, chord = _chord(continuation, one, other)
-    heading = chord / np.linalg.norm(chord)
-    guess, value = (
-        one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
-        one.value + fraction * (other.value - one.value),
-    )
-
-    def condition(state, change):
-        return (
-            float(
-                heading[:-1] @ (state - guess) + size / continuation.parameter.extent * heading[-1] * change
-            ),
-            heading[:-1],
-            size / continuation.parameter.extent * heading[-1],
-        )
-
-    name = continuation.parameter.name
-    near = (1.0 - fraction) * one.derivative(name) + fraction * other.derivative(name)
-    start, begin = _interpolated(
-        {0.0: one, 1.0: other, **_beside(continuation, k), **(known or {})}, fraction
-    )
-    fixed = shoot_along(
-        continuation.period,
-        (start, begin),
-        continuation.driven,
-        name,
-        lambda state, change: condition(state, change + begin - value),
-        near,
-    )
-    return ContinuationPoint(fixed, float(fixed.parameters[0]))
-
-
-def _chord(
-    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint
-) -> tuple[float, np.ndarray]:
-    """Unit of the state, and the way from a point to another one with the parameter as a share of its
-    range.
-    """
-    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
-    state, value = other.fixed.state - one.fixed.state, other.value - one.value
-    return size, np.append(state / size, value / continuation.parameter.extent)
-
-
-def _beside(continuation: Continuation, k: int) -> dict[float, ContinuationPoint]:
-    """The points before and behind points k and k + 1 by their fractions of the way between these."""
-    points = continuation.points
-    size, chord = _chord(continuation, points[k], points[k + 1])
-    result = {}
-    for n, outside in ((k - 1, lambda place: place < -APART), (k + 2, lambda place: place > 1.0 + APART)):
-        if 0 <= n < len(points):
-            way = np.append(
-                (points[n].fixed.state - points[k].fixed.state) / size,
-                (points[n].value - points[k].value) / continuation.parameter.extent,
-            )
-            place = float(way @ chord / (chord @ chord))
-            if outside(place):
-                result[place] = points[n]
-    return result
-
-
-def _interpolated(known: dict[float, ContinuationPoint], fraction: float) -> tuple[np.ndarray, float]:
-    """State and parameter at a fraction by the polynomial through the nearest points that are known."""
-    places = sorted(known, key=lambda place: abs(place - fraction))[:4]
-    state, value = np.zeros_like(known[places[0]].fixed.state), 0.0
-    for place in places:
-        weight = math.prod((fraction - other) / (place - other) for other in places if other != place)
-        state += weight * known[place].fixed.state
-        value += weight * known[place].value
-    return state, value
-
-
 def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
     """All bifurcations of a branch in the order of its points.
 
@@ -174,11 +85,27 @@ def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurca
             result.append(_fold(continuation, k))
         one, other = unstable(found[k - 1], FLOOR), unstable(found[k], FLOOR)
         if one != other:
-            crossing = _crossing(continuation, k, max(one, other) - 1, found[k - 1], found[k])
+            crossing = _crossing(continuation, k, max(one, other) - 1, found)
             # a real multiplier through +1 at a turning point is the fold itself, which has been found by its
             # turn
             if crossing is not None and not (crossing.kind == "branch point" and _turns(points, k)):
                 result.append(crossing)
+    return result
+
+
+def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int) -> dict[float, complex]:
+    """The multiplier of a rank at one place of a branch, at the others: at each, from the nearest place on,
+    the one that is nearest to where those at the two places before let it be expected.
+    """
+    first = complex(spectra[start][rank])
+    result = {start: first.conjugate() if first.imag < 0.0 else first}
+    for place in sorted(spectra, key=lambda place: abs(place - start))[1:]:
+        near = sorted(result, key=lambda other: abs(other - place))[:2]
+        expected = result[near[0]]
+        if len(near) > 1:
+            expected += (result[near[0]] - result[near[1]]) * (place - near[0]) / (near[0] - near[1])
+        upper = spectra[place][spectra[place].imag >= 0.0]
+        result[place] = complex(upper[np.abs(upper - expected).argmin()])
     return result
 
 
@@ -209,7 +136,7 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
         ends = slope(points[first]), slope(points[first + 1])
         if ends[0] * ends[1] > 0.0:
             continue
-        point, _, _ = _root(continuation, first, slope, ends)
+        point, _, _ = find_zero(continuation, first, slope, ends)
         values = multipliers_of(point.fixed)
         nearest = int(np.argmin(np.abs(values.values - 1.0)))
         return Bifurcation(
@@ -232,87 +159,43 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
     )
 
 
-def _crossing(
-    continuation: Continuation, k: int, rank: int, before: Multipliers, after: Multipliers
-) -> Bifurcation | None:
+def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipliers]) -> Bifurcation | None:
     """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
-    whose multipliers are known.
+    from the multipliers of all points.
     """
-    known = {}
+    points = continuation.points
+    known = {points[n]: found[n] for n in range(max(0, k - 2), min(len(points), k + 2))}
 
     def excess(point: ContinuationPoint) -> float:
-        known[id(point)] = multipliers_of(point.fixed)
-        return float(np.abs(known[id(point)].values[rank]) - 1.0)
+        if point not in known:
+            known[point] = multipliers_of(point.fixed)
+        return float(np.abs(known[point].values[rank]) - 1.0)
 
-    first, second = continuation.points[k - 1], continuation.points[k]
-    ends = float(np.abs(before.values[rank]) - 1.0), float(np.abs(after.values[rank]) - 1.0)
+    def smooth(places: dict[float, ContinuationPoint]) -> dict[float, float]:
+        """The same of one multiplier, whatever its rank at other points."""
+        spectra = {place: known[point].values for place, point in places.items()}
+        unstable_end = 0.0 if ends[0] > 0.0 else 1.0
+        followed = follow_multiplier(spectra, unstable_end, rank)
+        return {place: abs(value) - 1.0 for place, value in followed.items()}
+
+    first, second = points[k - 1], points[k]
+    ends = excess(first), excess(second)
     if ends[0] * ends[1] > 0.0:
         return None
-    point, one, other = _root(continuation, k - 1, excess, ends)
-    found = known.get(id(point)) or (before if point is first else after)
-    value = complex(found.values[rank])
+    point, one, other = find_zero(continuation, k - 1, excess, ends, smooth)
+    at = known[point]
+    value = complex(at.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
-    unresolved = abs(abs(value) - 1.0) > RESOLVED and (_touching(first) != _touching(second)).any()
+    unresolved = abs(abs(value) - 1.0) > RESOLVED and (touching(first) != touching(second)).any()
     kind = (
         "grazing"
-        if (_touching(one) != _touching(other)).any() or unresolved
+        if (touching(one) != touching(other)).any() or unresolved
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"
         if value.real < 0.0
         else "branch point"
     )
-    rows = np.flatnonzero(_touching(one) != _touching(other))
+    rows = np.flatnonzero(touching(one) != touching(other))
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    return Bifurcation(kind, point.value, value, point.fixed.state, found.direction(rank), k, row)
-
-
-def _root(
-    continuation: Continuation,
-    k: int,
-    test: Callable[[ContinuationPoint], float],
-    ends: tuple[float, float],
-) -> tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]:
-    """The point between points k and k + 1 at which a test function of points vanishes, and its nearest
-    neighbours of either sign.
-    """
-    known = dict(zip((0.0, 1.0), zip(continuation.points[k : k + 2], ends)))
-
-    def value(fraction: float) -> float:
-        if fraction not in known:
-            points = {place: point for place, (point, _) in known.items()}
-            point = between(continuation, k, fraction, points)
-            known[fraction] = point, test(point)
-            if _arrived(known, fraction):
-                return 0.0
-        return known[fraction][1]
-
-    try:
-        brentq(value, 0.0, 1.0, xtol=FINE, rtol=1e-8)
-    except SolveError:  # the nearer of the points that were found stands for it
-        pass
-    places = sorted(known)
-    n = next(n for n in range(1, len(places)) if known[places[n - 1]][1] * known[places[n]][1] <= 0.0)
-    nearest = min(known.values(), key=lambda pair: abs(pair[1]))[0]
-    return nearest, known[places[n - 1]][0], known[places[n]][0]
-
-
-def _arrived(known: dict[float, tuple[ContinuationPoint, float]], fraction: float) -> bool:
-    """Whether a test function vanishes next to a fraction: by the straight lines to the nearest point of
-    the other sign and to the nearest of all others, between which the zero of a curve without inflection
-    lies; not where pairs touch on one side alone.
-    """
-    point, value = known[fraction]
-    nearest = sorted((place for place in known if place != fraction), key=lambda place: abs(place - fraction))
-    across = next(place for place in nearest if known[place][1] * value <= 0.0)
-    if (_touching(point) != _touching(known[across][0])).any():
-        return False
-    return all(
-        abs(value * (place - fraction)) <= 0.5 * FINE * abs(value - known[place][1])
-        for place in (across, nearest[0])
-    )
-
-
-def _touching(point: ContinuationPoint) -> np.ndarray:
-    """(pairs,) bool: which pairs touch at any time of the period."""
-    return (point.fixed.motion.forces > 0.0).any(axis=0)
+    return Bifurcation(kind, point.value, value, point.fixed.state, at.direction(rank), k, row)

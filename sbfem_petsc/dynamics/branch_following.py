@@ -10,9 +10,10 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .bifurcations import between, locate, several
+from .bifurcations import locate, several
 from .branch import Branch, BranchWarning
 from .branch_range import ContinuationSettings, ParameterRange
+from .branch_zero import between
 from .continuation import Continuation, ContinuationPoint
 from .excitation import one_sided
 from .fixed_point import FixedPoint

@@ -195,10 +195,10 @@ class OwnTone:
             The first one, if Newton's method converges from none.
         """
         failed: SolveError | None = None
+        across = plane[:-2].reshape(self.samples, -1)
         for share in PHASES:
             turns = share / self.samples
-            begin = replace(guess, states=self.turned(guess.states, turns))
-            across = plane[:-2].reshape(self.samples, -1)
+            begin = replace(guess, states=self.turned(guess.states, turns)) if turns else guess
             try:
                 return self.solve(begin, np.append(self.turned(across, turns), plane[-2:]), begin)
             except SolveError as error:

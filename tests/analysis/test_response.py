@@ -10,8 +10,8 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import continuation
-from sbfem_petsc.dynamics.bifurcations import between
 from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.dynamics.branch_zero import between
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.shooting import shoot

@@ -7,6 +7,7 @@ import pytest
 from scipy import optimize
 
 import sbfem_petsc as sb
+from sbfem_petsc.dynamics import bifurcations, branch_zero
 from sbfem_petsc.dynamics.bifurcations import several
 from sbfem_petsc.dynamics.orbit import half_a_step_on, moved_by_half_a_step
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
@@ -381,3 +382,63 @@ def test_a_doubling_and_a_fold_between_two_points():
     before, pair = found(-1.2, 0.9, 0.5), found(-1.1 + 0.2j, -1.1 - 0.2j, 0.5)
     assert several(before, found(1.1, -0.9, 0.5)) and several(found(1.1, -0.9, 0.5), before)
     assert not several(before, found(-0.9, 0.9, 0.5)) and not several(found(-1.3, -1.2, 0.5), pair)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["two masses", "beam"])
+def test_located_by_brents_method(name, beam, monkeypatch):
+    """SciPy's root finder on the same test functions, to a millionth of the way between two points: what is
+    located is as near to it as is said. The beam's have kinks, where another multiplier comes to be the
+    largest, so that smooth ones are looked for; they take fewer points than the root finder.
+    """
+    apart, calls = [], [0, 0]
+    own = branch_zero.find_zero
+
+    def both(continuation, k, test, ends, smooth=None):
+        points = continuation.points
+
+        def place(point):
+            size, whole = branch_zero.chord(continuation, points[k], points[k + 1])
+            way = np.append(
+                (point.fixed.state - points[k].fixed.state) / size,
+                (point.value - points[k].value) / continuation.parameter.extent,
+            )
+            return way @ whole / (whole @ whole)
+
+        def counted(point):
+            calls[0] += 1
+            return test(point)
+
+        found = own(continuation, k, counted, ends, smooth)
+        known = {0.0: ends[0], 1.0: ends[1]}
+
+        def value(share):
+            if share not in known:
+                calls[1] += 1
+                known[share] = test(branch_zero.between(continuation, k, share))
+            return known[share]
+
+        exact = optimize.brentq(value, 0.0, 1.0, xtol=1e-6)
+        apart.append(abs(place(found[0]) - exact))
+        return found
+
+    monkeypatch.setattr(bifurcations, "find_zero", both)
+    if name == "two masses":
+        curve = sb.frequency_response(two_masses(), [0.1], 0.5 / (2 * np.pi), 0.9 / (2 * np.pi), steps=2048)
+    else:
+        curve = sb.frequency_response(beam[1], sb.PointForce("A", fy=1500.0), 14180.0, 14310.0)
+    assert len(apart) >= len(curve.bifurcations) >= 3
+    assert max(apart) < branch_zero.FINE
+    assert calls[0] < 0.6 * calls[1]
+
+
+def test_a_multiplier_is_followed_past_others():
+    """One that grows past the modulus of others, by where it is expected."""
+    shares = [0.0, 0.3, 0.5, 1.0, -0.8]
+    moving = {share: (0.9 + 0.2 * share) * np.exp(1j * (1.0 + 0.1 * share)) for share in shares}
+    spectra = {}
+    for share, value in moving.items():
+        values = np.array([value, value.conjugate(), 0.999j, -0.999j, 0.98, -0.97, 0.95 * np.exp(1.4j)])
+        spectra[share] = values[np.argsort(-np.abs(values), kind="stable")]
+    assert bifurcations.follow_multiplier(spectra, 1.0, 0) == pytest.approx(moving)
+    assert bifurcations.follow_multiplier(spectra, 1.0, 1) == pytest.approx(moving)

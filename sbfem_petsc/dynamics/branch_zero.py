@@ -1,0 +1,183 @@
+"""Points of a branch between two that are known, and where a function of them vanishes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ..errors import SolveError
+from .continuation import Continuation, ContinuationPoint
+from .shooting import shoot_along
+
+# How far along the arc between two points a zero is located, and evaluations at most.
+FINE, MOST = 5e-3, 20
+# Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
+APART = 0.2
+
+Places = dict[float, ContinuationPoint]
+
+
+def between(
+    continuation: Continuation,
+    k: int,
+    fraction: float,
+    known: Places | None = None,
+) -> ContinuationPoint:
+    """A point of the branch in the plane across the chord from point k to the next one; `known` are such
+    points by their fractions.
+    """
+    one, other = continuation.points[k : k + 2]
+    size, way = chord(continuation, one, other)
+    heading = way / np.linalg.norm(way)
+    guess, value = (
+        one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
+        one.value + fraction * (other.value - one.value),
+    )
+
+    def condition(state, change):
+        return (
+            float(
+                heading[:-1] @ (state - guess) + size / continuation.parameter.extent * heading[-1] * change
+            ),
+            heading[:-1],
+            size / continuation.parameter.extent * heading[-1],
+        )
+
+    name = continuation.parameter.name
+    near = (1.0 - fraction) * one.derivative(name) + fraction * other.derivative(name)
+    start, begin = _interpolated({0.0: one, 1.0: other, **beside(continuation, k), **(known or {})}, fraction)
+    fixed = shoot_along(
+        continuation.period,
+        (start, begin),
+        continuation.driven,
+        name,
+        lambda state, change: condition(state, change + begin - value),
+        near,
+    )
+    return ContinuationPoint(fixed, float(fixed.parameters[0]))
+
+
+def chord(
+    continuation: Continuation, one: ContinuationPoint, other: ContinuationPoint
+) -> tuple[float, np.ndarray]:
+    """Unit of the state, and the way from a point to another one with the parameter as a share of its
+    range.
+    """
+    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
+    state, value = other.fixed.state - one.fixed.state, other.value - one.value
+    return size, np.append(state / size, value / continuation.parameter.extent)
+
+
+def beside(continuation: Continuation, k: int) -> Places:
+    """The points before and behind points k and k + 1 by their fractions of the way between these."""
+    points = continuation.points
+    size, way = chord(continuation, points[k], points[k + 1])
+    result = {}
+    for n, outside in ((k - 1, lambda place: place < -APART), (k + 2, lambda place: place > 1.0 + APART)):
+        if 0 <= n < len(points):
+            state, value = points[n].fixed.state - points[k].fixed.state, points[n].value - points[k].value
+            there = np.append(state / size, value / continuation.parameter.extent)
+            place = float(there @ way / (way @ way))
+            if outside(place):
+                result[place] = points[n]
+    return result
+
+
+def _interpolated(known: Places, fraction: float) -> tuple[np.ndarray, float]:
+    """State and parameter at a fraction by the polynomial through the nearest points that are known."""
+    places = sorted(known, key=lambda place: abs(place - fraction))[:4]
+    state, value = np.zeros_like(known[places[0]].fixed.state), 0.0
+    for place in places:
+        weight = math.prod((fraction - other) / (place - other) for other in places if other != place)
+        state += weight * known[place].fixed.state
+        value += weight * known[place].value
+    return state, value
+
+
+def find_zero(
+    continuation: Continuation,
+    k: int,
+    test: Callable[[ContinuationPoint], float],
+    ends: tuple[float, float],
+    smooth: Callable[[Places], dict[float, float]] | None = None,
+) -> tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]:
+    """The point between points k and k + 1 at which a test function of points vanishes, and its nearest
+    neighbours of either sign.
+
+    Parameters
+    ----------
+    continuation : Continuation
+    k : int
+    test : callable
+    ends : (float, float)
+        Its values at both points, of different sign.
+    smooth : callable, optional
+        Values at points by their places, also at those before and behind the two, of a function that
+        vanishes where the test does and bends less: where it is looked for next. Default: the test itself.
+    """
+    known: Places = dict(zip((0.0, 1.0), continuation.points[k : k + 2]))
+    values = dict(zip((0.0, 1.0), ends))
+    around = beside(continuation, k) if smooth is not None else {}
+    bracket, place, widths = (0.0, 1.0), 0.0, [1.0]
+    while len(widths) <= MOST and widths[-1] > FINE * (1.0 + 1e-9):
+        expected = values if smooth is None else smooth({**around, **known})
+        if len(known) > 2 and _arrived(known, values, expected, place):
+            break
+        slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
+        place = 0.5 * sum(bracket) if slow else _next_place(expected, *bracket)
+        try:
+            known[place] = between(continuation, k, place, known)
+        except SolveError:  # the nearest of the points that were found stands for it
+            break
+        values[place] = test(known[place])
+        lower, upper = bracket
+        bracket = (place, upper) if values[place] * values[lower] > 0.0 else (lower, place)
+        widths.append(bracket[1] - bracket[0])
+    nearest = min(known, key=lambda place: abs(values[place]))
+    return known[nearest], known[bracket[0]], known[bracket[1]]
+
+
+def _next_place(values: dict[float, float], lower: float, upper: float) -> float:
+    """Where the polynomial through the nearest values vanishes between two places, their middle if nowhere;
+    beyond it if it is next to either, so that they come near to each other.
+    """
+    middle = 0.5 * (lower + upper)
+    places = np.array(sorted(values, key=lambda place: abs(place - middle))[:4])
+    heights = np.array([values[place] for place in places])
+    weights = polynomial.polyfit(places - middle, heights / np.abs(heights).max(), len(places) - 1)
+    roots = polynomial.polyroots(weights)
+    roots = roots.real[np.abs(roots.imag) < 1e-9] + middle
+    inside = roots[(roots > lower) & (roots < upper)]
+    if not len(inside):
+        return middle
+    best = places[np.abs(heights).argmin()]
+    found = float(inside[np.abs(inside - best).argmin()])
+    # as far beyond it
+    if found - lower < 0.5 * FINE:
+        return lower + max(2.0 * (found - lower), 0.5 * FINE)
+    if upper - found < 0.5 * FINE:
+        return upper - max(2.0 * (upper - found), 0.5 * FINE)
+    return found
+
+
+def _arrived(known: Places, values: dict[float, float], expected: dict[float, float], place: float) -> bool:
+    """Whether a test function vanishes next to a place: by the straight lines to the neighbours on either
+    side, between which the zero of a curve without inflection lies; not where pairs touch on one side alone.
+    """
+    places = sorted(known)
+    n = places.index(place)
+    for other in (places[n - 1], places[n + 1]):
+        if values[other] * values[place] <= 0.0 and (touching(known[place]) != touching(known[other])).any():
+            return False
+        rise = abs(expected[place] - expected[other])
+        if abs(expected[place] * (other - place)) > 0.5 * FINE * rise:
+            return False
+    return True
+
+
+def touching(point: ContinuationPoint) -> np.ndarray:
+    """(pairs,) bool: which pairs touch at any time of the period."""
+    return (point.fixed.motion.forces > 0.0).any(axis=0)
