@@ -121,22 +121,25 @@ def find_zero(
     known: Places = dict(zip((0.0, 1.0), continuation.points[k : k + 2]))
     values = dict(zip((0.0, 1.0), ends))
     around = beside(continuation, k) if smooth is not None else {}
-    bracket, place, widths = (0.0, 1.0), 0.0, [1.0]
+    bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST and widths[-1] > FINE * (1.0 + 1e-9):
         expected = values if smooth is None else smooth({**around, **known})
         if len(known) > 2 and _arrived(known, values, expected, place):
             break
         slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
-        place = 0.5 * sum(bracket) if slow else _next_place(expected, *bracket)
+        place = 0.5 * sum(bracket) if slow or poor else _next_place(expected, *bracket)
         try:
             known[place] = between(continuation, k, place, known)
-        except SolveError:  # the nearest of the points that were found stands for it
+        except SolveError:  # the nearer of the points that were found stands for it
             break
         values[place] = test(known[place])
-        lower, upper = bracket
-        bracket = (place, upper) if values[place] * values[lower] > 0.0 else (lower, place)
+        ahead = values[place] * values[bracket[0]] > 0.0
+        left = bracket[0] if ahead else bracket[1]
+        # at a jump nothing vanishes
+        poor = abs(values[place]) > 0.5 * abs(values[left])
+        bracket = (place, bracket[1]) if ahead else (bracket[0], place)
         widths.append(bracket[1] - bracket[0])
-    nearest = min(known, key=lambda place: abs(values[place]))
+    nearest = min(bracket, key=lambda place: abs(values[place]))
     return known[nearest], known[bracket[0]], known[bracket[1]]
 
 
