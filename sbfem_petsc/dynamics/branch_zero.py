@@ -47,8 +47,13 @@ def between(
         )
 
     name = continuation.parameter.name
-    near = (1.0 - fraction) * one.derivative(name) + fraction * other.derivative(name)
-    start, begin = _interpolated({0.0: one, 1.0: other, **beside(continuation, k), **(known or {})}, fraction)
+    ends = {0.0: one, 1.0: other, **beside(continuation, k)}
+    places, weights = _weights(ends, fraction)
+    near = np.tensordot(weights, [ends[place].derivative(name) for place in places], 1)
+    found = {**ends, **(known or {})}
+    places, weights = _weights(found, fraction)
+    start = weights @ np.array([found[place].fixed.state for place in places])
+    begin = float(weights @ np.array([found[place].value for place in places]))
     fixed = shoot_along(
         continuation.period,
         (start, begin),
@@ -86,15 +91,14 @@ def beside(continuation: Continuation, k: int) -> Places:
     return result
 
 
-def _interpolated(known: Places, fraction: float) -> tuple[np.ndarray, float]:
-    """State and parameter at a fraction by the polynomial through the nearest points that are known."""
+def _weights(known: Places, fraction: float) -> tuple[list[float], np.ndarray]:
+    """Places that are nearest to a fraction, and the weights of the polynomial through them there."""
     places = sorted(known, key=lambda place: abs(place - fraction))[:4]
-    state, value = np.zeros_like(known[places[0]].fixed.state), 0.0
-    for place in places:
-        weight = math.prod((fraction - other) / (place - other) for other in places if other != place)
-        state += weight * known[place].fixed.state
-        value += weight * known[place].value
-    return state, value
+    weights = [
+        math.prod((fraction - other) / (place - other) for other in places if other != place)
+        for place in places
+    ]
+    return places, np.array(weights)
 
 
 def find_zero(
