@@ -55,6 +55,7 @@ class Ledger:
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
         self.r, self.step, self.smooth = reduction, step, smooth
+        self.friction = 2.0 * reduction.damping * reduction.omega
         self.flexibility = np.block(
             [
                 [reduction.load_flexibility, reduction.gap.loads.T],
@@ -100,16 +101,24 @@ class Ledger:
         """
         r = self.r
         drive = np.concatenate([amplitudes, forces], axis=1)
-        flexible = drive @ self.flexibility
-        moved = q @ np.concatenate([r.load_modes, r.gap.modes.T], axis=1) + flexible
-        stored = np.stack(
-            [
-                0.5 * (v**2).sum(axis=1),
-                0.5 * ((r.omega * q) ** 2).sum(axis=1) + 0.5 * (drive * flexible).sum(axis=1),
-            ],
-            axis=1,
-        )
-        return drive, moved, stored, (2.0 * r.damping * r.omega * v**2).sum(axis=1), v @ r.load_modes
+        loads = amplitudes.shape[1]
+        # where nothing touches, before or behind either, the gaps do no work and are left at zero
+        touched = forces.any(axis=1)
+        near = touched.copy()
+        near[1:] |= touched[:-1]
+        near[:-1] |= touched[1:]
+        near[[0, -1]] = True  # of what came before and what follows nothing is known here
+        flexible, moved = np.zeros_like(drive), np.zeros_like(drive)
+        flexible[near] = drive[near] @ self.flexibility
+        flexible[~near, :loads] = amplitudes[~near] @ self.flexibility[:loads, :loads]
+        moved[:, :loads] = q @ r.load_modes
+        left, right = r.thin_gaps
+        moved[near, loads:] = q[near] @ right @ left.T
+        moved += flexible
+        squared = v * v
+        kinetic, lost = (squared @ np.stack([np.full(len(r.omega), 0.5), self.friction], axis=1)).T
+        strain = 0.5 * ((q * q) @ r.omega**2 + np.einsum("ij,ij->i", drive, flexible))
+        return drive, moved, np.stack([kinetic, strain], axis=1), lost, v @ r.load_modes
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:
