@@ -91,6 +91,7 @@ def test_no_warning_of_rounding(model):
     assert max(missed[0], missed[1], missed[3]) < 1e-20 and max(missed[1], missed[3]) > 0.0
 
 
+@pytest.mark.slow
 def test_more_states_than_memory(model):
     with pytest.raises(ValueError, match=r"10,000,000 states would take .* at most [\d,]+ times fit"):
         sb.load_history(model, sb.PointForce("A", fy=1.0), np.linspace(0.0, 1.0, 10_000_000))

@@ -108,6 +108,7 @@ def test_a_settled_history(system, point, tori):
     assert abs(found.line(0, 0, "1")) == pytest.approx(abs(answer[0]), abs=1e-3 * mine.max())
 
 
+@pytest.mark.slow
 def test_samples_and_start(system, tori):
     """More samples, fewer modes of the curve the same: from a motion that is known, at its frequency."""
     known = tori.motions[-1]

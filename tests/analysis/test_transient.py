@@ -495,6 +495,7 @@ def axial_starts(order, terms=1):
     return np.abs(np.abs(found[own]) - np.abs(exact)).max() / np.abs(exact).max()
 
 
+@pytest.mark.slow
 def test_starts_by_functions_converge():
     """The projection on the modes sees the inside of the S-elements: errors fall with order and terms, with
     two cells over the length. What boundaries alone say of x^2 leaves out the same share whatever the order.

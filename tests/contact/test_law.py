@@ -339,6 +339,7 @@ def test_bad_laws():
 
 
 # ---------------------------------------------------------------------- faces that supports hold
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "supports",
     [[sb.Support("edge1")], [sb.Support("edge1", y=False), sb.Support("edge4")]],

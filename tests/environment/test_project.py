@@ -215,6 +215,7 @@ OPTIONS = {
 }
 
 
+@pytest.mark.slow
 def test_few_arguments():
     """At most six of each function, method and kernel, whoever calls it: what belongs together is one."""
     longer, checked = set(), 0

@@ -29,6 +29,7 @@ def drawn(folder, **changes):
     return read_gmsh(path, order=4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [{}, {"g": 0.0502}, {"roller": "left", "block": "right"}, {"y": 0.01}, {"x": 0.2}, {"f": 0.03, "g": 0.3}],

@@ -312,6 +312,7 @@ def test_checks_take_no_square_of_the_number_of_segments():
     )
 
 
+@pytest.mark.slow
 def test_needles_between_cracks():
     """Lines that meet at two degrees: gmsh's quadrilaterals overlap there, its triangles do not."""
     lines = [

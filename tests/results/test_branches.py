@@ -198,6 +198,7 @@ def test_resume_without_a_file_begins(tmp_path):
         assert len(read_branch(path).value) == 3
 
 
+@pytest.mark.slow
 def test_a_curve_that_has_ended_is_not_said_to_go_on(whole, tmp_path):
     """One that left its range where it came in: resuming it would find nothing further."""
     curve, _ = whole

@@ -108,6 +108,7 @@ def test_two_ranks_write_what_one_writes(serial_files, parallel_files):
         np.testing.assert_array_equal(two.static[name]["active"], one.static[name]["active"])
 
 
+@pytest.mark.slow
 def test_files_that_are_missing_truncated_incomplete_or_foreign(serial_files, tmp_path):
     whole = (serial_files / "results.h5").read_bytes()
     with pytest.raises(ValueError, match="does not exist"):

@@ -95,6 +95,7 @@ def test_mesh(folder, tmp_path):
     assert done.code == 0 and (tmp_path / "mesh.png").read_bytes().startswith(b"\x89PNG")
 
 
+@pytest.mark.slow
 def test_info(folder):
     done = sbfem("info", folder / "out")
     assert "frequencies (modal" in done.out and "contact_resultant" in done.out
@@ -258,6 +259,7 @@ def test_interrupt_and_termination(tmp_path):
         assert process.returncode == code and "goes on where it was" in err
 
 
+@pytest.mark.slow
 def test_log_lines():
     """Plain lines: at once for each piece of work, and again within the pause while it lasts."""
     stream = io.StringIO()

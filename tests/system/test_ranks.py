@@ -219,6 +219,7 @@ abort._stop(World(), 1)
 """
 
 
+@pytest.mark.slow
 def test_a_launcher_that_does_not_answer():
     """A rank whose wish to end all ranks is not heard dies: the launcher sees that."""
     done = subprocess.run([sys.executable, "-c", UNANSWERED], cwd=ROOT, timeout=30)

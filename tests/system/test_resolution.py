@@ -162,6 +162,7 @@ def test_edges_between_ranks():
     np.testing.assert_allclose(together, alone, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_factors_in_strong_anisotropy():
     """K of a crack through fibres is told to be off by what a higher order changes it by, within a factor of
     3, and no more where it is not; weak anisotropy is carried.
