@@ -2,9 +2,9 @@
 
 80 modes, 512 steps a period, a modal damping ratio of 0.002. Seconds are CPU seconds, one BLAS thread, the
 least of several repeats (of a curve five, and the largest beside it); compiling is not counted but in the
-last line, which starts Python anew with an empty cache. The floor of orbits and curves is what the products of
-large matrices and the eigenvalues alone take at the rates of the libraries in this run: two products of each
-row of contact with the columns of every derivative that was made, and the eigenvalues of every monodromy
+last line, which starts Python anew with an empty cache. The floor of orbits and curves is what the products
+of large matrices and the eigenvalues alone take at the rates of the libraries in this run: two products of
+each row of contact with the columns of every derivative that was made, and the eigenvalues of every monodromy
 matrix.
 
     ./run python benchmarks/default_mesh.py
