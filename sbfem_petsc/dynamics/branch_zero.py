@@ -16,6 +16,8 @@ from .shooting import shoot_along
 FINE, MOST = 5e-3, 20
 # Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
 APART = 0.2
+# Values that rounding alone tells apart.
+SAME = 1e-10
 
 Places = dict[float, ContinuationPoint]
 
@@ -119,8 +121,8 @@ def find_zero(
     ends : (float, float)
         Its values at both points, of different sign.
     smooth : callable, optional
-        Values at points by their places, also at those before and behind the two, of a function that
-        vanishes where the test does and bends less: where it is looked for next. Default: the test itself.
+        Values at points by their places, also at those before and behind the two, of a function that is the
+        test near its zero and bends less: where that is looked for next. Default: the test itself.
     """
     known: Places = dict(zip((0.0, 1.0), continuation.points[k : k + 2]))
     values = dict(zip((0.0, 1.0), ends))
@@ -128,10 +130,12 @@ def find_zero(
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST and widths[-1] > FINE * (1.0 + 1e-9):
         expected = values if smooth is None else smooth({**around, **known})
-        if len(known) > 2 and _arrived(known, values, expected, place):
+        # what is followed may vanish elsewhere than the test, which counts all
+        other = len(known) > 2 and abs(expected[place] - values[place]) > SAME
+        if len(known) > 2 and not other and _arrived(known, values, expected, place):
             break
         slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
-        place = 0.5 * sum(bracket) if slow or poor else _next_place(expected, *bracket)
+        place = 0.5 * sum(bracket) if slow or poor or other else _next_place(expected, *bracket)
         try:
             known[place] = between(continuation, k, place, known)
         except SolveError:  # the nearer of the points that were found stands for it

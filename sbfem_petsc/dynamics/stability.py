@@ -24,8 +24,6 @@ PREFIX = "floquet_"
 LARGEST, SUBSPACE = 6, 400
 # Unknowns up to which LAPACK's plain QR iteration is the faster one.
 SMALL = 200
-# Values are this far off where their vectors are found by inverse iteration: nearer to them than to others.
-ROUNDING = 1e-13
 
 
 class Multipliers:
@@ -70,9 +68,8 @@ def multipliers(
     driven, motion : DrivenPeriod, PeriodMotion
         Of a converged fixed point.
     whole : bool, optional
-        All of them from the monodromy matrix by LAPACK, which takes a third of the time where the directions
-        are not asked for; or the largest by SLEPc's Krylov-Schur method on products with it. Default: all up
-        to 1200 unknowns.
+        All of them from the monodromy matrix by LAPACK, or the largest by SLEPc's Krylov-Schur method on
+        products with it. Default: all up to 1200 unknowns.
 
     Raises
     ------
@@ -86,7 +83,7 @@ def multipliers(
     values = eigenvalues(matrix)
     order = np.argsort(-np.abs(values), kind="stable")
     values = values[order]
-    return Multipliers(values, lambda k: _inverse_iteration(matrix, values[k]), matrix)
+    return Multipliers(values, lambda k: inverse_iteration(matrix, values[k]), matrix)
 
 
 def eigenvalues(matrix: np.ndarray) -> np.ndarray:
@@ -139,13 +136,18 @@ def multipliers_of(fixed: FixedPoint) -> Multipliers:
     return multipliers(fixed.driven, fixed.motion, monodromy=lambda: fixed.monodromy)
 
 
-def _inverse_iteration(matrix: np.ndarray, value: complex) -> np.ndarray:
+def inverse_iteration(matrix: np.ndarray, value: complex) -> np.ndarray:
     """Eigenvector of a value that is known to rounding."""
-    shift = value * (1.0 + ROUNDING) if value.imag else value.real * (1.0 + ROUNDING)
-    factors = linalg.lu_factor(matrix - shift * np.eye(len(matrix)), check_finite=False)
+    shifted = matrix - (value if value.imag else value.real) * np.eye(len(matrix))
+    factorise = linalg.lapack.zgetrf if np.iscomplexobj(shifted) else linalg.lapack.dgetrf
+    factors, exchanged, _ = factorise(shifted)
+    # as LAPACK's own inverse iteration does: pivots that are rounding alone, or less, stand for it
+    rounding = np.finfo(float).eps * max(float(np.abs(matrix).max()), 1e-100)
+    small = np.flatnonzero(np.abs(np.diagonal(factors)) < rounding)
+    factors[small, small] = rounding
     vector = np.ones(len(matrix))
     for _ in range(3):
-        vector = linalg.lu_solve(factors, vector / np.linalg.norm(vector), check_finite=False)
+        vector = linalg.lu_solve((factors, exchanged), vector / np.linalg.norm(vector), check_finite=False)
     return vector.astype(complex)
 
 

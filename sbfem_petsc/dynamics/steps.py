@@ -45,8 +45,8 @@ def _exact(omega: np.ndarray, damping: np.ndarray, step: float) -> np.ndarray:
     z = np.empty(len(omega), dtype=complex)
     z.real, z.imag = -step * decay, step * turn
     e = np.exp(z)
-    small = step * omega < 1.0
-    largest = step * float(omega.max(where=small, initial=0.0))
+    small = np.abs(step * omega) < 1.0
+    largest = abs(step) * float(omega.max(where=small, initial=0.0))
     terms = next(n for n in range(3, TERMS + 1) if largest ** (n - 2) < ROUND_OFF[n])
     within = z if small.all() else np.where(small, z, 0.0)
     series = np.ones_like(z)

@@ -2,6 +2,8 @@
 bifurcations.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy import optimize
@@ -9,10 +11,11 @@ from scipy import optimize
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import bifurcations, branch_zero
 from sbfem_petsc.dynamics.bifurcations import several
+from sbfem_petsc.dynamics.continuation import ContinuationPoint
 from sbfem_petsc.dynamics.orbit import half_a_step_on, moved_by_half_a_step
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
 from sbfem_petsc.dynamics.shooting import shoot
-from sbfem_petsc.dynamics.stability import Multipliers, multipliers
+from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multipliers
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import ALUMINIUM, two_masses
@@ -442,3 +445,97 @@ def test_a_multiplier_is_followed_past_others():
         spectra[share] = values[np.argsort(-np.abs(values), kind="stable")]
     assert bifurcations.follow_multiplier(spectra, 1.0, 0) == pytest.approx(moving)
     assert bifurcations.follow_multiplier(spectra, 1.0, 1) == pytest.approx(moving)
+
+
+class _Spectrum:
+    """A branch whose multipliers are given functions of the parameter, with points at -1, 0, 1 and 2."""
+
+    def __init__(self, values, monkeypatch):
+        self.values, self.calls = values, 0
+        self.points = [self.point(float(place)) for place in (-1, 0, 1, 2)]
+        self.parameter = SimpleNamespace(extent=1.0, name="frequency")
+        monkeypatch.setattr(branch_zero, "between", self.between)
+        monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
+
+    def point(self, place):
+        touching = SimpleNamespace(forces=np.zeros((1, 1)))
+        fixed = SimpleNamespace(state=np.array([1.0, place]), motion=touching)
+        return ContinuationPoint(fixed, place)
+
+    def between(self, continuation, k, share, known=None):
+        self.calls += 1
+        return self.point(self.points[k].value + share)
+
+    def at(self, place):
+        values = np.array(self.values(place), dtype=complex)
+        values = values[np.argsort(-np.abs(values), kind="stable")]
+        return Multipliers(values, lambda k: np.eye(len(values))[k])
+
+    def crossings(self):
+        return bifurcations.locate(self, [self.at(point.value) for point in self.points])
+
+
+def _pair(size, angle):
+    return [size * np.exp(1j * angle), size * np.exp(-1j * angle)]
+
+
+@pytest.mark.parametrize(
+    "values, place, kind, calls",
+    [
+        (lambda x: [*_pair(1 + 0.3 * (x - 0.3), 1.0), 0.99, -0.98], 0.3, "Neimark-Sacker", 2),
+        (lambda x: [-(1 + 0.5 * (x - 0.5)), 0.3], 0.5, "period doubling", 2),
+        # the one that is followed passes first, but the number of them that the test counts changes later
+        (
+            lambda x: _pair(1 + 0.03 * (x - 0.3), 1.0) + _pair(1 + 1.5 * (x - 0.7), 2.0),
+            0.7,
+            "Neimark-Sacker",
+            13,
+        ),
+        (
+            lambda x: [*_pair(1 + 0.03 * (x - 0.3), 1.0), -(1 + 1.5 * (x - 0.7))],
+            0.7,
+            "period doubling",
+            13,
+        ),
+        (
+            lambda x: _pair(1 + 0.03 * (0.7 - x), 1.0) + _pair(1 + 1.5 * (0.3 - x), 2.0),
+            0.3,
+            "Neimark-Sacker",
+            13,
+        ),
+        # a jump
+        (lambda x: [-1.2 if x > 0.37 else -0.8, 0.5], 0.37, "period doubling", 10),
+    ],
+)
+def test_located_where_the_test_changes_its_sign(values, place, kind, calls, monkeypatch):
+    """Given multipliers, of which several may pass the circle between two points."""
+    branch = _Spectrum(values, monkeypatch)
+    found = [item for item in branch.crossings() if 0.0 < item.value < 1.0]
+    assert [item.kind for item in found] == [kind]
+    assert abs(found[0].value - place) < branch_zero.FINE
+    assert branch.calls <= calls
+
+
+@pytest.mark.filterwarnings("error")
+def test_directions_of_singular_matrices():
+    """Where elimination meets a pivot of zero: exact multipliers, 0, double ones, and random matrices of two
+    unknowns, in which that happens most often.
+    """
+    generator = np.random.default_rng(1)
+    matrices = [
+        np.array([[-3.72, 3.11], [-2.05, 1.33]]),
+        np.diag([-1.0, 0.5, 0.0]),
+        np.eye(3),
+        np.array([[2.0, 1.0], [0.0, 2.0]]),
+        np.ones((4, 4)),
+        *(np.round(generator.normal(size=(2, 2)), 2) for _ in range(200)),
+    ]
+    for matrix in matrices:
+        for k, value in enumerate(np.linalg.eigvals(matrix)):
+            values = np.full(k + 1, complex(value))
+            found = Multipliers(
+                values, lambda k, m=matrix, v=complex(value): inverse_iteration(m, v)
+            ).direction(k)
+            assert np.linalg.norm(found) == pytest.approx(1.0)
+            missed = np.linalg.norm(matrix @ found - value * found)
+            assert missed < 1e-7 * max(np.abs(matrix).max(), 1.0)
