@@ -62,11 +62,11 @@ class collective:
             return False
         if any(word[:1] == AGREE for word in told):
             raise _mark(_apart(comm, told))
-        messages = comm.allgather(None if error is None else _packed(error))
+        messages = comm.allgather(None if error is None else packed(error))
         first = next(message for message in messages if message is not None)
         mine = messages[comm.rank]
         if error is None or mine is None or mine[1:] != first[1:]:
-            raise _mark(_unpacked(first))
+            raise _mark(unpacked(first))
         _mark(error)
         return False
 
@@ -179,9 +179,20 @@ def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
 
 
 def _wait(comm: MPI.Comm, requests: list[MPI.Request]) -> None:
-    """Wait for messages, but not for a rank that has left; a long wait leaves the core to others."""
+    """Wait for messages, but not for a rank that has left."""
+    wait_until(comm, lambda: MPI.Request.Testall(requests))
+
+
+def wait_until(comm: MPI.Comm, done: Callable[[], bool]) -> None:
+    """Ask `done` until it says so; a long wait leaves the core to others.
+
+    Raises
+    ------
+    SolveError
+        If a rank has left, for which `done` may wait for ever.
+    """
     begun, missing, since, turns = time.monotonic(), None, 0.0, 0
-    while not MPI.Request.Testall(requests):
+    while not done():
         turns += 1
         if turns < SPIN:
             continue
@@ -206,7 +217,7 @@ def _apart(comm: MPI.Comm, told: list[bytes]) -> RanksDiffer:
     )
 
 
-def _packed(error: Exception) -> tuple[bytes | None, str, str]:
+def packed(error: Exception) -> tuple[bytes | None, str, str]:
     """An error as it can be sent: itself if it survives that, the nearest known type and its text."""
     kinds = (UnknownName, SolveError, KeyError, TypeError, ValueError, OSError, RuntimeError, ArithmeticError)
     kind = next((kind.__name__ for kind in kinds if isinstance(error, kind)), "RuntimeError")
@@ -221,7 +232,7 @@ def _packed(error: Exception) -> tuple[bytes | None, str, str]:
     return whole, kind, str(error)
 
 
-def _unpacked(message: tuple[bytes | None, str, str]) -> Exception:
+def unpacked(message: tuple[bytes | None, str, str]) -> Exception:
     """The error of another rank."""
     whole, kind, text = message
     if whole is not None:

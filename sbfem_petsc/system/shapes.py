@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ..parallel import collective
+from ..balance import balanced
 from ..petsc import MPI, stage
 from ..selement.coefficients import SElementError
 from ..selement.congruence import placements, same_shape, shape_key
@@ -163,7 +163,8 @@ def _similar(part: Part, order: int, materials) -> list[list]:
 
 
 class Solutions:
-    """Different shapes over the ranks of a communicator, each solved once, by a rank that has it.
+    """Different shapes over the ranks of a communicator, each solved once: by a rank that has it, or by one
+    that has none left of its own.
 
     Parameters
     ----------
@@ -206,9 +207,9 @@ class Solutions:
 
     def stiffness(self) -> list[SElement]:
         """The S-element of each of this rank's requests, without inertia. Collective."""
+        kept = len(self._shapes) <= _KEPT
 
-        def solve(number: int) -> SElement:
-            request = self._shapes[number]
+        def solve(request: _Request, kept: bool) -> SElement:
             material = self.materials[request.material]
             found = solve_selement(
                 Sectors(request.shape, self.order, material.elasticity),
@@ -216,33 +217,36 @@ class Solutions:
                 isotropic=material.isotropic,
                 density=material.densities,
             )
-            return found if len(self._shapes) <= _KEPT else replace(found, equations=None)
+            return found if kept else replace(found, equations=None)
 
-        self._solved = self._each(solve)
+        self._solved = self._each(solve, [kept] * len(self._shapes))
         return self._sent_back([replace(found, equations=None) for found in self._solved])
 
     @stage("Inertia")
     def inertia(self, terms: int) -> list[Inertia]:
         """Mass and continued fraction of each of this rank's requests. Collective."""
 
-        def solve(number: int) -> Inertia:
-            dynamics = self._solved[number].with_inertia(terms).dynamics
+        def solve(_: _Request, solved: SElement) -> Inertia:
+            dynamics = solved.with_inertia(terms).dynamics
             assert dynamics is not None  # `with_inertia` has just made them
-            self._solved[number] = replace(self._solved[number], equations=None)
             return dynamics
 
-        return self._sent_back(self._each(solve))
+        found = self._each(solve, self._solved)
+        self._solved = [replace(solved, equations=None) for solved in self._solved]
+        return self._sent_back(found)
 
-    def _each(self, solve: Callable[[int], Any]) -> list:
-        """`solve` of each of this rank's shapes; what it raises names the S-element, on all ranks."""
-        found = []
-        with collective(self.comm):
-            for number, request in enumerate(self._shapes):
-                try:
-                    found.append(solve(number))
-                except SElementError as error:
-                    raise SElementError(f"{request.label}: {error}") from None
-        return found
+    def _each(self, solve: Callable[[_Request, Any], Any], given: list) -> list:
+        """`solve` of each of this rank's shapes and what is given with it, by any rank; what it raises names
+        the S-element, on all ranks.
+        """
+
+        def named(item: tuple[_Request, Any]) -> Any:
+            try:
+                return solve(*item)
+            except SElementError as error:
+                raise SElementError(f"{item[0].label}: {error}") from None
+
+        return balanced(self.comm, zip(self._shapes, given), named)
 
     def _sent_back(self, found: list) -> list:
         """Answers to this rank's requests, from what each rank has found for its own shapes."""
@@ -252,7 +256,7 @@ class Solutions:
 
 
 def _solvers(comm: MPI.Comm, keys: list[bytes]) -> list[int]:
-    """Rank that solves each of this rank's shapes: itself, or one of the ranks that have a shape like it.
+    """Rank that sees to each of this rank's shapes: itself, or one of the ranks that have a shape like it.
     Collective.
 
     Digests alone travel, each to the rank that it points to, which knows all who have it. Where two shapes

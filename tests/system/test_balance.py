@@ -1,0 +1,186 @@
+"""Items of work that ranks take over from one another: each done once, in order, errors told on all ranks."""
+
+import pytest
+
+from sbfem_petsc.balance import balanced
+from sbfem_petsc.petsc import MPI
+from tests.parallel import answer, on_ranks
+
+# What each rank is given: all on the last one, none on the first, all on few of many, none at all, one each.
+UNEVEN = """
+import json
+import numpy as np
+from mpi4py import MPI
+from sbfem_petsc.balance import balanced
+comm = MPI.COMM_WORLD
+lengths = {
+    "last": 150 * (comm.rank == comm.size - 1),
+    "none on the first": 40 * comm.rank,
+    "none": 0,
+    "one each": 1,
+    "two on the first": 2 * (comm.rank == 0),
+    "empty and heavy": 3 if comm.rank else 400,
+}
+told = {}
+for name, length in lengths.items():
+    done = []
+    items = [(comm.rank, number, np.full(number, 1.0 + comm.rank)) for number in range(length)]
+    def work(item):
+        done.append(item[:2])
+        return item[0], item[1], 2.0 * item[2], bytes(20_000)
+    found = balanced(comm, items, work)
+    right = len(found) == length and all(
+        (rank, number) == (comm.rank, k) and (values == 2.0 * items[k][2]).all() and len(values) == k
+        for k, (rank, number, values, _) in enumerate(found)
+    )
+    told[name] = comm.gather((right, done, length))
+if comm.rank == 0:
+    print(json.dumps(told))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [1, 2, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4))])
+def test_each_once_and_in_order(ranks):
+    for name, told in answer(on_ranks(ranks, UNEVEN)).items():
+        assert len(told) == ranks
+        assert all(right for right, _, _ in told), name
+        done = sorted(tuple(item) for _, items, _ in told for item in items)
+        assert done == [(rank, k) for rank, (_, _, length) in enumerate(told) for k in range(length)], name
+
+
+# A millisecond an item, but twenty on the rank that is slow.
+SLOW = """
+import json, sys, time
+from mpi4py import MPI
+from sbfem_petsc.balance import balanced
+comm, slow = MPI.COMM_WORLD, int(sys.argv[1])
+done = []
+def work(item):
+    time.sleep(0.02 if comm.rank == slow else 0.001)
+    done.append(item)
+    return item
+found = balanced(comm, range(60), work)
+assert found == list(range(60))
+counts = comm.gather(len(done))
+if comm.rank == 0:
+    print(json.dumps({"counts": counts}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks, slow", [(2, 0), (2, 1), pytest.param(4, 2, marks=pytest.mark.long)])
+def test_a_slow_rank_is_helped(ranks, slow):
+    """Of its sixty items it does but a few itself."""
+    counts = answer(on_ranks(ranks, SLOW, str(slow)))["counts"]
+    assert sum(counts) == 60 * ranks
+    assert 1 <= counts[slow] <= 15
+
+
+# The slow rank has all the items, and another meets one that fails; then a batch is left over.
+FAILS = """
+import json, time
+from mpi4py import MPI
+from sbfem_petsc.balance import balanced
+from sbfem_petsc.selement.coefficients import SElementError
+comm = MPI.COMM_WORLD
+class Own(RuntimeError):
+    def __init__(self, one, other):  # cannot be copied
+        super().__init__(f"{one} and {other}")
+def work(item):
+    if comm.rank == 0:
+        time.sleep(0.01)
+    elif item in (50, 70):
+        raise SElementError(f"item {item}") if kind == "known" else Own("item", item)
+    return item
+told = []
+for kind in ("known", "own"):
+    try:
+        balanced(comm, range(80) if comm.rank == 0 else [], work)
+        told.append("none")
+    except Exception as error:
+        told.append(f"{type(error).__name__}: {error}")
+again = balanced(comm, range(5), lambda item: (comm.rank, item)[1])
+everything = comm.gather((told, again))
+if comm.rank == 0:
+    print(json.dumps({"ranks": everything}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("ranks", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4))])
+def test_error_of_an_item_taken_over(ranks):
+    """Raised on all ranks, the first by number; what comes after meets no message of before."""
+    for told, again in answer(on_ranks(ranks, FAILS))["ranks"]:
+        assert told == ["SElementError: item 50", "RuntimeError: item and 50"]
+        assert again == list(range(5))
+
+
+def test_own_error_is_itself():
+    """On one rank the error, not a copy, and the first one."""
+    errors = [ValueError("0"), ValueError("1")]
+
+    def work(item):
+        raise errors[item]
+
+    with pytest.raises(ValueError) as caught:
+        balanced(MPI.COMM_SELF, range(2), work)
+    assert caught.value is errors[0]
+
+
+# Rank 0 is slow, and others take over some of its S-elements.
+MODEL = """
+import json, sys, time
+import sbfem_petsc as sb
+from mpi4py import MPI
+from meshing import CrackLine, Plate
+from sbfem_petsc.selement.sectors import Sectors
+from sbfem_petsc.selement.solution import SElement, solve_selement
+from sbfem_petsc.system import shapes
+comm = MPI.COMM_WORLD
+shapes._KEPT = int(sys.argv[1])
+done, inertia = [], SElement.with_inertia
+def slowed(work):
+    def solve(*arguments, **options):
+        time.sleep(0.02 if comm.rank == 0 else 0.0)
+        done.append(1)
+        return work(*arguments, **options)
+    return solve
+shapes.solve_selement, SElement.with_inertia = slowed(solve_selement), slowed(inertia)
+body = Plate([(0, 0), (0.1, 0), (0.1, 0.1), (0, 0.1)], cracks=[CrackLine([(0.03, 0.05), (0.07, 0.056)])])
+mesh = sb.on_root(comm, lambda: body.mesh(order=3))
+model = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), clamped="edge1")
+own, counts = len(model._solutions._shapes), [len(done)]
+done.clear()
+groups = model.moving_groups
+counts.append(len(done))
+same = []
+for group in groups:
+    found, material = group.solution, model.materials[group.material]
+    sectors = Sectors(found.coordinates, found.order, material.elasticity)
+    solved = solve_selement(sectors, found.closed, isotropic=material.isotropic, density=material.densities)
+    again = inertia(solved, 1)
+    same.append(found.equations is None and all(
+        (getattr(found, name) == getattr(again, name)).all()
+        for name in ("stiffness", "mass", "coupling", "inertia")
+    ))
+everything = comm.gather((own, counts, all(same)))
+if comm.rank == 0:
+    print(json.dumps({"ranks": everything, "shapes": model.shapes}))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "ranks, kept", [(2, 64), *(pytest.param(*n, marks=pytest.mark.long) for n in ((2, 0), (3, 64), (4, 0)))]
+)
+def test_selements_taken_over(ranks, kept):
+    """Each S-element is solved once, some of the slow rank's by others, to the same bits as by its own rank,
+    whether its equations travel with it or not.
+    """
+    told = answer(on_ranks(ranks, MODEL, str(kept)))
+    assert all(same for _, _, same in told["ranks"])
+    for stage in (0, 1):
+        assert sum(counts[stage] for _, counts, _ in told["ranks"]) == told["shapes"]
+        own, counts, _ = told["ranks"][0]
+        assert 1 <= counts[stage] < 0.8 * own
