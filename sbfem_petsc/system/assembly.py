@@ -65,21 +65,23 @@ def assemble(
     kind : {"symmetric", "upper", "blocks", "general"}
         All but "general" are marked as symmetric positive definite: PETSc then offers Cholesky and half the
         work. "upper": the upper half alone is kept, which takes least memory, and products read half as much;
-        rows cannot be asked for. "blocks": full blocks of the block size, for rows and columns that are all
-        unknowns of nodes in their order, whose products are the fastest where caches hold the matrix.
+        rows cannot be asked for. "blocks": full blocks of the block size, whose products are the fastest where
+        caches hold the matrix.
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int
-        Unknowns a node, where it is the same at all of them.
+        Unknowns a node, where rows and columns of all blocks are all unknowns of nodes in their order.
     """
     column_ranges = ranges if column_ranges is None else column_ranges
-    upper, width = kind == "upper", block_size if kind == "blocks" else 1
-    if width > 1:
-        blocks = [
-            ElementBlocks(_of_nodes(b.rows, width), _of_nodes(b.columns, width), b.values) for b in blocks
-        ]
+    upper, width = kind == "upper", block_size
+    nodes = [ElementBlocks(_of_nodes(b.rows, width), _of_nodes(b.columns, width), b.values) for b in blocks]
     with solving("assembly"):
-        lengths = row_lengths(comm, ranges // width, column_ranges // width, blocks, upper)
+        # of nodes: a quarter of the entries to be counted where each has two unknowns
+        lengths = row_lengths(comm, ranges // width, column_ranges // width, nodes, upper)
+        if kind == "blocks":
+            blocks = nodes
+        else:
+            lengths = tuple(np.repeat(width * counts, width) for counts in lengths)
         matrix = PETSc.Mat().create(comm)
         matrix.setType(_TYPES.get(kind, PETSc.Mat.Type.AIJ))
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
@@ -90,7 +92,7 @@ def assemble(
         matrix.setOption(PETSc.Mat.Option.NEW_NONZERO_ALLOCATION_ERR, True)
         if upper:
             matrix.setOption(PETSc.Mat.Option.IGNORE_LOWER_TRIANGULAR, True)
-        _add(matrix, blocks, matrix.setValuesRCV if width == 1 else matrix.setValuesBlockedRCV)
+        _add(matrix, blocks, matrix.setValuesBlockedRCV if kind == "blocks" else matrix.setValuesRCV)
     _mark(matrix, kind != "general")
     return matrix
 
@@ -108,7 +110,7 @@ def assemble_like(matrix: PETSc.Mat, blocks: list[ElementBlocks]) -> PETSc.Mat:
 
 def _of_nodes(unknowns: np.ndarray, width: int) -> np.ndarray:
     """Numbers of nodes from those of all their unknowns; -1 stays -1."""
-    return unknowns[:, ::width] // width
+    return unknowns if width == 1 else unknowns[:, ::width] // width
 
 
 def _add(matrix: PETSc.Mat, blocks: list[ElementBlocks], add: Callable) -> None:
