@@ -13,7 +13,7 @@ from ..petsc import MPI, PETSc, solving, stage
 Triples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 # Entries of the blocks that are in memory at a time.
-_BATCH = 2**20
+_BATCH = 2**17
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +65,8 @@ def assemble(
     kind : {"symmetric", "upper", "blocks", "general"}
         All but "general" are marked as symmetric positive definite: PETSc then offers Cholesky and half the
         work. "upper": the upper half alone is kept, which takes least memory, and products read half as much;
-        rows cannot be asked for. "blocks": full blocks of the block size, whose products are the fastest where
-        caches hold the matrix.
+        rows cannot be asked for. "blocks": full blocks of the block size, whose products are the fastest
+        where caches hold the matrix.
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int

@@ -71,18 +71,24 @@ class Group:
         """(n, m) matrix whose rows are vectors of the reference frame -> (k, n, m) in each element's frame:
         R^T matrix.
         """
-        nodes = len(self.shape)
-        return np.matmul(self.rotations.transpose(0, 2, 1)[:, None], matrix.reshape(1, nodes, 2, -1)).reshape(
-            len(self.sizes), 2 * nodes, -1
-        )
+        return _turned(self.rotations, matrix[None])
 
     def turned_both(self, matrix: np.ndarray) -> np.ndarray:
         """(n, n) symmetric matrix of the reference frame -> (k, n, n): R^T matrix R."""
-        half = self.turned(matrix)
-        k, n, _ = half.shape
-        nodes = len(self.shape)
-        other = half.transpose(0, 2, 1).reshape(k, nodes, 2, n)
-        return np.matmul(self.rotations.transpose(0, 2, 1)[:, None], other).reshape(k, n, n)
+        return turned_both(self.rotations, matrix[None])
+
+
+def turned_both(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """R^T matrix R of (k, 2, 2) rotations and (k, n, n) symmetric matrices, or one of these for all."""
+    half = _turned(rotations, matrices)
+    return _turned(rotations, half.transpose(0, 2, 1))
+
+
+def _turned(rotations: np.ndarray, matrices: np.ndarray) -> np.ndarray:
+    """R^T matrix of (k, 2, 2) rotations and (k, n, m) matrices, or one of these for all."""
+    count, n, m = matrices.shape
+    pairs = matrices.reshape(count, n // 2, 2, m)
+    return np.matmul(rotations.transpose(0, 2, 1)[:, None], pairs).reshape(len(rotations), n, m)
 
 
 @dataclass(frozen=True, eq=False)

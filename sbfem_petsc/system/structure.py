@@ -5,6 +5,7 @@ fields.
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import NamedTuple
@@ -26,7 +27,7 @@ from .element_stiffness import Refinement
 from .gap_operator import GapOperator, gap_operator
 from .places import Places, places
 from .rows import Rows
-from .shapes import Group, solve_groups
+from .shapes import Group, solve_groups, turned_both
 from .tip_faces import TipFaces, tip_faces
 from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
 
@@ -173,15 +174,23 @@ class Structure:
         return matrix
 
     def _all_blocks(self) -> list[ElementBlocks]:
-        return [self._stiffness_blocks(group) for group in self.groups] + self.spring_blocks()
+        alike = itertools.groupby(self.groups, key=lambda group: (group.material, len(group.shape)))
+        return [self._stiffness_blocks(list(groups)) for _, groups in alike] + self.spring_blocks()
 
-    def _stiffness_blocks(self, group: Group) -> ElementBlocks:
-        unknowns, scale = self.unknowns_of(group), self.scales(group)[0]
-        return ElementBlocks(
-            unknowns,
-            unknowns,
-            lambda part: scale * group.select(part).turned_both(group.solution.stiffness),
-        )
+    def _stiffness_blocks(self, groups: list[Group]) -> ElementBlocks:
+        """Those of S-elements of one material and one number of nodes, of however many shapes: what is done
+        for each of them at a time takes longer than its numbers.
+        """
+        nodes = np.concatenate([group.nodes for group in groups])
+        rotations = np.concatenate([group.rotations for group in groups])
+        of_element = np.repeat(np.arange(len(groups)), [len(group.sizes) for group in groups])
+        unknowns, scale = self.part.unknowns[nodes].reshape(len(nodes), -1), self.scales(groups[0])[0]
+
+        def values(part: slice) -> np.ndarray:
+            matrices = np.stack([groups[k].solution.stiffness for k in of_element[part]])
+            return scale * turned_both(rotations[part], matrices)
+
+        return ElementBlocks(unknowns, unknowns, values)
 
     def spring_blocks(self) -> list[ElementBlocks]:
         """Those of the elastic supports."""
