@@ -81,7 +81,7 @@ def assemble(
         if kind == "blocks":
             blocks = nodes
         else:
-            lengths = tuple(np.repeat(width * counts, width) for counts in lengths)
+            lengths = (np.repeat(width * lengths[0], width), np.repeat(width * lengths[1], width))
         matrix = PETSc.Mat().create(comm)
         matrix.setType(_TYPES.get(kind, PETSc.Mat.Type.AIJ))
         matrix.setSizes(_sizes(comm, ranges, column_ranges))
