@@ -14,6 +14,8 @@ from .parallel import collective, packed, unpacked, wait_until
 _ASK, _GIVE, _REPORT = 29_877, 29_878, 29_879
 # Of many ranks only so many are asked, the next ones: an answer takes as long as an item.
 _ASKED = 8
+# Items given away at a time: results wait on the rank that has made them, and go back in one message.
+_MOST = 256
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
@@ -38,7 +40,8 @@ def balanced(comm: MPI.Comm, items: Iterable[Item], work: Callable[[Item], Resul
     """`work` of each of this rank's items, in their order, by this rank or by one that had none left.
     Collective.
 
-    Items and results travel as pickles; they are given away half of what is left at a time.
+    Items and results travel as pickles. What is given away is half of what is left, and results go back
+    together: few messages, and a wait of about an item at the end.
 
     Parameters
     ----------
@@ -124,18 +127,18 @@ class _Exchange:
             self._send(_Report(count, results, told), owner, _REPORT)
 
     def _ask(self, other: int) -> _Batch:
-        """What another rank gives, at most half of what it has left."""
+        """What another rank gives."""
         self._send(None, other, _ASK)
         self._wait(lambda: self.comm.Iprobe(source=other, tag=_GIVE))
         return self.comm.recv(source=other, tag=_GIVE)
 
     def _answer(self) -> None:
-        """Give all who ask half of what is left, from its end."""
+        """Give those who ask half of what is left, from its end."""
         status = MPI.Status()
         while self.comm.Iprobe(source=MPI.ANY_SOURCE, tag=_ASK, status=status):
             self.comm.recv(source=status.source, tag=_ASK)
             owner, items = self.batch
-            given = [items.pop() for _ in range(len(items) // 2)]
+            given = [items.pop() for _ in range(min(len(items) // 2, _MOST))]
             self._send(_Batch(owner, deque(reversed(given))), status.source, _GIVE)
 
     def _complete(self) -> bool:

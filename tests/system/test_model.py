@@ -5,6 +5,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.system.partition import Parts, number_unknowns
 
 STEEL = sb.Material(200e9, 0.3, 7800)
 BAR = Beam(0.1, 0.02)
@@ -146,3 +147,21 @@ def test_repr_and_properties():
         2 * (0.4 + 0.005) + 2 * 0.0025, rel=2e-4
     )  # less the tip element's faces
     assert model.shapes <= 12
+
+
+@pytest.mark.parametrize("ranks", [1, 3, 200])
+def test_parts_hold_the_outlines(ranks):
+    """Each S-element, open ones too, is in one part, with its nodes in the mesh's order; there may be more
+    parts than S-elements.
+    """
+    mesh = Beam(0.1, 0.02, notches=[VNotch(x=0.03, depth=0.01, opening=0.0)]).mesh(order=3)
+    assert (~mesh.closed).any() and mesh.element_reversed.any()
+    fixed = np.zeros((len(mesh.nodes), 2), dtype=bool)
+    parts = Parts(mesh, number_unknowns(mesh, fixed, ranks))
+    found = []
+    for part in (parts.of(rank) for rank in range(ranks)):
+        assert len(part.chains) == len(part.elements)
+        for element, chain in zip(part.elements, part.chains):
+            np.testing.assert_array_equal(part.nodes[chain], mesh.element_nodes(element))
+        found.extend(part.elements)
+    assert sorted(found) == list(range(mesh.elements))
