@@ -15,7 +15,7 @@ _ASK, _GIVE, _REPORT = 29_877, 29_878, 29_879
 # Of many ranks only so many are asked, the next ones: an answer takes as long as an item.
 _ASKED = 8
 # Items given away at a time: results wait on the rank that has made them, and go back in one message.
-_MOST = 256
+_MOST = 64
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
