@@ -222,7 +222,8 @@ def row_lengths(
         _count(counts, first, *np.divmod(pairs, width), owned=columns, upper=upper)
     alone = np.flatnonzero(mine)
     alone = alone[~touched[pattern.rows[alone] - first]]
-    for part in np.array_split(alone, max(1, len(alone) // 20_000)):
+    # so few at a time that memory is used again instead of being got from the system, which takes longer
+    for part in np.array_split(alone, max(1, len(alone) // 5_000)):
         rows, found = pattern.entries(part)
         _count(counts, first, rows, found, owned=columns, upper=upper)
     return counts[0], counts[1]
