@@ -13,6 +13,7 @@ rounding is left out, and of some twenty rows in contact about six directions re
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -199,7 +200,7 @@ def located_contacts(
     coefficients: np.ndarray,
     *,
     closed: np.ndarray,
-    gaps: np.ndarray,
+    gaps: Callable[[np.ndarray, np.ndarray], np.ndarray],
     forces: np.ndarray,
 ) -> Contacts:
     """As `exact_contacts` without parameters, for the variational equation with each switch located inside
@@ -213,41 +214,36 @@ def located_contacts(
 
     Parameters
     ----------
-    gaps, forces : (n + 1, c) arrays
+    gaps : callable
+        Of rows at instants, (k,) and (k,) int arrays.
+    forces : (n + 1, c) array
     """
     steps = len(closed) - 1
     switched, switching = np.nonzero(closed[1:] != closed[:-1])
     switches, first = np.unique(switched, return_index=True)
     # the sets between the switches, and where in its step each row switches
     between = [sets[closed[0]], *(sets[closed[n + 1]] for n in switches)]
-    number = np.repeat(np.arange(len(switches)), np.diff(first, append=len(switched)))
+    counts = np.diff(first, append=len(switched))
+    number = np.repeat(np.arange(len(switches)), counts)
     opens = closed[switched, switching]
     at = np.where(opens, switched, switched + 1)
     holding = number + ~opens
-    stiffness = np.array([between[k].stiffness[row] for k, row in zip(holding, switching)])
+    stiffness = np.array([item.stiffness for item in between])[holding, switching]
     overlap = forces[at, switching] / stiffness
-    gap = np.maximum(gaps[2 * switched + 1 - at, switching], 0.0)
+    gap = np.maximum(gaps(2 * switched + 1 - at, switching), 0.0)
     moments = np.where(opens, overlap, gap) / (overlap + gap)
-    # the sets and, by turns, those that a step with a switch passes through with their shares of it
-    met, shares, place = [between[0]], [1.0], [0]
-    bounds = np.append(first, len(switched)).tolist()
-    for k, (one, other) in enumerate(zip(bounds[:-1], bounds[1:])):
-        begin, last = 0.0, between[k]
-        order = np.argsort(moments[one:other], kind="stable").tolist()
+    # the operators of the sets and, by turns, their means over the steps in which one follows another
+    operators = np.array([item.operator for item in between])
+    table = np.empty((2 * len(switches) + 1, *operators.shape[1:]))
+    table[::2] = operators
+    early, late = (choose.reduceat(moments, first)[:, None, None] for choose in (np.minimum, np.maximum))
+    table[1::2] = early * operators[:-1] + (1.0 - late) * operators[1:]
+    for k in np.flatnonzero(counts > 1):
+        rows = first[k] + np.argsort(moments[first[k] : first[k] + counts[k]], kind="stable")
         touching = closed[switches[k]].copy()
-        for n, row in enumerate(order, 1):
-            met.append(last)
-            shares.append(moments[one + row] - begin)
-            begin = moments[one + row]
-            last = between[k + 1]
-            if n < len(order):
-                touching[switching[one + row]] ^= True
-                last = sets[touching]
-        met += [last, between[k + 1]]
-        shares += [1.0 - begin, 1.0]
-        place += [len(met) - len(order) - 2, len(met) - 1]
-    operators = np.array([item.operator for item in met])
-    table = np.add.reduceat(np.array(shares)[:, None, None] * operators, place)
+        for row, following in zip(rows[:-1], rows[1:]):
+            touching[switching[row]] ^= True
+            table[2 * k + 1] += (moments[following] - moments[row]) * sets[touching].operator
     acting = 2 * np.searchsorted(switches, np.arange(steps))
     acting[switches] += 1
     pairs = np.stack([np.append(acting[:1], acting), np.append(acting, acting[-1:])], axis=1)
@@ -280,7 +276,7 @@ class _Thin:
         values, axes = np.linalg.eigh((right.T * gain) @ right)
         root = np.sqrt(np.maximum(values, 1e-15 * values[-1:]))
         self.scaled = axes * root  # S
-        scaled = self.scaled.T @ operators @ self.scaled
+        scaled = _congruent(operators, self.scaled)
         self.columns, self.pivots, self.ranks = pivoted_cholesky(scaled, least)
         rank = self.columns.shape[2]
         transposed = np.swapaxes(self.columns, 1, 2)
@@ -304,6 +300,14 @@ class _Thin:
             maps = np.linalg.solve(self.held, np.linalg.solve(known, self.scaled.T[self.pivots]))
             shifts = (maps[which] @ pressed)[owner, place]
         return Contacts(instants, counts, self.factors[which[owner], place], shifts)
+
+
+def _congruent(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """S^T K S of symmetric matrices (k, r, r), by products of large matrices."""
+    for _ in range(2):
+        half = matrices.reshape(-1, len(columns)) @ columns
+        matrices = np.ascontiguousarray(half.reshape(-1, *columns.shape).swapaxes(1, 2))
+    return matrices
 
 
 def pivoted_cholesky(matrices: np.ndarray, least: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -272,7 +272,12 @@ class DrivenPeriod:
             return self._kept[1]
         closed = p.laws.acting(motion.forces)
         if located:
-            gaps = self.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
+
+            def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
+                elastic = (motion.states[instants] @ p.right * p.left[rows]).sum(axis=1)
+                residual = (motion.forces[instants] * p.residual_flexibility[rows]).sum(axis=1)
+                return self.free_gap[instants, rows] + elastic + residual
+
             contacts = located_contacts(
                 p.sets, p.right, self.coefficients, closed=closed, gaps=gaps, forces=motion.forces
             )
