@@ -304,9 +304,10 @@ class _Thin:
 
 def _congruent(matrices: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """S^T K S of symmetric matrices (k, r, r), by products of large matrices."""
+    count, size = matrices.shape[:2]
     for _ in range(2):
-        half = matrices.reshape(-1, len(columns)) @ columns
-        matrices = np.ascontiguousarray(half.reshape(-1, *columns.shape).swapaxes(1, 2))
+        half = matrices.reshape(count * size, size) @ columns
+        matrices = np.ascontiguousarray(half.reshape(count, size, size).swapaxes(1, 2))
     return matrices
 
 

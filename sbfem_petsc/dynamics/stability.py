@@ -24,8 +24,9 @@ PREFIX = "floquet_"
 LARGEST, SUBSPACE = 6, 400
 # Unknowns up to which LAPACK's plain QR iteration is the faster one.
 SMALL = 200
-# Steps of inverse iteration towards an eigenvalue nearby, at most, and their change when it is found.
-NEAR, SETTLED = 20, 1e-13
+# Steps of inverse iteration towards an eigenvalue nearby, at most, and its change and that of the direction
+# when it is found.
+NEAR, SETTLED, SAME = 20, 1e-13, 1e-6
 
 
 class Multipliers:
@@ -168,8 +169,10 @@ def eigenvalue_near(matrix: np.ndarray, value: complex) -> complex:
     for _ in range(NEAR):
         vector = vector / np.linalg.norm(vector)
         solved = linalg.lu_solve(factors, vector, check_finite=False)
-        former, found = found, value + 1.0 / np.vdot(vector, solved)
-        if abs(found - former) <= SETTLED:
+        share = 1.0 / np.vdot(vector, solved)
+        former, found = found, value + share
+        # midway between two values the estimate stands still and the direction does not
+        if abs(found - former) <= SETTLED and np.linalg.norm(vector - share * solved) <= SAME:
             return found
         vector = solved
     every = eigenvalues(matrix)
