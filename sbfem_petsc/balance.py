@@ -29,7 +29,9 @@ class _Batch(NamedTuple):
 
 
 class _Report(NamedTuple):
-    """What a rank has made of items: how many are settled, results by number, and what ended the work."""
+    """What a rank has made of items: how many are settled, results by number, those of another rank's items
+    pickled, and what ended the work.
+    """
 
     settled: int
     results: dict[int, Any]
@@ -40,21 +42,22 @@ def balanced(comm: MPI.Comm, items: Iterable[Item], work: Callable[[Item], Resul
     """`work` of each of this rank's items, in their order, by this rank or by one that had none left.
     Collective.
 
-    Items and results travel as pickles. What is given away is half of what is left, and results go back
-    together: few messages, and a wait of about an item at the end.
+    Items and results travel as pickles. What is given away is half of what is left, 64 items at most, and
+    results go back together: few messages, and a wait of about an item at the end.
 
     Parameters
     ----------
     comm : Comm
     items : iterable
-        This rank's.
+        This rank's; such as can be pickled.
     work : callable
         The same on all ranks; must not communicate.
 
     Raises
     ------
     Exception
-        What `work` has raised of the first such item of the lowest rank; on all ranks.
+        What `work`, or pickling its result, has raised of the first such item of the lowest rank; on all
+        ranks.
     """
     if comm.size == 1:
         with collective(comm):
@@ -109,18 +112,21 @@ class _Exchange:
     def _work_off(self) -> None:
         """Do what is left of the batch after others have been given of it, and report."""
         owner, items = self.batch
+        own = owner == self.comm.rank
         count, results, failure = 0, {}, None
         while items:
             self._answer()
             number, item = items.popleft()
             count += 1
             try:
-                results[number] = self.work(item)
+                found = self.work(item)
+                # a result that cannot travel must not end this rank's part in the exchange
+                results[number] = found if own else MPI.pickle.dumps(found)
             except Exception as error:
                 failure = (number, error)
                 count += len(items)
                 items.clear()
-        if owner == self.comm.rank:
+        if own:
             self._settle(_Report(count, results, failure))
         else:
             told = None if failure is None else (failure[0], packed(failure[1]))
@@ -147,7 +153,8 @@ class _Exchange:
         while self.comm.Iprobe(source=MPI.ANY_SOURCE, tag=_REPORT, status=status):
             count, results, told = self.comm.recv(source=status.source, tag=_REPORT)
             failure = None if told is None else (told[0], unpacked(told[1]))
-            self._settle(_Report(count, results, failure))
+            found = {number: MPI.pickle.loads(result) for number, result in results.items()}
+            self._settle(_Report(count, found, failure))
         return self.missing == 0 and MPI.Request.Testall(self.sent)
 
     def _settle(self, report: _Report) -> None:

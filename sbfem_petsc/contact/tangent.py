@@ -74,7 +74,7 @@ class Propagation:
     def _reach(self, rows: np.ndarray, growth: np.ndarray, weights: np.ndarray) -> int:
         """Looked for at every power up to 8 and at every eighth one: WORST leaves room for those between.
 
-        The condition of modes below half of the critical damping is less than 11 at all times.
+        Of modes below half of the critical damping what is compared with WORST is less than 4 at all times.
         """
         length = rows.shape[1] - 1
         swings = bool(((self._squared > 0.0) & (self._friction**2 < self._squared)).all())

@@ -17,7 +17,7 @@ from .fixed_point import FixedPoint
 from .history import Motion
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .shooting import shoot, shoot_nearby
-from .stability import Multipliers, eigenvalue_near, multipliers_of
+from .stability import Multipliers, multipliers_of
 from .states import ModalStates, Point
 
 # Uncertainty of multipliers below which rounding is all there is.
@@ -155,13 +155,8 @@ def multiplier_error(
             other = shoot(moved, guess, frequency, factor)
     except SolveError:
         return math.nan
-    largest = complex(found.values[0])
-    changed = (
-        multipliers_of(other).values[0]
-        if found.monodromy is None
-        else eigenvalue_near(other.monodromy, largest)
-    )
-    return max(FLOOR, abs(abs(changed) - abs(largest)))
+    changed = multipliers_of(other).values[0]
+    return max(FLOOR, abs(np.abs(changed) - np.abs(found.values[0])))
 
 
 def moved_by_half_a_step(period: Period) -> Period:

@@ -274,8 +274,8 @@ class DrivenPeriod:
         if located:
 
             def gaps(instants: np.ndarray, rows: np.ndarray) -> np.ndarray:
-                elastic = (motion.states[instants] @ p.right * p.left[rows]).sum(axis=1)
-                residual = (motion.forces[instants] * p.residual_flexibility[rows]).sum(axis=1)
+                elastic = np.einsum("kr,kr->k", motion.states[instants] @ p.right, p.left[rows])
+                residual = np.einsum("kc,kc->k", motion.forces[instants], p.residual_flexibility[rows])
                 return self.free_gap[instants, rows] + elastic + residual
 
             contacts = located_contacts(

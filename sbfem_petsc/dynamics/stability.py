@@ -24,9 +24,6 @@ PREFIX = "floquet_"
 LARGEST, SUBSPACE = 6, 400
 # Unknowns up to which LAPACK's plain QR iteration is the faster one.
 SMALL = 200
-# Steps of inverse iteration towards an eigenvalue nearby, at most, and its change and that of the direction
-# when it is found.
-NEAR, SETTLED, SAME = 20, 1e-13, 1e-6
 
 
 class Multipliers:
@@ -141,15 +138,6 @@ def multipliers_of(fixed: FixedPoint) -> Multipliers:
 
 def inverse_iteration(matrix: np.ndarray, value: complex) -> np.ndarray:
     """Eigenvector of a value that is known to rounding."""
-    factors = _shifted(matrix, value)
-    vector = np.ones(len(matrix))
-    for _ in range(3):
-        vector = linalg.lu_solve(factors, vector / np.linalg.norm(vector), check_finite=False)
-    return vector.astype(complex)
-
-
-def _shifted(matrix: np.ndarray, value: complex) -> tuple[np.ndarray, np.ndarray]:
-    """Factors of matrix - value."""
     shifted = matrix - (value if value.imag else value.real) * np.eye(len(matrix))
     factorise = linalg.lapack.zgetrf if np.iscomplexobj(shifted) else linalg.lapack.dgetrf
     factors, exchanged, _ = factorise(shifted)
@@ -157,26 +145,10 @@ def _shifted(matrix: np.ndarray, value: complex) -> tuple[np.ndarray, np.ndarray
     rounding = np.finfo(float).eps * max(float(np.abs(matrix).max()), 1e-100)
     small = np.flatnonzero(np.abs(np.diagonal(factors)) < rounding)
     factors[small, small] = rounding
-    return factors, exchanged
-
-
-def eigenvalue_near(matrix: np.ndarray, value: complex) -> complex:
-    """The eigenvalue that is nearest to a value, by inverse iteration; that of all of them where it does not
-    settle, two being as near.
-    """
-    factors = _shifted(matrix, value)
-    vector, found = np.cos(np.arange(len(matrix))), complex(np.inf)  # along no direction of its own
-    for _ in range(NEAR):
-        vector = vector / np.linalg.norm(vector)
-        solved = linalg.lu_solve(factors, vector, check_finite=False)
-        share = 1.0 / np.vdot(vector, solved)
-        former, found = found, value + share
-        # midway between two values the estimate stands still and the direction does not
-        if abs(found - former) <= SETTLED and np.linalg.norm(vector - share * solved) <= SAME:
-            return found
-        vector = solved
-    every = eigenvalues(matrix)
-    return complex(every[np.abs(every - value).argmin()])
+    vector = np.ones(len(matrix))
+    for _ in range(3):
+        vector = linalg.lu_solve((factors, exchanged), vector / np.linalg.norm(vector), check_finite=False)
+    return vector.astype(complex)
 
 
 def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multipliers:

@@ -70,7 +70,8 @@ def assemble(
     column_ranges : (ranks + 1,) int array, optional
         Column ownership of a rectangular matrix.
     block_size : int
-        Unknowns a node, where rows and columns of all blocks are all unknowns of nodes in their order.
+        Unknowns a node, where rows and columns of all blocks are all unknowns of nodes in their order; 1 for
+        "upper".
     """
     column_ranges = ranges if column_ranges is None else column_ranges
     upper, width = kind == "upper", block_size

@@ -15,7 +15,7 @@ from sbfem_petsc.dynamics.continuation import ContinuationPoint
 from sbfem_petsc.dynamics.orbit import half_a_step_on, moved_by_half_a_step
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
 from sbfem_petsc.dynamics.shooting import shoot
-from sbfem_petsc.dynamics.stability import Multipliers, eigenvalue_near, inverse_iteration, multipliers
+from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multipliers
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import ALUMINIUM, two_masses
@@ -539,22 +539,3 @@ def test_directions_of_singular_matrices():
             assert np.linalg.norm(found) == pytest.approx(1.0)
             missed = np.linalg.norm(matrix @ found - value * found)
             assert missed < 1e-7 * max(np.abs(matrix).max(), 1.0)
-
-
-def test_eigenvalue_next_to_another():
-    """The nearest of LAPACK's: beside each value by a hundredth of its distance to the others, at the value
-    itself, for a matrix without any other, and midway between two, where inverse iteration does not settle.
-    """
-    generator = np.random.default_rng(11)
-    for size in (1, 2, 5, 40, 160):
-        matrix = generator.normal(size=(size, size)) / np.sqrt(size)
-        values = np.linalg.eigvals(matrix)
-        for value in values[: min(size, 12)]:
-            others = np.sort(np.abs(values - value))
-            aside = 0.01 * (others[1] if size > 1 else 1.0) * np.exp(1j * generator.uniform(0.0, TURN))
-            for start in (value + aside, value):
-                assert eigenvalue_near(matrix, complex(start)) == pytest.approx(value, abs=1e-12)
-    for start in (1.0, 1.01):
-        assert eigenvalue_near(np.eye(3), start) == pytest.approx(1.0, abs=1e-12)
-    between = eigenvalue_near(np.diag([1.0, 2.0, 7.0]), 1.5)
-    assert abs(between - 1.0) < 1e-12 or abs(between - 2.0) < 1e-12

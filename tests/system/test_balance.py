@@ -113,10 +113,12 @@ def work(item):
         if item == 0:
             until_asked()
     elif item in (50, 70):
+        if kind == "result":
+            return lambda: None
         raise SElementError(f"item {item}") if kind == "known" else Own("item", item)
     return item
 told = []
-for kind in ("known", "own"):
+for kind in ("known", "own", "result"):
     try:
         balanced(comm, range(80) if comm.rank == 0 else [], work)
         told.append("none")
@@ -133,9 +135,12 @@ if comm.rank == 0:
 @pytest.mark.slow
 @pytest.mark.parametrize("ranks", [2, *(pytest.param(n, marks=pytest.mark.long) for n in (3, 4))])
 def test_error_of_an_item_taken_over(ranks):
-    """Raised on all ranks, the first by number; what comes after meets no message of before."""
+    """Raised on all ranks, the first by number, also where a result cannot travel; what comes after meets no
+    message of before.
+    """
     for told, again in answer(on_ranks(ranks, FAILS))["ranks"]:
-        assert told == ["SElementError: item 50", "RuntimeError: item and 50"]
+        assert told[:2] == ["SElementError: item 50", "RuntimeError: item and 50"]
+        assert "pickle" in told[2] and "lambda" in told[2]
         assert again == list(range(5))
 
 
