@@ -220,30 +220,30 @@ def located_contacts(
     """
     steps = len(closed) - 1
     switched, switching = np.nonzero(closed[1:] != closed[:-1])
-    switches, first = np.unique(switched, return_index=True)
-    # the sets between the switches, and where in its step each row switches
-    between = [sets[closed[0]], *(sets[closed[n + 1]] for n in switches)]
-    counts = np.diff(first, append=len(switched))
-    number = np.repeat(np.arange(len(switches)), counts)
     opens = closed[switched, switching]
     at = np.where(opens, switched, switched + 1)
-    holding = number + ~opens
-    stiffness = np.array([item.stiffness for item in between])[holding, switching]
-    overlap = forces[at, switching] / stiffness
+    held = [sets[touching].stiffness[row] for touching, row in zip(closed[switched + ~opens], switching)]
+    overlap = forces[at, switching] / np.array(held)
     gap = np.maximum(gaps(2 * switched + 1 - at, switching), 0.0)
     moments = np.where(opens, overlap, gap) / (overlap + gap)
-    # the operators of the sets and, by turns, their means over the steps in which one follows another
-    operators = np.array([item.operator for item in between])
-    table = np.empty((2 * len(switches) + 1, *operators.shape[1:]))
-    table[::2] = operators
-    early, late = (choose.reduceat(moments, first)[:, None, None] for choose in (np.minimum, np.maximum))
-    table[1::2] = early * operators[:-1] + (1.0 - late) * operators[1:]
-    for k in np.flatnonzero(counts > 1):
-        rows = first[k] + np.argsort(moments[first[k] : first[k] + counts[k]], kind="stable")
-        touching = closed[switches[k]].copy()
-        for row, following in zip(rows[:-1], rows[1:]):
-            touching[switching[row]] ^= True
-            table[2 * k + 1] += (moments[following] - moments[row]) * sets[touching].operator
+    # in the order of time a set follows from the one before by a row that switches
+    order = np.lexsort((moments, switched))
+    switched, switching, moments = switched[order], switching[order], moments[order]
+    switches, first = np.unique(switched, return_index=True)
+    following = np.zeros((len(switched), closed.shape[1]), dtype=bool)
+    following[np.arange(len(switched)), switching] = True
+    following = np.logical_xor.accumulate(following, axis=0) ^ closed[0]
+    found = np.array([sets[touching].operator for touching in (closed[0], *following)])
+    # each lasts until the next one, and until the end of its step
+    last = np.append(first[1:], len(switched))[: len(first)] - 1
+    ends = np.append(moments[1:], 1.0)[: len(moments)]
+    ends[last] = 1.0
+    # the operators of the sets between the steps with switches and, by turns, their means over these steps
+    table = np.empty((2 * len(switches) + 1, *found.shape[1:]))
+    table[0], table[2::2] = found[0], found[last + 1]
+    if len(switches):
+        shares = (ends - moments)[:, None, None] * found[1:]
+        table[1::2] = moments[first][:, None, None] * table[:-1:2] + np.add.reduceat(shares, first)
     acting = 2 * np.searchsorted(switches, np.arange(steps))
     acting[switches] += 1
     pairs = np.stack([np.append(acting[:1], acting), np.append(acting, acting[-1:])], axis=1)

@@ -235,7 +235,8 @@ def contact_forces(flexibility, gap, tied, active, factor, force):
             free[i] = gap[i]
         for k in range(count):
             force[members[k]] = solved[k]
-        add_rows(flexibility, members, solved, count, n, free)
+        if count < n:  # otherwise there are no gaps to look at
+            add_rows(flexibility, members, solved, count, n, free)
         # an exchange of all rows with a wrong sign; `last` is what a single one would exchange
         infeasible, last = 0, -1
         for i in range(n):

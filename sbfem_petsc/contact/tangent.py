@@ -95,11 +95,10 @@ class Propagation:
 
     def _invert(self, powers: np.ndarray, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         """D^-n of (q, v), (n, m) or (m,) each, for each of the powers n, (n, 2, m)."""
-        a, b = self.rows[:, powers]
+        a, b = self.rows[:, powers] * self._inverse_determinant[powers]
         result = np.empty((len(powers), 2, a.shape[1]))
-        np.subtract((a - self._friction * b) * q, b * v, out=result[:, 0])
-        np.add(self._squared * b * q, a * v, out=result[:, 1])
-        result *= self._inverse_determinant[powers][:, None]
+        np.subtract(a * q, b * (self._friction * q + v), out=result[:, 0])
+        np.add(b * (self._squared * q), a * v, out=result[:, 1])
         return result
 
     def effects(self, instants: np.ndarray, late: np.ndarray, last: int) -> np.ndarray:
