@@ -9,6 +9,7 @@ import numpy as np
 from ..checks import instance, integer, positive
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
+from ..dynamics.branch_range import ParameterRange
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
@@ -122,9 +123,6 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
     norm = np.linalg.norm(bifurcation.state)
 
-    def conditions(value: float) -> tuple[float, float]:
-        return branch.conditions(value)
-
     # the motion passes on both sides of the one of half its period, half a period apart; a pair that begins
     # to touch may leave but one of them in reach
     for share in (side * size for size in sizes for side in (1.0, -1.0)):
@@ -137,8 +135,9 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
             fixed = shoot_along(
                 period,
                 (bifurcation.state + share * norm * direction, bifurcation.value),
-                lambda value: period.at(*conditions(value)),
-                branch.parameter,
+                ParameterRange(
+                    branch.parameter, bifurcation.value, bifurcation.value, branch.fixed_frequency
+                ),
                 condition,
             )
         except (SolveError, ValueError):
@@ -147,7 +146,7 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         half = period.steps // 2
         apart = np.linalg.norm(period.weights * (motion.states[half] - motion.states[0]))
         if apart > TRULY * abs(share) * norm:
-            at = conditions(float(fixed.parameters[0]))
+            at = branch.conditions(float(fixed.parameters[0]))
             return make_orbit(fixed, *orbit_stability(period, fixed, *at), "period doubling")
     raise on_all_ranks(
         SolveError(

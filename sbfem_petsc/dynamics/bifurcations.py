@@ -55,16 +55,6 @@ def unstable(found: Multipliers, margin: float = 0.0) -> int:
     return int((np.abs(found.values) > 1.0 + margin).sum())
 
 
-def several(one: Multipliers, other: Multipliers) -> bool:
-    """Whether multipliers pass the unit circle at -1 and at +1 from a point of a branch to the next one.
-
-    Real ones that meet and become a complex pair leave their sign in twos: an odd number passes.
-    """
-    real = [found.values.real[np.abs(found.values.imag) == 0.0] for found in (one, other)]
-    below, above = ([int((sign * part > 1.0 + FLOOR).sum()) for part in real] for sign in (-1.0, 1.0))
-    return bool((below[0] - below[1]) % 2 and (above[0] - above[1]) % 2)
-
-
 def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
     """All bifurcations of a branch in the order of its points.
 
@@ -182,14 +172,16 @@ def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipl
     ends = excess(first), excess(second)
     if ends[0] * ends[1] > 0.0:
         return None
-    point, one, other = find_zero(continuation, k - 1, excess, ends, smooth)
+    point, one, other = find_zero(continuation, k - 1, excess, ends, smooth, RESOLVED)
     at = known[point]
     value = complex(at.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
     unresolved = abs(abs(value) - 1.0) > RESOLVED and (touching(first) != touching(second)).any()
+    # beside a pair that begins to touch it may pass the circle as elsewhere
+    jump = max(abs(excess(end)) for end in (one, other)) > RESOLVED
     kind = (
         "grazing"
-        if (touching(one) != touching(other)).any() or unresolved
+        if ((touching(one) != touching(other)).any() and jump) or unresolved
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"

@@ -10,14 +10,15 @@ from typing import Protocol
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
-from .bifurcations import locate, several
+from .bifurcations import locate
 from .branch import Branch, BranchWarning
 from .branch_range import ContinuationSettings, ParameterRange
-from .branch_zero import between
+from .branch_zero import beside, between
 from .continuation import Continuation, ContinuationPoint
 from .excitation import one_sided
 from .fixed_point import FixedPoint
 from .orbit import modal_motion, multiplier_error
+from .passages import ambiguous, excursion, passages
 from .period_map import Period
 from .several_periods import distances, minimal_periods
 from .stability import Multipliers, multipliers_of
@@ -253,18 +254,40 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
 
 
 def _separate(continuation: Continuation, rows: PointRows) -> None:
-    """Points between those with a period doubling and a fold between them, until each has its own place."""
+    """Points between those with several passages of the unit circle between them, until each has its own
+    place.
+    """
     found, points = rows.found, continuation.points
     for _ in range(HALVINGS):
-        mixed = [k for k in range(len(points) - 1) if several(*found[k : k + 2])]  # type: ignore[arg-type]
-        for k in reversed(mixed):
+        places = {k: _unseen(continuation, k, found) for k in range(len(points) - 1)}
+        for k, place in reversed(places.items()):
+            if place is None:
+                continue
             try:
-                point = between(continuation, k, 0.5)
+                point = between(continuation, k, place)
             except SolveError:  # a corner of the branch: they stay together
                 continue
             rows.add(point, k + 1)
             points.insert(k + 1, point)
             point.fixed.forget()
+        if not any(places.values()):
+            break
+
+
+def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None]) -> float | None:
+    """Where between points k and k + 1 a further one tells passages of the unit circle apart."""
+    one, other = found[k : k + 2]
+    assert one is not None and other is not None  # stability is asked for
+    passing = passages(one, other)
+    if passing > 1 or ambiguous(one, other):
+        return 0.5
+    outer = beside(continuation, k)
+    if passing or len(outer) < 2:
+        return None
+    before, behind = found[k - 1], found[k + 2]
+    assert before is not None and behind is not None
+    low, high = sorted(outer)
+    return excursion([(low, before), (0.0, one), (1.0, other), (high, behind)])
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:

@@ -12,8 +12,9 @@ from ..errors import SolveError
 from .continuation import Continuation, ContinuationPoint
 from .shooting import shoot_along
 
-# How far along the arc between two points a zero is located, and evaluations at most.
-FINE, MOST = 5e-3, 20
+# How far along the arc between two points a zero is located; the same where the function is steep or pairs
+# begin or cease to touch; evaluations at most.
+FINE, FINER, MOST = 5e-3, 2e-4, 20
 # Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
 APART = 0.2
 # Values that rounding alone tells apart.
@@ -59,8 +60,7 @@ def between(
     fixed = shoot_along(
         continuation.period,
         (start, begin),
-        continuation.driven,
-        name,
+        continuation.parameter,
         lambda state, change: condition(state, change + begin - value),
         near,
     )
@@ -109,6 +109,7 @@ def find_zero(
     test: Callable[[ContinuationPoint], float],
     ends: tuple[float, float],
     smooth: Callable[[Places], dict[float, float]] | None = None,
+    small: float = math.inf,
 ) -> tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]:
     """The point between points k and k + 1 at which a test function of points vanishes, and its nearest
     neighbours of either sign.
@@ -123,12 +124,20 @@ def find_zero(
     smooth : callable, optional
         Values at points by their places, also at those before and behind the two, of a function that is the
         test near its zero and bends less: where that is looked for next. Default: the test itself.
+    small : float
+        What the test may be at the point that is found; a larger value is located more finely.
     """
     known: Places = dict(zip((0.0, 1.0), continuation.points[k : k + 2]))
     values = dict(zip((0.0, 1.0), ends))
     around = beside(continuation, k) if smooth is not None else {}
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
-    while len(widths) <= MOST and widths[-1] > FINE * (1.0 + 1e-9):
+    while len(widths) <= MOST:
+        if widths[-1] <= FINER * (1.0 + 1e-9) or (
+            widths[-1] <= FINE * (1.0 + 1e-9)
+            and min(abs(values[place]) for place in bracket) <= small
+            and (touching(known[bracket[0]]) == touching(known[bracket[1]])).all()
+        ):
+            break
         expected = values if smooth is None else smooth({**around, **known})
         # what is followed may vanish elsewhere than the test, which counts all
         other = len(known) > 2 and abs(expected[place] - values[place]) > SAME

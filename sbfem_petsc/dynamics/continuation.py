@@ -303,10 +303,10 @@ class Continuation:
             fixed = shoot_along(
                 self.period,
                 (start, begin),
-                self.driven,
-                self.parameter.name,
+                self.parameter,
                 lambda state, change: condition(state, change + begin - value),
                 self._ahead(length),
+                most=TOO_MANY if length > CORNER else np.inf,
             )
         except (SolveError, ValueError):
             return None
@@ -324,7 +324,7 @@ class Continuation:
             return None
         onward = self._tangent(point.derivative(self.parameter.name), chord)
         turn = float(np.arccos(np.clip(min(onward @ chord, chord @ heading), -1.0, 1.0)))
-        if length > CORNER and (turn > TOO_SHARP or fixed.effort > TOO_MANY):
+        if length > CORNER and turn > TOO_SHARP:
             return None
         if onward @ chord < -STRAIGHT:
             # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the

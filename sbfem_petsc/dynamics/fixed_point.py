@@ -85,4 +85,9 @@ class FixedPoint:
     @property
     def effort(self) -> float:
         """Newton iterations; three with an updated derivative count as one."""
-        return self.derivatives + (len(self.residuals) - 1 - self.derivatives) / 3.0
+        return effort(len(self.residuals) - 1, self.derivatives)
+
+
+def effort(iterations: int, derivatives: int) -> float:
+    """Newton iterations of which so many had a derivative of their own; the others count as a third."""
+    return derivatives + (iterations - derivatives) / 3.0

@@ -9,7 +9,7 @@ from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, configure
-from .fixed_point import FixedPoint
+from .fixed_point import FixedPoint, effort
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
 # SNES by default: residual relative to the first one, relative to the state, and Newton iterations.
@@ -18,6 +18,10 @@ RELATIVE, ROUND_OFF, ITERATIONS = 1e-10, 1e-12, 30
 # converging more slowly, a smaller residual is asked for.
 GAIN, RELATIVE_UPDATED = 0.3, 1e-11
 PREFIX = "shooting_"
+
+
+class TooManyIterations(SolveError):
+    """Newton's method has taken more iterations than it was to."""
 
 
 class Newton:
@@ -36,8 +40,9 @@ class Newton:
         self.residuals: list[float] = []
         self.key: bytes | None = None
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
-        # derivative of x(T) to begin with, and that of the last iteration
+        # derivative of x(T) to begin with, iterations at which to give up, the last one's derivative
         self.near: np.ndarray | None = None
+        self.most = math.inf
         self.derivative: np.ndarray | None = None
         self.derivatives = 0
         self.last: tuple[np.ndarray, np.ndarray] | None = None
@@ -130,6 +135,10 @@ class Newton:
         return np.append(motion.residual, self.condition(array[:m2], float(array[m2] / self.scale))[0])
 
     def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+        if effort(len(self.residuals), self.derivatives) > self.most:
+            raise on_all_ranks(
+                TooManyIterations(f"periodic: Newton's method takes more than {self.most:g} iterations")
+            )
         if self.jacobian == "matrix-free":
             matrix.getPythonContext().at = self._motion(x.array_r)
         elif self.jacobian == "differences":

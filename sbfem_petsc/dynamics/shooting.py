@@ -8,8 +8,9 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError
+from .branch_range import ParameterRange
 from .fixed_point import FixedPoint
-from .newton import Newton
+from .newton import Newton, TooManyIterations
 from .period_map import DrivenPeriod, Period
 
 # Residual relative to the linear state at which a fixed point nearby is taken.
@@ -99,10 +100,10 @@ def _from_fewer_steps(
 def shoot_along(
     period: Period,
     guess: tuple[np.ndarray, float],
-    driven,
-    name: str,
+    parameter: ParameterRange,
     condition,
     near: np.ndarray | None = None,
+    most: float = np.inf,
 ) -> FixedPoint:
     """Fixed point with one free parameter and one condition.
 
@@ -111,23 +112,35 @@ def shoot_along(
     period : Period
     guess : (2 m,) array, float
         Of x(0) and of the parameter.
-    driven : callable
-        DrivenPeriod of a parameter's value.
-    name : {"frequency", "load"}
+    parameter : ParameterRange
+        The free one.
     condition : callable
         (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
     near : (2 m, 2 m + 1) array, optional
         Derivative of x(T) at a fixed point nearby, to begin with.
+    most : float
+        Iterations (`FixedPoint.effort`) beyond which it is given up.
+
+    Raises
+    ------
+    SolveError
+        If Newton's method does not converge.
     """
     state, first = guess[0], np.array([guess[1]])
+
+    def solve(kind: str, near: np.ndarray | None) -> FixedPoint:
+        newton = Newton(period, kind, (parameter.name,), condition)
+        newton.near, newton.most = near, most
+        return newton.solve(state, lambda p: parameter.at(period, float(p[0])), first)
+
     if near is not None:
-        newton = Newton(period, "updated", (name,), condition)
-        newton.near = near
         try:
-            return newton.solve(state, lambda p: driven(float(p[0])), first)
+            return solve("updated", near)
+        except TooManyIterations:
+            raise
         except SolveError:
             pass
-    return Newton(period, "dense", (name,), condition).solve(state, lambda p: driven(float(p[0])), first)
+    return solve("dense", None)
 
 
 def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:

@@ -426,10 +426,10 @@ def test_a_curve_that_stops(monkeypatch):
     """
     whole = continuation.shoot_along
 
-    def fails(period, guess, *rest):
+    def fails(period, guess, *rest, **options):
         if guess[1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, guess, *rest)
+        return whole(period, guess, *rest, **options)
 
     monkeypatch.setattr(continuation, "shoot_along", fails)
     with pytest.raises(

@@ -174,7 +174,7 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
 def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
     curve, path = whole
 
-    def no(*arguments):
+    def no(*arguments, **options):
         raise AssertionError("a point was sought")
 
     monkeypatch.setattr(continuation, "shoot_along", no)
@@ -214,10 +214,10 @@ def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
     whole = continuation.shoot_along
 
-    def fails(period, guess, *rest):
+    def fails(period, guess, *rest, **options):
         if guess[1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, guess, *rest)
+        return whole(period, guess, *rest, **options)
 
     path = str(tmp_path / "failed.h5")
     with monkeypatch.context() as patch:
