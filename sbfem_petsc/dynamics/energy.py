@@ -55,7 +55,10 @@ class Ledger:
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
         self.r, self.step, self.smooth = reduction, step, smooth
-        self.friction = 2.0 * reduction.damping * reduction.omega
+        self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
+        self.ones = np.ones(len(reduction.omega))
+        # of the displacements that loads and contact work on
+        self.modes = np.concatenate([reduction.load_modes.T, reduction.gap.modes])
         self.flexibility = np.block(
             [
                 [reduction.load_flexibility, reduction.gap.loads.T],
@@ -74,34 +77,42 @@ class Ledger:
         """(5, n): kinetic, strain, external, damping, contact after each step; `amplitudes` (n + 1, loads)
         begins with the step before.
         """
-        now = self._instants(states, velocities, amplitudes[1:], forces)
-        drives, moves, _, losses, rates = (np.concatenate(pair) for pair in zip(self.last, now))
         loads = amplitudes.shape[1]
+        # of the rows of contact those that touch meanwhile: mostly few of them
+        touched = (forces != 0.0).any(axis=0) | (self.last[0][0, loads:] != 0.0)
+        places = np.concatenate([np.arange(loads), loads + np.flatnonzero(touched)])
+        drive, moved, stored, loss, rate = self._instants(
+            states, velocities, amplitudes[1:], np.compress(touched, forces, axis=1), places
+        )
+        before = (self.last[0][:, places], self.last[1][:, places], *self.last[3:])
+        pairs = zip(before, (drive, moved, loss, rate))
+        drives, moves, losses, rates = (np.concatenate(pair) for pair in pairs)
         # integral of the force over the displacement: the displacement's mean over a step from its ends and
         # the rates there
-        increments = 0.5 * (drives[1:] + drives[:-1]) * np.diff(moves, axis=0)
+        means, changes = 0.5 * (drives[1:] + drives[:-1]), np.diff(moves, axis=0)
+        external = means[:, :loads] * changes[:, :loads]
         if self.smooth:
-            increments[:, :loads] += (
-                np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (self.step / 12.0)
-            )
+            external += np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (self.step / 12.0)
         steps = np.stack(
             [
-                increments[:, :loads].sum(axis=1),
+                external.sum(axis=1),
                 0.5 * self.step * (losses[1:] + losses[:-1]),
-                increments[:, loads:].sum(axis=1),
+                np.einsum("ij,ij->i", means[:, loads:], changes[:, loads:]),
             ]
         )
         work = self.work[:, None] + np.cumsum(steps, axis=1)
-        self.work, self.last = work[:, -1], tuple(part[-1:] for part in now)
-        return np.concatenate([now[2].T, work])
+        self.work = work[:, -1]
+        self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
+        return np.concatenate([stored.T, work])
 
-    def _instants(self, q, v, amplitudes, forces):
+    def _instants(self, q, v, amplitudes, forces, places=np.s_[:]):
         """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,),
-        velocities at the loads.
+        velocities at the loads; of all loads and rows of contact, or those at some places: `forces` are of
+        these.
         """
-        r = self.r
-        drive = np.concatenate([amplitudes, forces], axis=1)
         loads = amplitudes.shape[1]
+        drive = np.concatenate([amplitudes, forces], axis=1)
+        modes, flexibility = self.modes[places], self.flexibility[places][:, places]
         # where nothing touches, before or behind either, the gaps do no work and are left at zero
         touched = forces.any(axis=1)
         near = touched.copy()
@@ -109,16 +120,17 @@ class Ledger:
         near[:-1] |= touched[1:]
         near[[0, -1]] = True  # of what came before and what follows nothing is known here
         flexible, moved = np.zeros_like(drive), np.zeros_like(drive)
-        flexible[near] = drive[near] @ self.flexibility
-        flexible[~near, :loads] = amplitudes[~near] @ self.flexibility[:loads, :loads]
-        moved[:, :loads] = q @ r.load_modes
-        left, right = r.thin_gaps
-        moved[near, loads:] = q[near] @ right @ left.T
+        flexible[:, :loads] = amplitudes @ flexibility[:loads, :loads]
+        flexible[near] = drive[near] @ flexibility
+        moved[:, :loads] = q @ modes[:loads].T
+        moved[near, loads:] = q[near] @ modes[loads:].T
         moved += flexible
+        # one product after the other: BLAS is slow in those with two columns
         squared = v * v
-        kinetic, lost = (squared @ np.stack([np.full(len(r.omega), 0.5), self.friction], axis=1)).T
-        strain = 0.5 * ((q * q) @ r.omega**2 + np.einsum("ij,ij->i", drive, flexible))
-        return drive, moved, np.stack([kinetic, strain], axis=1), lost, v @ r.load_modes
+        kinetic, lost = 0.5 * (squared @ self.ones), squared @ self.friction
+        squared = np.multiply(q, q, out=squared)
+        strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))
+        return drive, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes[:loads].T
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:

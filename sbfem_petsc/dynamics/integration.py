@@ -62,7 +62,9 @@ class Integrator(Protocol):
         """The row of t = 0, each array of length 1."""
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
-        """Take some steps after `done` ones; the rows of those that are kept."""
+        """Take some steps after `done` ones; the rows of those that are kept. They may be views of memory
+        that the next steps are written to.
+        """
 
     def checkpoint(self) -> np.ndarray:
         """All that the further steps depend on, a flat array of constant length: this rank's part of it."""

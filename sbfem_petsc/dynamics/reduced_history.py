@@ -47,6 +47,8 @@ class ReducedIntegrator:
         )
         self.ledger = Ledger(r, steps.step, smooth=steps.scheme != "newmark")
         self.exchanges = 0
+        # written anew in each chunk: fresh memory takes longer than the energies of what stands in it
+        self._room = [np.empty((min(CHUNK, steps.count), n)) for n in (len(self.q), len(self.q), self.rows)]
         self.columns = reduced_columns(r)
 
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
@@ -55,6 +57,14 @@ class ReducedIntegrator:
         with collective(self.comm):  # a user's function may fail on one rank alone
             values = np.stack([signal(time) for signal in self.signals], axis=-1)
         return values
+
+    def _driven(self, amplitudes: np.ndarray) -> StepLoads:
+        """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
+        r, n = self.reduced, self.rows
+        gaps = np.dot(amplitudes, r.gap.loads[:n].T)
+        gaps += r.initial_gap[:n]
+        forces = np.dot(amplitudes, r.load_modes.T) if amplitudes.any() else np.empty((0, len(self.q)))
+        return StepLoads(forces, gaps)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""
@@ -68,21 +78,19 @@ class ReducedIntegrator:
         return dict(zip(self.columns, values))
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
-        """Take some steps; the rows of those that are kept.
+        """Take some steps; the rows of those that are kept, until the next ones are taken.
 
         Raises
         ------
         SolveError
             If a contact problem is not solved, or the energy runs away.
         """
-        r, n = self.reduced, self.rows
         time = (done + np.arange(steps + 1)) * self.steps.step
         amplitude = self._amplitudes(time)
-        states, velocities = np.empty((steps, len(self.q))), np.empty((steps, len(self.q)))
-        forces = np.empty((steps, n))
+        states, velocities, forces = (room[:steps] for room in self._room)
         reached, exchanged = march(
             self.constants,
-            StepLoads(amplitude @ r.load_modes.T, amplitude @ r.gap.loads[:n].T + r.initial_gap[:n]),
+            self._driven(amplitude),
             StepState(self.q, self.v, self.force, self.active),
             StepHistory(states, velocities, forces),
         )
