@@ -113,6 +113,14 @@ def _sylvester(first: np.ndarray, second: np.ndarray, right: np.ndarray) -> np.n
     return solution / scale
 
 
+def separation(first: np.ndarray, second: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Y with first Y - Y second = right, both quasi upper triangular with eigenvalues of their own."""
+    solution, scale, info = lapack.dtrsyl(first, second, right, isgn=-1)
+    if info != 0:
+        raise SElementError(f"the singular modes of the S-element do not separate from the others; {ADVICE}")
+    return solution / scale
+
+
 def symmetric_eigen(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Ascending eigenvalues and orthonormal eigenvectors of a symmetric matrix."""
     values, vectors, info = lapack.dsyevd(matrix)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg, optimize
 
+from .dense import separation
 from .face_tractions import FaceTractions
 from .sectors import Sectors
 from .singular_modes import TipMode, TipSectors
@@ -48,7 +49,7 @@ def invariant_space(radial: np.ndarray, low: float, high: float) -> InvariantSpa
     if count == 0:
         return None
     inside, outside = triangle[:count, :count], triangle[count:, count:]
-    mixing = linalg.solve_sylvester(inside, -outside, -triangle[:count, count:])
+    mixing = separation(inside, outside, -triangle[:count, count:])
     fields, others = basis[:, :count], basis[:, count:]
     return InvariantSpace(
         fields, fields.T - mixing @ others.T, inside, others + fields @ mixing, others.T, outside

@@ -122,9 +122,10 @@ class NodalForces:
         model = self._model
         self.acceleration += acceleration
         for group in model.moving_groups:
-            steady = np.tile(acceleration, len(group.shape))
-            forces = -model.scales(group)[1][:, None] * (group.turned_both(group.solution.mass) @ steady)
-            self._add(group.nodes, forces)
+            # of unit accelerations in the reference frame
+            units = group.solution.mass @ np.tile(np.eye(2), (len(group.shape), 1))
+            steady = -model.scales(group)[1][:, None, None] * (group.rotations @ acceleration)[:, :, None]
+            self._add(group.nodes, np.matmul(group.turned(units), steady))
 
     def _add(self, nodes: np.ndarray, forces: np.ndarray) -> None:
         """Forces (..., 2) or flat on rows of this rank's nodes."""
