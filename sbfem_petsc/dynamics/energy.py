@@ -56,7 +56,7 @@ class Ledger:
         # work
         self.r, self.step, self.smooth = reduction, step, smooth
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
-        self.ones = np.ones(len(reduction.omega))
+        self.ones, self._squares = np.ones(len(reduction.omega)), np.empty((0, len(reduction.omega)))
         # of the displacements that loads and contact work on
         self.modes = np.concatenate([reduction.load_modes.T, reduction.gap.modes])
         self.flexibility = np.block(
@@ -126,7 +126,9 @@ class Ledger:
         moved[near, loads:] = q[near] @ modes[loads:].T
         moved += flexible
         # one product after the other: BLAS is slow in those with two columns
-        squared = v * v
+        if len(self._squares) < len(q):
+            self._squares = np.empty_like(q)
+        squared = np.multiply(v, v, out=self._squares[: len(q)])
         kinetic, lost = 0.5 * (squared @ self.ones), squared @ self.friction
         squared = np.multiply(q, q, out=squared)
         strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))

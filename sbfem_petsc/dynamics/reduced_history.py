@@ -47,8 +47,10 @@ class ReducedIntegrator:
         )
         self.ledger = Ledger(r, steps.step, smooth=steps.scheme != "newmark")
         self.exchanges = 0
-        # written anew in each chunk: fresh memory takes longer than the energies of what stands in it
-        self._room = [np.empty((min(CHUNK, steps.count), n)) for n in (len(self.q), len(self.q), self.rows)]
+        # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
+        # velocities and contact forces; modal forces and free gaps, which begin a step earlier
+        modes, most = len(self.q), min(CHUNK, steps.count) + 1
+        self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
         self.columns = reduced_columns(r)
 
     def _amplitudes(self, time: np.ndarray) -> np.ndarray:
@@ -61,10 +63,12 @@ class ReducedIntegrator:
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
         r, n = self.reduced, self.rows
-        gaps = np.dot(amplitudes, r.gap.loads[:n].T)
+        external, gaps = (room[: len(amplitudes)] for room in self._room[3:])
+        np.dot(amplitudes, r.gap.loads[:n].T, out=gaps)
         gaps += r.initial_gap[:n]
-        forces = np.dot(amplitudes, r.load_modes.T) if amplitudes.any() else np.empty((0, len(self.q)))
-        return StepLoads(forces, gaps)
+        if not amplitudes.any():
+            return StepLoads(external[:0], gaps)
+        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""
@@ -87,7 +91,7 @@ class ReducedIntegrator:
         """
         time = (done + np.arange(steps + 1)) * self.steps.step
         amplitude = self._amplitudes(time)
-        states, velocities, forces = (room[:steps] for room in self._room)
+        states, velocities, forces = (room[:steps] for room in self._room[:3])
         reached, exchanged = march(
             self.constants,
             self._driven(amplitude),
