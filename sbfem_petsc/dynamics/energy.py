@@ -77,14 +77,19 @@ class Ledger:
         """(5, n): kinetic, strain, external, damping, contact after each step; `amplitudes` (n + 1, loads)
         begins with the step before.
         """
-        loads = amplitudes.shape[1]
-        # of the rows of contact those that touch meanwhile: mostly few of them
-        touched = (forces != 0.0).any(axis=0) | (self.last[0][0, loads:] != 0.0)
-        places = np.concatenate([np.arange(loads), loads + np.flatnonzero(touched)])
+        # of the loads and rows of contact that act meanwhile: mostly few of them
+        loaded = (amplitudes != 0.0).any(axis=0)
+        touched = (forces != 0.0).any(axis=0) | (self.last[0][0, len(loaded) :] != 0.0)
+        places, loads = np.flatnonzero(np.concatenate([loaded, touched])), np.count_nonzero(loaded)
         drive, moved, stored, loss, rate = self._instants(
-            states, velocities, amplitudes[1:], np.compress(touched, forces, axis=1), places
+            states,
+            velocities,
+            np.compress(loaded, amplitudes[1:], axis=1),
+            np.compress(touched, forces, axis=1),
+            places,
         )
-        before = (self.last[0][:, places], self.last[1][:, places], *self.last[3:])
+        last = self.last
+        before = (last[0][:, places], last[1][:, places], last[3], last[4][:, loaded])
         pairs = zip(before, (drive, moved, loss, rate))
         drives, moves, losses, rates = (np.concatenate(pair) for pair in pairs)
         # integral of the force over the displacement: the displacement's mean over a step from its ends and
@@ -107,8 +112,8 @@ class Ledger:
 
     def _instants(self, q, v, amplitudes, forces, places=np.s_[:]):
         """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,),
-        velocities at the loads; of all loads and rows of contact, or those at some places: `forces` are of
-        these.
+        velocities at the loads; of all loads and rows of contact, or of those at some places that alone are
+        given.
         """
         loads = amplitudes.shape[1]
         drive = np.concatenate([amplitudes, forces], axis=1)

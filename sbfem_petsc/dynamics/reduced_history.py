@@ -64,10 +64,11 @@ class ReducedIntegrator:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
         r, n = self.reduced, self.rows
         external, gaps = (room[: len(amplitudes)] for room in self._room[3:])
+        if not amplitudes.any():
+            gaps[:] = r.initial_gap[:n]
+            return StepLoads(external[:0], gaps)
         np.dot(amplitudes, r.gap.loads[:n].T, out=gaps)
         gaps += r.initial_gap[:n]
-        if not amplitudes.any():
-            return StepLoads(external[:0], gaps)
         return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:

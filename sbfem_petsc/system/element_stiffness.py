@@ -94,9 +94,11 @@ def _block_diagonal(blocks: list[np.ndarray]) -> PETSc.Mat:
 
 def _springs(model, size: int) -> sparse.csr_matrix:
     """Elastic supports over the displacements of this rank's nodes."""
-    total = sparse.csr_matrix((size, size))
+    total, blocks = sparse.csr_matrix((size, size)), model.spring_blocks()
+    if not blocks:
+        return total
     place = {int(number): k for k, number in enumerate(model.part.unknowns.ravel()) if number >= 0}
-    for block in model.spring_blocks():
+    for block in blocks:
         for numbers, values in zip(block.rows, block.values(slice(0, len(block.rows)))):
             places = np.array([place.get(int(number), -1) for number in numbers])
             held = np.flatnonzero(places >= 0)
@@ -180,14 +182,19 @@ class Refinement:
             change = solve(residual)
             former, energy = energy, self._dot(residual, change)
             direction = change + (energy / former if step else 0.0) * direction
+            sizes = self._dot(direction, direction) / np.maximum(
+                self._dot(solution, solution), np.finfo(float).tiny
+            )
+            self.correction = float(np.sqrt(np.max(sizes, initial=0.0)))
+            if self.correction <= _ENOUGH:
+                solution += direction  # so small that its length does not matter
+                break
             product = self.operator(direction)
             curvature = self._dot(direction, product)
             length = np.divide(energy, curvature, out=np.zeros_like(energy), where=curvature > 0.0)
             solution += length * direction
             residual = residual - length * product
-            sizes = length**2 * self._dot(direction, direction)
-            norms = np.maximum(self._dot(solution, solution), np.finfo(float).tiny)
-            self.correction = float(np.sqrt(np.max(sizes / norms, initial=0.0)))
+            self.correction = float(np.sqrt(np.max(length**2 * sizes, initial=0.0)))
             if self.correction <= _ENOUGH or (self.correction <= _SETTLED and self.correction >= before):
                 break
             before = self.correction
