@@ -151,11 +151,8 @@ class Pencil:
         """(local auxiliary unknowns, 2): C' times a unit translation along x and y, what a rigid motion of
         the structure couples to.
         """
-        parts = []
-        for piece in self._pieces:
-            translations = np.tile(np.eye(2), (len(piece.group.shape), 1))
-            parts.append(np.einsum("knr,ni->kri", piece.coupling(np.s_[:]), translations).reshape(-1, 2))
-        return np.concatenate(parts) if parts else np.zeros((0, 2))
+        parts = [np.zeros((0, 2)), *(piece.coupled_translation().reshape(-1, 2) for piece in self._pieces)]
+        return np.concatenate(parts)
 
     def placed(self) -> Iterator[tuple[Group, float, np.ndarray]]:
         """S-elements of one shape and size: their group, rho h^2 t (kg), and their auxiliary unknowns among
@@ -238,6 +235,11 @@ class _Piece:
     def transposed_coupling(self, part: slice) -> np.ndarray:
         """(k, r, n)"""
         return self.coupling(part).transpose(0, 2, 1)
+
+    def coupled_translation(self) -> np.ndarray:
+        """(k, r, 2): transposed coupling times unit translations."""
+        units = np.tile(np.eye(2), (len(self.group.shape), 1))
+        return self.inertia_scale * (self._coupling.T @ units) @ self.group.rotations
 
     def condensed(self, shift: float) -> Callable[[slice], np.ndarray]:
         """(k, n, n) blocks of the shifted stiffness without auxiliary unknowns, of some of the S-elements."""
