@@ -54,7 +54,7 @@ def lowest_modes(
 
 def _basis(count: int, attempt: int) -> int:
     """Krylov vectors for so many eigenpairs."""
-    return max(count + 15, math.ceil((1.8 + 0.5 * attempt) * count))
+    return max(count + 15, math.ceil((1.9 + 0.5 * attempt) * count))
 
 
 def _solve_lowest(pencil: Pencil, count: int, verify: bool) -> Modal:
@@ -159,7 +159,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         eps.setOptionsPrefix("modal_")
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
         eps.setType(SLEPc.EPS.Type.KRYLOVSCHUR)
-        # 1.8 vectors a pair are mostly enough without a restart. The tolerance is far below what an
+        # 1.9 vectors a pair are mostly enough without a restart. The tolerance is far below what an
         # eigenvalue needs: it keeps the iteration going until the further vectors of multiple eigenvalues
         # have come up; each new attempt gives it more room.
         eps.setDimensions(count, _basis(count, attempt))
