@@ -20,9 +20,7 @@ def passages(one: Multipliers, other: Multipliers) -> int:
     count = 0
     for here, there in ((one, other), (other, one)):
         outside = here.values[(np.abs(here.values) > 1.0 + FLOOR) & (here.values.imag >= 0.0)]
-        for value in outside:
-            nearest = there.values[np.abs(there.values - value).argmin()]
-            count += int(np.abs(nearest) <= 1.0 + FLOOR)
+        count += int((np.abs(_nearest(there, outside)) <= 1.0 + FLOOR).sum())
     return count
 
 
@@ -49,32 +47,34 @@ def excursion(around: list[tuple[float, Multipliers]]) -> float | None:
         Four points in their order, the two in the middle at 0 and 1: the parabolas through either three of
         them must agree, so that a corner of the branch is not taken for a bend.
     """
-    _, middle, following, _ = (found.values for _, found in around)
-    places = np.array([place for place, _ in around])
-    furthest, where = FLOOR, None
-    for value in middle[(np.abs(np.abs(middle) - 1.0) < NEAR) & (middle.imag >= 0.0)]:
-        chain = np.array([_nearest(around[0][1], value), value, _nearest(around[2][1], value), 0.0])
-        chain[3] = _nearest(around[3][1], chain[2])
-        heights = np.abs(chain) - 1.0
-        if heights[1] * heights[2] <= 0.0:
-            continue
-        side = -np.sign(heights[1])
-        tops = [_top(places[part], side * heights[part]) for part in (slice(0, 3), slice(1, 4))]
-        if all(0.0 < place < 1.0 for place, _ in tops):
-            beyond = min(height for _, height in tops)
-            if beyond > furthest:
-                furthest, where = beyond, 0.5 * (tops[0][0] + tops[1][0])
-    return where
+    spectra = [found for _, found in around]
+    middle = spectra[1].values
+    middle = middle[(np.abs(np.abs(middle) - 1.0) < NEAR) & (middle.imag >= 0.0)]
+    following = _nearest(spectra[2], middle)
+    chains = [_nearest(spectra[0], middle), middle, following, _nearest(spectra[3], following)]
+    heights = np.abs(np.array(chains)) - 1.0
+    heights *= -np.sign(heights[1])
+    same = heights[2] < 0.0
+    if not same.any():
+        return None
+    places, heights = np.array([place for place, _ in around]), heights[:, same]
+    tops, beyond = zip(*(_top(places[n : n + 3], heights[n : n + 3]) for n in (0, 1)))
+    within = ((np.array(tops) > 0.0) & (np.array(tops) < 1.0)).all(axis=0)
+    reached = np.where(within, np.minimum(*beyond), -np.inf)
+    furthest = int(reached.argmax())
+    return float(np.mean(tops, axis=0)[furthest]) if reached[furthest] > FLOOR else None
 
 
-def _nearest(found: Multipliers, value: complex) -> complex:
-    return complex(found.values[np.abs(found.values - value).argmin()])
+def _nearest(found: Multipliers, values: np.ndarray) -> np.ndarray:
+    return found.values[np.abs(found.values - values[:, None]).argmin(axis=1)]
 
 
-def _top(places: np.ndarray, heights: np.ndarray) -> tuple[float, float]:
-    """Place and height of the top of a parabola through three points; nan where it has none."""
-    bend, slope, level = np.polyfit(places, heights, 2)
-    if not bend < 0.0:
-        return np.nan, np.nan
-    place = -0.5 * slope / bend
-    return float(place), float(level + 0.5 * slope * place)
+def _top(places: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places and heights of the tops of parabolas through three points each, (3, k); nan where there is
+    none.
+    """
+    first, second = np.diff(heights, axis=0) / np.diff(places)[:, None]
+    bend = (second - first) / (places[2] - places[0])
+    bend[~(bend < 0.0)] = np.nan
+    place = 0.5 * (places[0] + places[1]) - 0.5 * first / bend
+    return place, heights[0] + (place - places[0]) * (first + bend * (place - places[1]))
