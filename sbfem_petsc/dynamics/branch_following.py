@@ -18,10 +18,10 @@ from .continuation import Continuation, ContinuationPoint
 from .excitation import one_sided
 from .fixed_point import FixedPoint
 from .orbit import modal_motion, multiplier_error
-from .passages import ambiguous, excursion, passages
 from .period_map import Period
 from .several_periods import distances, minimal_periods
 from .stability import Multipliers, multipliers_of
+from .unit_circle import ambiguous, excursion, passages
 
 # Harmonics kept of every point.
 HARMONICS = 20

@@ -12,10 +12,10 @@ import sbfem_petsc as sb
 from sbfem_petsc.dynamics import bifurcations, branch_following, branch_zero, continuation
 from sbfem_petsc.dynamics.continuation import ContinuationPoint
 from sbfem_petsc.dynamics.orbit import half_a_step_on, moved_by_half_a_step
-from sbfem_petsc.dynamics.passages import ambiguous, excursion, passages
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
 from sbfem_petsc.dynamics.shooting import shoot
 from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multipliers
+from sbfem_petsc.dynamics.unit_circle import ambiguous, excursion, passages
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import ALUMINIUM, two_masses
