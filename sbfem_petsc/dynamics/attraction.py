@@ -18,6 +18,7 @@ from ..errors import SolveError
 from ..petsc import MPI
 from .orbit import Orbit, make_orbit, orbit_stability
 from .period_map import Period
+from .several_periods import minimal_periods
 from .shooting import shoot
 
 # Of an orbit's size, and of the distance to the nearest other known orbit: the distance at which a stable
@@ -153,13 +154,24 @@ class Attraction:
         for k, cycle in enumerate(self._cycles):
             if np.linalg.norm(cycle - state, axis=1).min() <= SAME * self._size(state):
                 return k
-        p = self.period
-        longer = p if repeats == 1 else Period(p.reduced, p.excitation.repeated(repeats), repeats * p.steps)
+        own = self.period.excitation.periods
+        period = self._repeated(repeats)
         try:
-            fixed = shoot(longer, state, self.frequency)
+            fixed = shoot(period, state, self.frequency)
+            # a disturbance changes least over the periods in which it makes a whole turn, so that histories
+            # seem to repeat themselves after these, whatever the period of the motion
+            times = math.lcm(minimal_periods(fixed), own) // own
+            if times < repeats:
+                period = self._repeated(times)
+                fixed = shoot(period, fixed.state, self.frequency)
         except SolveError:
             return -1
         if np.linalg.norm(fixed.state - state) > SAME * self._size(state):
             return -1
-        self.add(make_orbit(fixed, *orbit_stability(longer, fixed, self.frequency), "history"))
+        self.add(make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), "history"))
         return len(self.orbits) - 1
+
+    def _repeated(self, times: int) -> Period:
+        """The period so many times over."""
+        p = self.period
+        return p if times == 1 else Period(p.reduced, p.excitation.repeated(times), times * p.steps)

@@ -126,6 +126,58 @@ def test_motions_of_two_periods_and_what_never_settles():
     assert (free.reached == -1).all() and (free.periods == 200).all() and not free.orbits
 
 
+def test_periods_are_the_fewest():
+    """Free motions that turn by 7/8 in a forcing period, about 4/5 and 5/6 with contact: changes over 8, 5
+    and 6 periods fall below the tolerance first, but the motion is the one of one period that `periodic`
+    finds, with its multipliers (without contact exp(-z 2 pi / w) in size). One of three periods stays so.
+    """
+    axes = [sb.StartAxis([-1.0, 0.3, 1.0]), sb.StartAxis([-1.0, 0.0], "velocity")]
+    for system, force, omega in (
+        (mass(damping=0.002, gap=100.0), 0.1, 8.0 / 7.0),
+        (mass(damping=0.02), 0.8, 1.32),
+        (mass(damping=0.02), 0.8, 1.3),
+    ):
+        found = sb.basins(system, force, omega / TURN, axes, steps=128)
+        single = sb.periodic(system, force, omega / TURN, steps=128)
+        (orbit,) = found.orbits
+        assert orbit.periods == 1 and len(orbit.time) == 128 and not found.reached.any()
+        np.testing.assert_allclose(orbit.state, single.state, rtol=0, atol=1e-8)
+        np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(single.multipliers), rtol=1e-6)
+        # from the motion itself it is known at once
+        assert not sb.basins(system, force, omega / TURN, axes, orbits=[single]).reached.any()
+    decay = np.exp(-0.002 * TURN * 7.0 / 8.0)
+    linear = sb.basins(mass(damping=0.002, gap=100.0), 0.1, 8.0 / 7.0 / TURN, axes, steps=128)
+    assert np.abs(linear.orbits[0].multipliers) == pytest.approx([decay, decay], rel=1e-9)
+    system = mass(stiffness=8.0, gap=0.0, damping=0.02)
+    for longest in (3, 8, 24):
+        third = sb.basins(system, 1.0, 4.75 / TURN, axes, steps=128, longest=longest)
+        (orbit,) = third.orbits
+        assert orbit.periods == 3 and not third.reached.any()
+        share = np.abs(orbit.subharmonics("A")[1:]) / np.abs(orbit.harmonics("A")[1])
+        assert share.max() > 1.0
+        known = sb.periodic(system, 1.0, 4.75 / TURN, periods=3, steps=128, start=orbit)
+        np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(known.multipliers), rtol=1e-6)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_periods_are_the_fewest_on_any_ranks(ranks):
+    program = """
+import json, sbfem_petsc as sb
+from mpi4py import MPI
+from tests.analysis.test_basins import TURN, mass
+axes = [sb.StartAxis([-1.0, 0.3, 1.0]), sb.StartAxis([-1.0, 0.0], "velocity")]
+def settled(system, force, omega):
+    return sb.basins(system, force, omega / TURN, axes, steps=128, comm=MPI.COMM_WORLD)
+found = [settled(mass(damping=0.02), 0.8, 1.3), settled(mass(8.0, 0.0, 0.02), 1.0, 4.75)]
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"ranks": MPI.COMM_WORLD.size, "periods": [[o.periods for o in b.orbits] for b in found],
+                      "reached": [int(b.reached.max()) for b in found]}))
+"""
+    expected = {"ranks": ranks, "periods": [[1], [3]], "reached": [0, 0]}
+    assert answer(on_ranks(ranks, program)) == expected
+
+
 @pytest.mark.long
 def test_ranks_share_the_histories(grid):
     program = """
