@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -11,6 +12,10 @@ from ..checks import positive
 from ..errors import at_point
 from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
+from .passage import APART, linear_changes
+
+# Rate at which a half-power bandwidth takes a settling time; of faster sweeps jumps are not told.
+FASTEST = 2.0
 
 
 @dataclass(frozen=True)
@@ -68,57 +73,107 @@ class SweptResponse:
         return bool(self.frequency[-1] > self.frequency[0])
 
     @property
+    def rate(self) -> float:
+        """Change of the frequency, rad/s^2, in units of the square of the decay: 2 / rate settling times pass
+        while the frequency changes by a half-power bandwidth; inf without damping.
+        """
+        if self.settling == 0:
+            return math.inf
+        ends = self._ends
+        between = 0.5 * (ends[-1] + ends[-2] - ends[1])  # of the middles of the first and the last cycle
+        change = abs(self.frequency[-1] - self.frequency[0]) / between
+        return 2.0 * math.pi * float(change) * self._settling_time**2
+
+    @property
     def tells_jumps(self) -> bool:
-        """Whether there is damping, and the sweep longer than four settling times, so that jumps are told."""
-        return 0 < 4 * self.settling < len(self.frequency)
+        """Whether jumps are told: there is damping, the sweep is longer than four settling times, and the
+        frequency takes a settling time at least to change by a half-power bandwidth.
+        """
+        return 0 < 4 * self.settling < len(self.frequency) and self.rate <= FASTEST
 
     def amplitude(self, point: str) -> np.ndarray:
         """(n,): half the peak-to-peak of the y displacement of a point in each cycle, m."""
         return self.point_amplitudes[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 
     def jumps(self, point: str, least: float = 0.2) -> tuple[Jump, ...]:
-        """Where the amplitude of a point changes by more than a share within four settling times.
+        """Where the amplitude of a point changes within four settling times by more than a share beyond what
+        a linear resonance does at most at the same rate, while contact acts.
 
         Compared are means over a settling time, two such times apart, so that the beats behind a jump are no
-        jumps; a sweep that is not slow beside the settling time makes one of any steep curve.
+        jumps. Without contact in these four settling times the motion is linear and has none. With it the
+        change must exceed, by the share `least`, the largest one of a linear resonance with this settling
+        time at this rate (a factor of 1.02 for a `rate` of 0.01; 1.15 upwards and 1.18 downwards for 0.1, 1.4
+        and 1.8 for 0.3, 2.4 and 4.0 for 1). Smaller jumps are told by a slower sweep.
 
         Parameters
         ----------
         point : str
         least : float
-            Relative change: the larger over the smaller amplitude, less 1.
+            Relative change: the larger over the smaller amplitude, divided by that of a linear resonance,
+            less 1.
 
         Raises
         ------
         ValueError
-            Without damping, and for a sweep shorter than four settling times, see `tells_jumps`.
+            Without damping, and for a sweep that is too short or too fast, see `tells_jumps`.
         """
-        amplitude, w = self.amplitude(point), self.settling
+        amplitude = self.amplitude(point)
         least = positive("jumps", "least", least)
-        if w == 0:
-            raise ValueError("jumps: without damping no motion settles and nothing tells a jump from a beat")
-        if not self.tells_jumps:
-            raise ValueError(
-                f"jumps: {len(amplitude)} cycles are no longer than four settling times of {w} cycles, where "
-                "nothing tells a jump from a beat; sweep more slowly"
-            )
-        sums = np.concatenate([[0.0], np.cumsum(amplitude)])
-        means = np.maximum((sums[w:] - sums[:-w]) / w, 1e-300)
-        change = np.log(means[3 * w :] / means[: -3 * w])
-        large = np.abs(change) > np.log1p(least)
+        self._require_slow()
+        ends, span = self._ends, self._settling_time
+        # of all cycles behind whose beginning there are four settling times
+        begin = ends[: np.searchsorted(ends, ends[-1] - (APART + 1) * span, side="right")]
+        sums = np.concatenate([[0.0], np.cumsum(amplitude * np.diff(ends))])
+
+        def means(time: np.ndarray) -> np.ndarray:
+            total = np.interp(time + span, ends, sums) - np.interp(time, ends, sums)
+            return np.maximum(total / span, 1e-300)
+
+        before, after = means(begin), means(begin + APART * span)
+        change = np.log(after / before)
+        rise, fall = (bound + math.log1p(least) for bound in linear_changes(self.rate))
+        touching = np.concatenate([[0], np.cumsum(self.contact_peak != 0.0)])
+        last = np.searchsorted(ends, begin + (APART + 1) * span)
+        contact = touching[np.minimum(last, len(amplitude))] > touching[: len(begin)]
+        code = np.where(contact & ((change > rise) | (change < -fall)), np.sign(change), 0.0)
         # runs of one sign
-        code = np.where(large, np.sign(change), 0.0)
         edges = np.flatnonzero(np.diff(np.concatenate([[0.0], code, [0.0]])))
         found = []
-        for first, last in zip(edges[:-1], edges[1:]):
+        for first, behind in zip(edges[:-1], edges[1:]):
             if code[first] == 0.0:
                 continue
-            k = first + int(np.argmax(np.abs(change[first:last])))
-            before, after = float(means[k]), float(means[k + 3 * w])
-            between = amplitude[k + w : k + 3 * w] > 0.5 * (before + after)
-            half = k + w + int(np.argmax(between == (after > before)))
-            found.append(Jump(float(self.frequency[half]), before, after))
+            k = first + int(np.argmax(np.abs(change[first:behind])))
+            between = np.searchsorted(ends, begin[k] + span * np.array([1.0, APART]))
+            passed = amplitude[slice(*between)] > 0.5 * (before[k] + after[k])
+            half = between[0] + int(np.argmax(passed == (after[k] > before[k])))
+            found.append(Jump(float(self.frequency[half]), float(before[k]), float(after[k])))
         return tuple(found)
+
+    @property
+    def _ends(self) -> np.ndarray:
+        """(n + 1,) times between cycles, s."""
+        return np.concatenate([[0.0], np.cumsum(1.0 / self.frequency)])
+
+    @property
+    def _settling_time(self) -> float:
+        """s."""
+        return self.settling / len(self.frequency) * float(self._ends[-1])
+
+    def _require_slow(self) -> None:
+        w, cycles = self.settling, len(self.frequency)
+        if w == 0:
+            raise ValueError("jumps: without damping no motion settles and nothing tells a jump from a beat")
+        if 4 * w >= cycles:
+            raise ValueError(
+                f"jumps: {cycles} cycles are no longer than four settling times of {w} cycles, where "
+                "nothing tells a jump from a beat; sweep more slowly"
+            )
+        if not self.tells_jumps:
+            raise ValueError(
+                f"jumps: the frequency changes by a half-power bandwidth in {2.0 / self.rate:.2g} settling "
+                f"times of {w} cycles, where nothing tells a jump from the passage through a resonance; "
+                f"sweep in {self.duration * self.rate / FASTEST:.3g} s or more"
+            )
 
     def to_csv(self, path: str) -> None:
         """Write frequency, contact and the amplitudes of all points as comma-separated values.

@@ -209,7 +209,9 @@ class SweptAnalysis(Table):
     stop: float = item(text="last frequency", unit="Hz", gt=0)
     duration: float = item(text="of the sweep, one way", unit="s", gt=0)
     back: bool = item(True, text="sweep back from stop to start as well")
-    least: float = item(0.2, text="relative change of the amplitude that is a jump", gt=0)
+    least: float = item(
+        0.2, text="relative change of the amplitude, beyond that of a linear resonance, that is a jump", gt=0
+    )
     steps: int | None = item(
         None, text="time steps in a period of the higher frequency; default: 320 or more", ge=48
     )

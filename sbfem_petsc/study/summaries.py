@@ -364,7 +364,7 @@ def _swept(result: Any, points: Sequence[str], least: float) -> Tree:
                     if swept.tells_jumps
                     else np.array([np.nan]),
                     "Hz",
-                    "frequencies at which the amplitude jumps; nan where the sweep is too short to tell",
+                    "frequencies at which the amplitude jumps; nan for a sweep too short or fast to tell",
                 )
                 for point in points
             },

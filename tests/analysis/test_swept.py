@@ -1,12 +1,17 @@
 """Slowly swept frequency: along the stable branches, over the folds, closed form without contact."""
 
+import dataclasses
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
+from sbfem_petsc.dynamics.passage import linear_changes
 from sbfem_petsc.plot import plot_swept, save_picture
 from tests.analysis.test_basins import FORCE, RATIO, STEPS, TURN, mass
+from tests.systems import two_masses
 
 LOW, HIGH = 0.95 / TURN, 1.2 / TURN
 CYCLES = (500, 2000)
@@ -68,6 +73,95 @@ def test_a_linear_resonance_has_no_jumps():
     assert 0.022 < np.abs(lag - 1.0).max() < 0.024
     assert np.abs(swept.amplitude("A") / (closed * lag) - 1.0).max() < 0.003
     assert swept.jumps("A") == () and not swept.contact_peak.any() and swept.settling == 6
+
+
+def through_resonance(damping, rate, upwards=True, gap=1e3, stiffness=1.0):
+    """A sweep over eight half-power bandwidths about the resonance of a mass, whose rate is so many times the
+    square of its decay.
+    """
+    low, high = (1.0 - 8.0 * damping) / TURN, (1.0 + 8.0 * damping) / TURN
+    ends = (low, high) if upwards else (high, low)
+    system = mass(gap=gap, damping=damping, stiffness=stiffness)
+    return sb.swept_response(system, 2.0 * damping, *ends, duration=16.0 / (damping * rate), steps=96)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damping", [0.03, 0.01, 0.002])
+@pytest.mark.parametrize("rate", [0.02, 0.15, 0.6, 1.5])
+def test_linear_passages_have_no_jumps(damping, rate):
+    """At any rate at which jumps are told; with the same motion as if contact acted all the time too, so that
+    the bound alone tells: with a share of a tenth they stay below it.
+    """
+    for upwards in (True, False):
+        swept = through_resonance(damping, rate, upwards)
+        assert swept.tells_jumps and not swept.contact_peak.any()
+        whole_cycles = TURN * damping * swept.settling
+        assert 1.0 <= whole_cycles < 1.2 and swept.rate == pytest.approx(rate * whole_cycles**2, rel=0.02)
+        assert swept.jumps("A", 1e-6) == ()
+        touching = dataclasses.replace(swept, contact_peak=np.ones(len(swept.frequency)))
+        assert touching.jumps("A") == () and touching.jumps("A", 0.1) == ()
+
+
+def test_a_passage_with_soft_contact_has_no_jumps():
+    """A stop of a thousandth of the stiffness acts at resonance without bending the curve."""
+    for rate in (0.15, 0.6):
+        swept = through_resonance(0.03, rate, gap=0.3, stiffness=1e-3)
+        assert swept.contact_peak.any() and swept.jumps("A") == ()
+
+
+@pytest.mark.parametrize("rate", [0.002, 0.1, 0.5, 1.0, 2.0])
+def test_largest_changes_of_a_linear_passage(rate):
+    """Against y' = -(1 + i R s) y + 1, integrated; slow ones by the slope of 1 / sqrt(1 + d^2), 1 / 2 at
+    d = 1, over the three settling times: 3 R / 2.
+    """
+    rise, fall = linear_changes(rate)
+    if rate < 0.01:
+        assert (rise, fall) == pytest.approx((1.5 * rate, 1.5 * rate), rel=0.02)
+        return
+    limit = 4.0 / rate + 12.0
+    found = solve_ivp(
+        lambda s, y: -(1.0 + 1j * rate * s) * y + 1.0,
+        (-limit, limit),
+        [1.0 / (1.0 - 1j * rate * limit)],
+        t_eval=np.arange(-limit, limit, 0.02),
+        rtol=1e-8,
+        atol=1e-10,
+    )
+    size = np.abs(found.y[0])
+    means = np.convolve(size, np.full(50, 0.02), "valid")
+    change = np.log(means[150:] / means[:-150])
+    assert (rise, fall) == pytest.approx((change.max(), -change.min()), rel=0.01)
+    assert fall > rise
+
+
+def test_what_is_too_fast_to_tell():
+    swept = through_resonance(0.01, 3.0)
+    assert not swept.tells_jumps and 4 * swept.settling < len(swept.frequency)
+    with pytest.raises(
+        ValueError, match="nothing tells a jump from the passage through a resonance; sweep in"
+    ):
+        swept.jumps("A")
+
+
+@pytest.mark.slow
+def test_jumps_of_two_masses():
+    """One each, up behind the upper fold and down behind the lower one, late by the rate to the power 2/3."""
+    system = two_masses(0.1, compliance=1.0)
+    branch = sb.frequency_response(system, [0.1], 0.6 / TURN, 0.8 / TURN, steps=STEPS, stability=False)
+    upper, lower = branch.value[np.flatnonzero(np.diff(np.sign(np.diff(branch.value)))) + 1]
+    late = []
+    for cycles in (400, 1600):
+        up, down = (
+            sb.swept_response(
+                system, [0.1], start / TURN, stop / TURN, duration=cycles * TURN / 0.7, steps=128
+            ).jumps("1")
+            for start, stop in ((0.6, 0.8), (0.8, 0.6))
+        )
+        assert len(up) == len(down) == 1
+        assert up[0].after < 0.3 * up[0].before and down[0].after > 1.4 * down[0].before
+        late.append([up[0].frequency / upper - 1.0, 1.0 - down[0].frequency / lower])
+    assert 0.0 < max(late[0]) < 0.025
+    assert late[0] == pytest.approx(4.0 ** (2.0 / 3.0) * np.array(late[1]), rel=0.1)
 
 
 @pytest.mark.slow
