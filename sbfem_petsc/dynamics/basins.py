@@ -56,14 +56,26 @@ class StartAxis:
             raise ValueError(f"{owner}: point = {self.point!r} has no meaning for an impulse; leave it out")
 
     @property
+    def quantity(self) -> str:
+        """What the values are."""
+        if self.kind == "impulse":
+            return f"impulse of load {self.mode}"
+        if self.point is not None:
+            return f"initial {self.kind} of {self.point} in mode {self.mode}"
+        return f"initial modal {self.kind} of mode {self.mode}"
+
+    @property
+    def unit(self) -> str:
+        """Of the values: "N s", "m", "m/s", "m kg$^{1/2}$" or "m kg$^{1/2}$/s"."""
+        if self.kind == "impulse":
+            return "N s"
+        root = " kg$^{1/2}$" if self.point is None else ""
+        return f"m{root}{'/s' if self.kind == 'velocity' else ''}"
+
+    @property
     def label(self) -> str:
         """What the values are, with their unit."""
-        if self.kind == "impulse":
-            return f"impulse of load {self.mode}, N s"
-        rate = "/s" if self.kind == "velocity" else ""
-        if self.point is not None:
-            return f"initial {self.kind} of {self.point} in mode {self.mode}, m{rate}"
-        return f"initial modal {self.kind} of mode {self.mode}, m kg$^{{1/2}}${rate}"
+        return f"{self.quantity}, {self.unit}"
 
 
 @dataclass(frozen=True, eq=False)

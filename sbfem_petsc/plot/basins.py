@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 
 from ..checks import instance
-from ..dynamics.basins import Basins
+from ..dynamics.basins import Basins, StartAxis
 from .arguments import check
 from .drawing import BLACK, CYCLE, figure, style
+from .units import impulse_unit, length_unit, velocity_unit
 
 GREY = "#BBBBBB"
 # Share of white in the colour of a basin, in which the orbits' marks are to be seen.
 LIGHT = 0.55
+# Modal coordinates have no smaller units.
+_UNITS = {"m": length_unit, "m/s": velocity_unit, "N s": impulse_unit}
 
 
 def plot_basins(basins: Basins, *, title: str = "") -> Axes:
@@ -45,7 +50,8 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
             f"{owner}: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a grid of "
             "two axes with at least two values each is expected"
         )
-    first, second = (np.array(axis.values) for axis in basins.axes)
+    (across, x_label), (up, y_label) = (_scale(axis) for axis in basins.axes)
+    first, second = (factor * np.array(axis.values) for factor, axis in zip((across, up), basins.axes))
     count = len(basins.orbits)
     colours = [CYCLE[k % len(CYCLE)] for k in range(count)]
     pale = [(1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT for colour in colours]
@@ -67,8 +73,8 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
         times = f"{orbit.periods} periods" if orbit.periods > 1 else "1 period"
         reached = f"{100.0 * share[k]:.3g} %" if orbit.stable is not False else "unstable"
         axes.plot(
-            [x],
-            [y],
+            [x * across],
+            [y * up],
             linestyle="none",
             marker="X" if orbit.stable is False else "o",
             markersize=6,
@@ -80,8 +86,8 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
     if (basins.reached < 0).any():
         axes.plot([], [], linestyle="none", marker="s", color=GREY, label="not settled")
     axes.set(
-        xlabel=basins.axes[0].label,
-        ylabel=basins.axes[1].label,
+        xlabel=x_label,
+        ylabel=y_label,
         xlim=(first[0], first[-1]),
         ylim=(second[0], second[-1]),
     )
@@ -89,6 +95,17 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
     axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
     style(axes)
     return axes
+
+
+def _scale(axis: StartAxis) -> tuple[float, str]:
+    """Factor on the values of an axis, and its label, in a unit that suits them."""
+    top, unit = max(map(abs, axis.values)), axis.unit
+    if unit in _UNITS:
+        factor, unit = _UNITS[unit](top)
+    else:
+        exponent = 3 * math.floor(math.log10(top) / 3.0) if top > 0.0 else 0
+        factor, unit = 10.0**-exponent, f"$10^{{{exponent}}}$ {unit}" if exponent else unit
+    return factor, f"{axis.quantity} ({unit})"
 
 
 def _place(basins: Basins, state: np.ndarray) -> tuple[float, float]:

@@ -17,6 +17,17 @@ def place_unit(extent: float) -> Unit:
     return _largest(extent, ((1.0, "m"), (1e3, "mm"), (1e6, "µm")), 2.0)
 
 
+def velocity_unit(top: float) -> Unit:
+    """Factor and name for velocities up to `top`, m/s."""
+    factor, name = length_unit(top)
+    return factor, f"{name}/s"
+
+
+def impulse_unit(top: float) -> Unit:
+    """Factor and name for impulses up to `top`, N s."""
+    return _largest(top, ((1e-3, "kN s"), (1.0, "N s"), (1e3, "mN s"), (1e6, "µN s")), 0.5)
+
+
 def time_unit(top: float) -> Unit:
     """Factor and name for times up to `top`, s."""
     return _largest(top, ((1.0, "s"), (1e3, "ms"), (1e6, "µs")), 1.0)

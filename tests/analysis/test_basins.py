@@ -219,6 +219,33 @@ def test_oblique_axes_of_a_picture(orbits):
     np.testing.assert_allclose(drawn.lines[0].get_xydata()[0], [0.25, 0.5], atol=1e-12)
 
 
+def test_units_of_a_picture(orbits):
+    """Axes in units with few digits, whatever the size of the values; marks in the same ones."""
+    (one, _, _), whole = orbits, np.zeros((2, 2), dtype=int)
+    states = np.array([[[0.0, 0.0], [0.0, 3.0]], [[1.0, 0.0], [1.0, 3.0]]])
+    for first, second, factors, labels in (
+        (
+            sb.StartAxis([0.0, 2e-5], point="A"),
+            sb.StartAxis([0.0, 3e-3], "velocity", point="A"),
+            (1e6, 1e3),
+            ("initial displacement of A in mode 1 (µm)", "initial velocity of A in mode 1 (mm/s)"),
+        ),
+        (
+            sb.StartAxis([0.0, 2e-5]),
+            sb.StartAxis([0.0, 3e-3], "impulse"),
+            (1e6, 1e3),
+            ("initial modal displacement of mode 1 ($10^{-6}$ m kg$^{1/2}$)", "impulse of load 1 (mN s)"),
+        ),
+    ):
+        basins = sb.Basins(1.0, (one,), whole, whole, states, (first, second))
+        drawn = plot_basins(basins)
+        assert (drawn.get_xlabel(), drawn.get_ylabel()) == labels
+        assert drawn.get_xlim()[1] == pytest.approx(factors[0] * 2e-5)
+        assert drawn.get_ylim()[1] == pytest.approx(factors[1] * 3e-3)
+        place = one.state * [2e-5, 1e-3] * factors
+        np.testing.assert_allclose(drawn.lines[0].get_xydata()[0], place, rtol=1e-9)
+
+
 def test_bad_input(orbits):
     low, system = orbits[0], orbits[0].reduced
     axis = sb.StartAxis([0.0, 1.0])
