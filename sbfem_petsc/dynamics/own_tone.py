@@ -182,7 +182,8 @@ class OwnTone:
         raise SolveError(
             f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
             f"curve misses itself by {residuals[-1]:.1e} of its size, from {residuals[0]:.1e}; take more "
-            "samples or steps, or a motion nearer to the one that is known"
+            "samples or steps, or a motion nearer to the one that is known; or the motion's own tone is "
+            "locked to the load there, so that it is periodic over some periods (`periodic(..., periods=n)`)"
         )
 
     def near(self, guess: Circle, plane: np.ndarray) -> Circle:

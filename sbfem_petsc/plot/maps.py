@@ -108,9 +108,9 @@ def _in_words(name: str) -> str:
 
 
 def _parameter(sweep: Any, name: str) -> tuple[float, str, str]:
-    """Factor, label and unit of a parameter: "notches[0].depth" in mm."""
+    """Factor, label and unit of a parameter: "depth of notch 1" in mm."""
     scale, unit = _suited(sweep.input_units.get(name, ""), sweep.inputs[name])
-    return scale, name.split(".", 1)[-1], unit
+    return scale, sweep.input_words[name], unit
 
 
 def _axis(sweep: Any, name: str) -> tuple[np.ndarray, str]:
@@ -146,9 +146,9 @@ def _tell_left_out(drawing: Any, sweep: Any, names: Sequence[str]) -> None:
 
 
 def _value(sweep: Any, name: str, value: Any) -> str:
-    """A parameter's value, "drive.fy = 300 N"."""
+    """A parameter's value, "force of drive along y = 300 N"."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return f"{name} = {value}"
+        return f"{sweep.input_words[name]} = {value}"
     scale, text, unit = _parameter(sweep, name)
     return f"{text} = {value * scale:g} {unit}".rstrip()
 

@@ -318,6 +318,9 @@ class Backbone(Table):
     largest_step: float = item(
         0.4, text="largest change of the state from a point to the next, relative", gt=0
     )
+    interactions: bool = item(
+        False, text="follow the narrow tongues where a multiple of the frequency meets that of a higher mode"
+    )
     refine: bool = item(True, text="solve every point with half the step too and extrapolate the frequency")
     stability: bool = item(True, text="compute Floquet multipliers")
 

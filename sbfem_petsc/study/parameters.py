@@ -19,6 +19,18 @@ from .problems import Path, Problem, from_validation, one_of, written
 _PART = re.compile(r'(?:^|\.)(?:"([^"]*)"|([A-Za-z0-9_-]+))|\[(\d+)\]')
 # Tables that decide over mesh, model and reduction.
 STRUCTURE = ("geometry", "mesh", "points", "material", "materials", "model")
+# Keys that say in words what they are, with their owner in the place of {}; and entries of arrays.
+_WORDS = {
+    "fx": "force of {} along x",
+    "fy": "force of {} along y",
+    "tx": "traction of {} along x",
+    "ty": "traction of {} along y",
+    "ax": "acceleration of {} along x",
+    "ay": "acceleration of {} along y",
+    "young": "Young's modulus of {}",
+    "poisson": "Poisson's ratio of {}",
+}
+_SINGLE = {"notches": "notch", "holes": "hole", "cracks": "crack", "supports": "support"}
 
 
 def parsed(name: str) -> Path:
@@ -124,6 +136,21 @@ def unit_of(tables: Any, name: str) -> str:
         else:
             here = here[part]
     return unit
+
+
+def words_of(name: str) -> str:
+    """The key at a dotted path of a case in words: "depth of notch 1", "force of pump along y"."""
+    *above, key = parsed(name)
+    if isinstance(key, int):
+        return name.split(".", 1)[-1]
+    owners: list[str] = []
+    for k, part in enumerate(above):
+        if isinstance(part, int):
+            owners[-1] = f"{_SINGLE.get(owners[-1], owners[-1])} {part + 1}"
+        elif k > 0:  # the table itself says nothing that its keys do not
+            owners.append(part)
+    pattern = _WORDS.get(key, f"{key.replace('_', ' ')} of {{}}")
+    return pattern.replace(" of {}", "" if not owners else " of " + " of ".join(reversed(owners)))
 
 
 def rows(sweep: SweepTable) -> list[dict[str, Any]]:

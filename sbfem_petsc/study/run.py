@@ -26,6 +26,7 @@ from .problems import CaseError
 from .quantities import Quantity, Tree, plain
 from .solve import Structure
 from .storage import read_tree, write_json, write_tree
+from .summaries import no_locus
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
@@ -167,7 +168,8 @@ class _Run:
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
-        told = repr(result)
+        table = case.tables.analyses[name]
+        told = no_locus(table) if kind == "locus" and not result else repr(result)
         self.structure.release(result)
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)

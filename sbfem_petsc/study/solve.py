@@ -17,7 +17,7 @@ from . import objects
 from .case import Case
 from .parameters import grid
 from .quantities import Tree
-from .summaries import tree_of
+from .summaries import no_locus, tree_of
 
 Progress = Callable[[float], None] | None
 # Share of a period that counts as none when whole periods are counted.
@@ -74,6 +74,8 @@ class Structure:
             further = modulation(table, result)
         if table.kind == "swept_response":
             further["least"] = table.least
+        if table.kind == "locus":
+            further["none"] = no_locus(table)
         if table.kind in ("quasi_periodic", "quasi_periodic_response"):
             further["order"] = table.order
         return tree_of(table.kind, result, self.points(case), **further)

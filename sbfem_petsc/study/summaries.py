@@ -26,7 +26,7 @@ def tree_of(kind: str, result: Any, points: Sequence[str], **further: Any) -> Tr
         Points whose motion is kept.
     further
         What the analysis adds: `sidebands` of a modulation, `stress` of a static solution, the `estimate` of
-        an accuracy asked for, the `order` of lines.
+        an accuracy asked for, the `order` of lines, what is said where there is `none`.
     """
     makers: dict[str, Callable[..., Tree]] = {
         "modal": _modal,
@@ -337,7 +337,17 @@ def _backbone(result: Any, points: Sequence[str]) -> Tree:
     }
 
 
-def _locus(result: Any, points: Sequence[str]) -> Tree:
+def no_locus(table: Any) -> str:
+    """Why the table of an analysis has led to no line of bifurcations."""
+    kinds = table.bifurcations
+    listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+    return (
+        f"no {listed} that can be followed was found on the curve from {table.start:g} to {table.stop:g} Hz"
+        f"{f' at {table.factor:g} times the load' if table.factor != 1.0 else ''}"
+    )
+
+
+def _locus(result: Any, points: Sequence[str], none: str) -> Tree:
     lines = [
         {
             "kind": line.kind,
@@ -349,7 +359,10 @@ def _locus(result: Any, points: Sequence[str]) -> Tree:
         }
         for line in result
     ]
-    return {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
+    tree: Tree = {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
+    if not lines:
+        tree["reason"] = Quantity(none, "1", "why there is none")
+    return tree
 
 
 def _swept(result: Any, points: Sequence[str], least: float) -> Tree:

@@ -17,7 +17,7 @@ from ..recording.hdf5 import new_hdf5, opened
 from ..writing import replaced
 from .case import Case, CaseTables
 from .locations import parse
-from .parameters import unit_of
+from .parameters import unit_of, words_of
 from .rows import Row
 from .run import write_case
 
@@ -70,6 +70,11 @@ class Sweep:
         """Units of the parameters, "" where a key has none."""
         tables = CaseTables.model_validate(parse(self.text, self.case_file)[0])
         return {name: unit_of(tables, name) for name in self.inputs}
+
+    @property
+    def input_words(self) -> dict[str, str]:
+        """What the parameters are, in words."""
+        return {name: words_of(name) for name in self.inputs}
 
     def facts(self) -> dict[str, Any]:
         """Size, failures, names and ranges, as JSON can hold them."""

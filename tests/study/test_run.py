@@ -1,10 +1,12 @@
 """Runs into a folder: numbers of the Python interface, resuming, failures, exit codes, ranks."""
 
+import inspect
 import json
 import os
 import shutil
 import signal
 import time
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -445,6 +447,43 @@ duration = 0.2
 steps = 128
 modes = 8
 """
+
+
+@pytest.mark.slow
+def test_a_locus_without_bifurcations_says_so(tmp_path):
+    """In the run's words, its summary and its report."""
+    text = (
+        CASE[: CASE.index("[analyses.frequencies]")]
+        + """
+[analyses.map]
+kind = "locus"
+load = "push"
+start = 300.0
+stop = 310.0
+bifurcations = ["fold", "grazing"]
+steps = 64
+modes = 4
+"""
+    )
+    done = sbfem("run", written(tmp_path, text), "--output", tmp_path / "out")
+    sentence = "no fold or grazing that can be followed was found on the curve from 300 to 310 Hz"
+    assert done.code == 0 and f"map: {sentence}" in done.out + done.err
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    assert summary["map"]["reason"] == sentence and summary["map"]["count"] == 0
+    assert sbfem("report", tmp_path / "out", "--quiet").code == 0
+    assert sentence in (tmp_path / "out" / "report.html").read_text()
+
+
+def test_keys_of_a_backbone():
+    """All options of `backbone` are keys of the case file and reach it; tongues are followed if asked for."""
+    text = '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\ninteractions = true\n'
+    case = case_from_text(CASE + text)
+    structure, table, given = SimpleNamespace(model=None), case.tables.analyses["bone"], {}
+    Structure._backbone(structure, case, table, lambda *_, **options: given.update(options), None, None)
+    options = inspect.signature(sb.backbone).parameters
+    assert set(given) == set(options) - {"model", "mode", "start", "stop"}
+    assert given.pop("interactions") is True
+    assert all(value == options[name].default for name, value in given.items())
 
 
 @pytest.mark.long

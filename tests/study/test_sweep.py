@@ -15,6 +15,7 @@ from sbfem_petsc import indicators
 from sbfem_petsc.plot.maps import indicator_figure
 from sbfem_petsc.study import parameters, rows
 from sbfem_petsc.study.case import case_from_text, read_case
+from sbfem_petsc.study.parameters import words_of
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.solve import Structure
@@ -186,6 +187,26 @@ def test_units_of_the_inputs(found):
     assert found.input_units == {"geometry.notches[0].depth": "m", "loads.push.fy": "N"}
 
 
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("geometry.notches[1].depth", "depth of notch 2"),
+        ("geometry.length", "length"),
+        ("mesh.tip_size", "tip size"),
+        ("material.young", "Young's modulus"),
+        ("materials.steel.young", "Young's modulus of steel"),
+        ("model.damping", "damping"),
+        ("model.damping.ratio", "ratio of damping"),
+        ("loads.pump.fy", "force of pump along y"),
+        ("loads.burst.fy.amplitude", "amplitude of fy of burst"),
+        ("points.A[0]", "A[0]"),
+        ('analyses."my run".frequency', "frequency of my run"),
+    ],
+)
+def test_parameters_in_words(name, words):
+    assert words_of(name) == words
+
+
 def test_pictures_in_fitting_units(found):
     """Depths in mm, forces in N, the quantity in words; what is below round-off is drawn at it."""
     values = np.where(found.values["steady/A2_A1/A"] > 0.0, 1e-17, np.nan)
@@ -193,10 +214,10 @@ def test_pictures_in_fitting_units(found):
     drawing = indicator_figure(found, "steady/A2_A1/A", values, "1")
     axes = drawing.axes[0]
     over = max(found.inputs, key=lambda name: len(np.unique(found.inputs[name])))
-    assert over == "loads.push.fy" and axes.get_xlabel() == "push.fy (N)"
+    assert over == "loads.push.fy" and axes.get_xlabel() == "force of push along y (N)"
     assert axes.get_ylabel() == "steady: A2/A1, A" and axes.get_yscale() == "log"
     texts = [text.get_text() for text in axes.get_legend().get_texts()]
-    assert texts == ["notches[0].depth = 2 mm", "notches[0].depth = 4 mm"]
+    assert texts == ["depth of notch 1 = 2 mm", "depth of notch 1 = 4 mm"]
     heights = np.concatenate([line.get_ydata() for line in axes.get_lines()])
     assert heights.min() == 1e-12 and heights.max() == 1e-3
 
