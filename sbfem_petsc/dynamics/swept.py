@@ -103,7 +103,9 @@ class SweptResponse:
         jumps. Without contact in these four settling times the motion is linear and has none. With it the
         change must exceed, by the share `least`, the largest one of a linear resonance with this settling
         time at this rate (a factor of 1.02 for a `rate` of 0.01; 1.15 upwards and 1.18 downwards for 0.1, 1.4
-        and 1.8 for 0.3, 2.4 and 4.0 for 1). Smaller jumps are told by a slower sweep.
+        and 1.8 for 0.3, 2.4 and 4.0 for 1). Smaller jumps are told by a slower sweep, which also tells a fold
+        from a flank that contact makes far steeper than a linear one. Motions that do not settle at all, as
+        chaotic ones, may change so much again and again.
 
         Parameters
         ----------
