@@ -12,7 +12,7 @@ from ..checks import positive
 from ..errors import at_point
 from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
-from .passage import APART, linear_changes
+from .linear_passage import APART, linear_changes
 
 # Rate at which a half-power bandwidth takes a settling time; of faster sweeps jumps are not told.
 FASTEST = 2.0
