@@ -34,7 +34,7 @@ class BandWarning(UserWarning):
 
 class StepWarning(UserWarning):
     """The time step is coarse for the load's highest frequency or for contact, the phases of a slower tone
-    are few for its multiples, or not every step is kept.
+    are few for its multiples or do not resolve the motion, or not every step is kept.
     """
 
 

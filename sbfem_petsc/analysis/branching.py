@@ -17,7 +17,7 @@ from ..dynamics.shooting import shoot_along
 from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
-from .quasi_periodic import require_room
+from .quasi_periodic import require_room, warn_if_unresolved
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
@@ -45,7 +45,8 @@ def switch_branch(
     bifurcation : Bifurcation
         One of the branch's, of kind "period doubling" or "Neimark-Sacker".
     size : float, optional
-        Distance relative to the state's norm. Default: several are tried, the first that is found counts.
+        Distance relative to the state's norm. Default: several are tried, the first that is found counts; of
+        quasi-periodic motions the first that its samples resolve, if there is one.
     samples : int
         Phases of the motion's own tone, at a Neimark-Sacker point; odd.
 
@@ -59,6 +60,11 @@ def switch_branch(
         If the bifurcation is of another kind.
     SolveError
         If no such motion is found at any size.
+
+    Warns
+    -----
+    StepWarning
+        If the samples do not resolve the quasi-periodic motion (`QuasiPeriodic.tail`).
     """
     instance("switch_branch", "branch", branch, Branch, "a Branch")
     comm = branch.reduced.comm
@@ -84,7 +90,9 @@ def switch_branch(
     )
     if bifurcation.kind == "Neimark-Sacker":
         sizes = QUASI_PERIODIC_SIZES if size is None else (size,)
-        return _quasi_periodic(branch, bifurcation, sizes, samples)
+        found = _quasi_periodic(branch, bifurcation, sizes, samples)
+        warn_if_unresolved("switch_branch", found)
+        return found
     return _doubled(branch, bifurcation, SIZES if size is None else (size,))
 
 
@@ -102,13 +110,18 @@ def _quasi_periodic(
         orders=len(period.excitation.orders),
     )
     own = OwnTone(branch.period, branch.parameter, branch.fixed_frequency, samples, branch.reduced.comm)
-    problem = ""
+    problem, found = "", []
     for share in sizes:
         guess, plane = first_circle(own, bifurcation, share)
         try:
-            return own_motion(own, own.near(guess, plane), stability=True)
+            found.append(own.near(guess, plane))
         except SolveError as error:
             problem = str(error)
+            continue
+        if found[-1].resolved:
+            return own_motion(own, found[-1], stability=True)
+    if found:
+        return own_motion(own, found[0], stability=True)
     raise on_all_ranks(
         SolveError(
             f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "

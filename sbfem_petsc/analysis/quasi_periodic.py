@@ -27,7 +27,7 @@ from ..dynamics.tones import (
     own_motion,
     tone_lines,
 )
-from ..dynamics.torus import RESTART, Torus
+from ..dynamics.torus import RESOLVED, RESTART, Torus
 from ..errors import SolveError, StepWarning, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
@@ -73,7 +73,8 @@ def quasi_periodic(
         unknown frequency; such a motion leaves a branch at a Neimark-Sacker point (`switch_branch`).
     samples : int
         Phases of the slower tone: multiples up to half as many are resolved. Contact makes multiples of the
-        loads' ones; a warning tells if not even the second of the highest is among those.
+        loads' ones; a warning tells if not even the second of the highest is among those, and if the result
+        says that they were not enough (`QuasiPeriodic.tail`).
     steps : int, optional
         Time steps in a period of the faster tone; a warning tells of fewer than 20 in a period of the highest
         multiple among the loads. Default: 512, or as many as keep the step below 0.8 of the shortest modal
@@ -97,7 +98,8 @@ def quasi_periodic(
     Warns
     -----
     StepWarning
-        If contact is possible and the samples or the steps given are few for the loads' multiples.
+        If contact is possible and the samples or the steps given are few for the loads' multiples; if the
+        samples do not resolve the motion.
     """
     comm = communicator(model)
     with collective(comm):
@@ -105,7 +107,9 @@ def quasi_periodic(
         flag("quasi_periodic", "stability", stability)
     if isinstance(asked, float):
         assert start is not None  # checked
-        return _with_own_tone(model, load, asked, start, _Wanted(samples, steps, modes, stability))
+        found = _with_own_tone(model, load, asked, start, _Wanted(samples, steps, modes, stability))
+        warn_if_unresolved("quasi_periodic", found)
+        return found
     frequencies = asked
     with collective(comm):
         loads = loading("quasi_periodic", model, load, _tone)
@@ -158,9 +162,26 @@ def quasi_periodic(
     )
     linear = tuple(zip(drives, (torus.base.amplitudes, torus.pumped)))
     lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
-    return QuasiPeriodic(
+    found = QuasiPeriodic(
         frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
     )
+    warn_if_unresolved("quasi_periodic", found)
+    return found
+
+
+def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
+    """Warn the owner's caller of a curve that its samples do not resolve."""
+    if found.resolved:
+        return
+    text = (
+        f"{owner}: {found.samples} samples do not resolve the motion: {found.tail:.2g} of its change with the"
+        f" {'second' if found.own is not None else 'slower'} tone is in the highest quarter of their "
+        f"harmonics, more than {RESOLVED:g}; lines may be off by as much, small ones by more: take more, "
+        f"samples={2 * found.samples - found.samples % 2}, or more steps"
+    )
+    if found.own is not None:
+        text += "; if that does not help the tone locks, see periodic(..., periods=n)"
+    warnings.warn(text, StepWarning, stacklevel=3)
 
 
 def require_room(

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from ..checks import Bounds, flag, instance, integer, positive, real
 from ..checks import progress as check_progress
+from ..dynamics.own_tone import OwnTone
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
 from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
 from ..progress import progress_bar
+from .quasi_periodic import require_room
 
 # A parameter is the same to this relative difference.
 SAME = 1e-12
+# Samples are doubled so many times at most where they do not resolve the curve.
+DOUBLINGS = 2
 
 
 def quasi_periodic_response(
@@ -32,7 +37,9 @@ def quasi_periodic_response(
 
     The parameter is that of the branch they have left. The curve first goes where the motion's own tone
     grows; it ends at `stop`, where the motion shrinks onto a periodic one, or where no further invariant
-    curve is found: `reason` says which.
+    curve is found that its samples resolve, as where the tone locks: `reason` says which. Where the first
+    motion's samples no longer resolve it (`QuasiPeriodic.tail`) it goes on with twice, and four times, as
+    many, if there is memory.
 
     Parameters
     ----------
@@ -54,7 +61,7 @@ def quasi_periodic_response(
     ValueError, TypeError
         For input that makes no sense.
     SolveError
-        If the first motion cannot be found again.
+        If the first motion cannot be found again, or if more samples do not resolve it either.
     """
     what = "quasi_periodic_response"
     instance(what, "first", first, QuasiPeriodic, "a QuasiPeriodic")
@@ -78,16 +85,37 @@ def quasi_periodic_response(
     plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
     try:
         begin = own.near(known, plane)
+        with progress_bar(own.comm, "quasi-periodic response", progress) as report:
+            found, reason = follow_circles(
+                _maps(own), begin, stop, points=points, largest_step=float(largest_step), report=report
+            )
     except SolveError as error:
         raise on_all_ranks(error) from None
-    with progress_bar(own.comm, "quasi-periodic response", progress) as report:
-        found, reason = follow_circles(
-            own, begin, stop, points=points, largest_step=float(largest_step), report=report
-        )
     return QuasiPeriodicBranch(
         own.parameter,
         np.array([circle.value for circle in found]),
-        tuple(own_motion(own, circle, stability) for circle in found),
+        tuple(own_motion(replace(own, samples=len(item.states)), item, stability) for item in found),
         reason,
         found[-1].value == stop,
     )
+
+
+def _maps(own: OwnTone) -> list[OwnTone]:
+    """The map with its samples, and with more for which there is memory."""
+    found = [own]
+    for _ in range(DOUBLINGS):
+        samples, period = 2 * found[-1].samples - 1, own.period
+        orders = len(period.excitation.orders)
+        try:
+            require_room(
+                "quasi_periodic_response",
+                period.reduced,
+                own.comm,
+                samples=samples,
+                steps=period.steps,
+                orders=orders,
+            )
+        except ValueError:
+            break
+        found.append(replace(own, samples=samples))
+    return found

@@ -20,7 +20,7 @@ from ..errors import SolveError
 from ..petsc import MPI
 from .bifurcations import Bifurcation
 from .period_map import DrivenPeriod, Period, PeriodMotion
-from .torus import derivatives, exponents, images
+from .torus import RESOLVED, derivatives, exponents, images, spectral_tail
 
 # Newton's method: closing error relative to the curve's size, iterations, and the gain with which the
 # derivative is kept for another one.
@@ -61,6 +61,11 @@ class Circle:
     def swing(self) -> float:
         """Root mean square distance of the curve from its middle."""
         return float(np.linalg.norm(self.states - self.states.mean(axis=0))) / np.sqrt(len(self.states))
+
+    @property
+    def resolved(self) -> bool:
+        """Whether the samples resolve the curve."""
+        return spectral_tail(self.states) <= RESOLVED
 
 
 @dataclass(frozen=True, eq=False)

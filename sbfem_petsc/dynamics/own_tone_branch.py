@@ -5,7 +5,7 @@ curves.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +15,7 @@ from ..errors import SolveError
 from ..writing import write_table
 from .own_tone import Circle, OwnTone
 from .tones import QuasiPeriodic
+from .torus import RESOLVED, spectral_tail
 
 # Steps in units of the curve: the first one relative to its swing, the largest, the smallest.
 FIRST, LARGEST, SMALLEST = 0.5, 0.2, 1e-4
@@ -61,8 +62,15 @@ class QuasiPeriodicBranch:
 
     @property
     def stable(self) -> np.ndarray:
-        """(n,) bool; True throughout where stability was not asked for."""
-        return np.array([motion.stable is not False for motion in self.motions])
+        """(n,) bool; True throughout where stability was not asked for, but for motions that their samples do
+        not resolve, which are none.
+        """
+        return np.array([motion.resolved and motion.stable is not False for motion in self.motions])
+
+    @property
+    def tail(self) -> np.ndarray:
+        """(n,) share of the highest quarter of the harmonics of the samples, `QuasiPeriodic.tail`."""
+        return np.array([motion.tail for motion in self.motions])
 
     def line(self, m: int, n: int, point: str, direction: str = "y") -> np.ndarray:
         """(n,) complex amplitudes at m f1 + n f2, m."""
@@ -82,6 +90,7 @@ class QuasiPeriodicBranch:
             "first_Hz": self.frequencies[:, 0],
             "own_Hz": self.frequencies[:, 1],
             "stable": self.stable.astype(int),
+            "tail": self.tail,
         }
         for point in self.motions[0].points if points is None else names_of("to_csv", "points", points):
             for name, line in (
@@ -103,7 +112,7 @@ class QuasiPeriodicBranch:
 
 
 def follow_circles(
-    own: OwnTone,
+    maps: Sequence[OwnTone],
     first: Circle,
     stop: float,
     *,
@@ -115,9 +124,10 @@ def follow_circles(
 
     Parameters
     ----------
-    own : OwnTone
+    maps : sequence of OwnTone
+        With more and more samples; where those of one no longer resolve the curve the next is taken.
     first : Circle
-        With its trajectories.
+        With its trajectories, of the first map's samples.
     stop : float
         Value of the parameter at which the branch ends.
     points : int
@@ -126,25 +136,33 @@ def follow_circles(
         Largest change of the parameter from one to the next.
     report : callable, optional
         Called with the fraction done.
+
+    Raises
+    ------
+    SolveError
+        If no map's samples resolve the first curve.
     """
+    own, *finer = maps
+    if not first.resolved:
+        own, first, _ = _resolved(finer, first, np.eye(1, first.states.size + 2, first.states.size + 1)[0])
     extent = abs(stop - first.value)
     reach = max(EXCURSION * abs(first.value), extent)
     # a subcritical branch first leads away, and comes back through a fold
     lower, upper = (first.value - reach, stop) if stop > first.value else (stop, first.value + reach)
-    found = [first]
+    found, since = [first], 0
     direction = _growing(own, first)
     length = FIRST * first.swing / (np.linalg.norm(first.states) / math.sqrt(own.samples))
     while len(found) < points:
         last = found[-1]
         units = own.units(last)
         here = own.packed(last, units)
-        for other in reversed(found[:-1]):
+        for other in reversed(found[since:-1]):
             secant = here - own.packed(other, units)
             direction = secant / np.linalg.norm(secant)
             if np.linalg.norm(secant) > NOISE:
                 break
         step = min(length, LARGEST, largest_step / (units[1] * max(abs(direction[-1]), 1e-300)))
-        while True:
+        while True:  # until a step is short enough
             target = last.value + step * direction[-1] * units[1]
             end, plane = None, direction
             if not lower < target < upper:
@@ -163,11 +181,20 @@ def follow_circles(
                     raise SolveError("it shrinks onto the periodic motion")
                 if step > NOISE and chord @ direction < TURN * np.linalg.norm(chord):
                     raise SolveError("it turns too sharply")
+                if not point.resolved and not finer:
+                    raise SolveError(unresolved(point))
                 break
             except SolveError as error:
                 step *= 0.5
                 if step < SMALLEST:
                     return found, f"no further curve at {last.value:.8g}: {error}"
+        if not point.resolved:
+            try:
+                own, found[-1], direction = _resolved(finer, last, direction)
+                since = len(found) - 1
+            except SolveError:  # shorter steps then
+                finer.clear()
+            continue
         if _through_the_middle(last, point):
             return found, f"it shrinks onto the periodic motion at {point.value:.8g}"
         found.append(point)
@@ -178,6 +205,41 @@ def follow_circles(
             found[-1] = replace(point, value=end)  # but for rounding it is
             return found, f"end of the range at {end:.8g}"
     return found, f"{points} points"
+
+
+def unresolved(circle: Circle) -> str:
+    """Why a curve is none."""
+    return (
+        f"{len(circle.states)} samples do not resolve it, {spectral_tail(circle.states):.2g} of it is in the "
+        f"highest quarter of their harmonics, more than {RESOLVED:g}: the tone locks, or more samples or "
+        "steps are needed"
+    )
+
+
+def _resolved(
+    finer: list[OwnTone], circle: Circle, direction: np.ndarray
+) -> tuple[OwnTone, Circle, np.ndarray]:
+    """The first of finer maps, which is taken from the list, whose samples resolve a curve, the curve and the
+    branch's direction there.
+    """
+    problem = unresolved(circle)
+    while finer:
+        own = finer.pop(0)
+        guess = Circle(own.resampled(circle.states), circle.rotation, circle.value)
+        along = own.resampled(direction[:-2].reshape(circle.states.shape)) * math.sqrt(
+            len(circle.states) / own.samples
+        )
+        plane = np.append(along, direction[-2:])
+        plane /= np.linalg.norm(plane)
+        try:
+            point = own.near(guess, plane)
+            if point.resolved:
+                heading = own.heading(point, plane)
+                return own, point, heading if heading @ plane > 0.0 else -heading
+            problem = unresolved(point)
+        except SolveError as error:
+            problem = str(error)
+    raise SolveError(f"quasi_periodic: the curve at {circle.value:.8g} is not resolved: {problem}")
 
 
 def _growing(own: OwnTone, circle: Circle) -> np.ndarray:

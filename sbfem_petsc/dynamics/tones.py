@@ -15,11 +15,14 @@ from .excitation import Excitation
 from .orbit import axis_number
 from .own_tone import Circle, OwnTone
 from .period_map import Period, PeriodMotion
+from .torus import RESOLVED, spectral_tail
 
 # Multiples of the first tone of which lines are kept.
 LINES = 20
 # Lyapunov exponents that are followed, and turns of the map they are averaged over.
 EXPONENTS, TURNS = 4, 400
+# A number of turns that is whole but for rounding.
+WHOLE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,8 +69,33 @@ class QuasiPeriodic:
 
     @property
     def stable(self) -> bool | None:
-        """Whether disturbances die out; None if the exponents were not asked for."""
-        return bool(self.exponents[0] < 0.0) if len(self.exponents) else None
+        """Whether disturbances die out; None if the exponents were not asked for, or if the second tone is
+        the motion's own and the samples do not resolve it (`resolved`).
+        """
+        if not len(self.exponents) or (self.own is not None and not self.resolved):
+            return None
+        return bool(self.exponents[0] < 0.0)
+
+    @property
+    def tail(self) -> float:
+        """Share (0 to 1) of what the slower tone's phase changes in the differences to the linear response
+        that is in the highest quarter of the harmonics of the samples, in the norm of the energy.
+
+        Harmonics of a curve that its samples resolve fall; where the highest are not small, those beyond
+        them are missing, or the curve has none to end with: a tone that locks makes it a staircase.
+        """
+        return spectral_tail(self.states)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether `tail` is at most 0.01; also where the map takes samples to samples (given tones, a common
+        period of as many periods of the faster one as there are samples or a part of those), between which
+        nothing is interpolated.
+        """
+        slow, fast = sorted(self.frequencies)
+        turns = self.samples * slow / fast
+        among = self.own is None and abs(turns - round(turns)) <= WHOLE * turns
+        return among or self.tail <= RESOLVED
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -113,7 +141,8 @@ class QuasiPeriodic:
         return sidebands / abs(self.line(1, 0, point, direction))
 
     def __repr__(self) -> str:
-        verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
+        unknown = "stability not asked for" if self.resolved else "not resolved by its samples"
+        verdict = {True: "stable", False: "unstable", None: unknown}[self.stable]
         born = " (its own)" if self.own is not None else ""
         return (
             f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
