@@ -173,10 +173,15 @@ def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
     """Warn the owner's caller of a curve that its samples do not resolve."""
     if found.resolved:
         return
+    missing = (
+        f"{found.tail:.2g} of its change with the {'second' if found.own is not None else 'slower'} tone is "
+        f"in the highest quarter of their harmonics, more than {RESOLVED:g}; lines may be off by as much, "
+        "small ones by more"
+        if found.tail > RESOLVED
+        else "a history from it leaves it, though its exponents are negative"
+    )
     text = (
-        f"{owner}: {found.samples} samples do not resolve the motion: {found.tail:.2g} of its change with the"
-        f" {'second' if found.own is not None else 'slower'} tone is in the highest quarter of their "
-        f"harmonics, more than {RESOLVED:g}; lines may be off by as much, small ones by more: take more, "
+        f"{owner}: {found.samples} samples do not resolve the motion: {missing}: take more, "
         f"samples={2 * found.samples - found.samples % 2}, or more steps"
     )
     if found.own is not None:

@@ -39,7 +39,8 @@ def quasi_periodic_response(
     grows; it ends at `stop`, where the motion shrinks onto a periodic one, or where no further invariant
     curve is found that its samples resolve, as where the tone locks: `reason` says which. Where the first
     motion's samples no longer resolve it (`QuasiPeriodic.tail`) it goes on with twice, and four times, as
-    many, if there is memory.
+    many, if there is memory. With `stability` a history from each motion that attracts others must stay with
+    it; behind stable ones the curve ends before the first from which it does not.
 
     Parameters
     ----------
@@ -91,12 +92,21 @@ def quasi_periodic_response(
             )
     except SolveError as error:
         raise on_all_ranks(error) from None
+    motions = [own_motion(replace(own, samples=len(item.states)), item, stability) for item in found]
+    stands = np.array([motion.stable is True for motion in motions])
+    refuted = [k for k, motion in enumerate(motions) if not motion.resolved and stands[:k].any()]
+    if refuted:
+        del motions[refuted[0] :]
+        reason = (
+            f"no further curve at {found[len(motions) - 1].value:.8g}: histories from the next one leave it, "
+            "though its exponents are negative: the tone locks, or more samples or steps are needed"
+        )
     return QuasiPeriodicBranch(
         own.parameter,
-        np.array([circle.value for circle in found]),
-        tuple(own_motion(replace(own, samples=len(item.states)), item, stability) for item in found),
+        np.array([circle.value for circle in found[: len(motions)]]),
+        tuple(motions),
         reason,
-        found[-1].value == stop,
+        len(motions) == len(found) and found[-1].value == stop,
     )
 
 

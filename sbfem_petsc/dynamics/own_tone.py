@@ -29,6 +29,8 @@ CLOSED, ITERATIONS, KEPT = 1e-10, 14, 0.05
 PHASES = (0.0, 0.5, 0.25, 0.75)
 # The linear systems: relative residual, and iterations of GMRES.
 LINEAR, RESTART = 1e-10, 150
+# Points of a curve to which distances are taken.
+DENSE = 2001
 # The parameter's unit is this share of its value.
 UNIT = 0.1
 
@@ -233,6 +235,19 @@ class OwnTone:
         made = self._derivatives(driven, circle.motions)
         found = exponents(self.comm, made, circle.rotation, count, turns, self.tangents(circle.states))
         return found / driven.duration
+
+    def strays(self, circle: Circle, periods: int) -> float:
+        """Largest distance from a curve, in its swings, of a history that begins between two samples."""
+        driven, farthest = self.driven(circle.value), 0.0
+        dense = replace(self, samples=DENSE).resampled(circle.states)
+        state = self.turned(circle.states, 0.5 / self.samples)[0]
+        try:
+            for _ in range(periods):
+                state = state + driven.run(state).residual
+                farthest = max(farthest, float(np.linalg.norm(dense - state, axis=1).min()))
+        except SolveError:
+            farthest = np.inf
+        return self.comm.bcast(farthest / circle.swing)  # ranks may have rounded differently
 
 
 def first_circle(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[Circle, np.ndarray]:

@@ -21,6 +21,9 @@ from .torus import RESOLVED, spectral_tail
 LINES = 20
 # Lyapunov exponents that are followed, and turns of the map they are averaged over.
 EXPONENTS, TURNS = 4, 400
+# A history that strays so far, in its swings, from a curve that is said to attract it refutes the curve: 0.03
+# is the farthest that samples and steps explained, 0.1 the least where a tone locked.
+STRAYED = 0.05
 # A number of turns that is whole but for rounding.
 WHOLE = 1e-9
 
@@ -45,7 +48,8 @@ class QuasiPeriodic:
         Of Newton's method, relative to the linear response.
     exponents : (k,) array
         Largest Lyapunov exponents, 1/s; empty if they were not asked for. The one along the second tone's
-        phase, zero, is not among them.
+        phase, zero, is not among them. NaN where they would say that a motion with a tone of its own attracts
+        others, and a history from it leaves it.
     contact_peak : float
         Largest contact resultant, N.
     load_factor : float
@@ -88,14 +92,15 @@ class QuasiPeriodic:
 
     @property
     def resolved(self) -> bool:
-        """Whether `tail` is at most 0.01; also where the map takes samples to samples (given tones, a common
-        period of as many periods of the faster one as there are samples or a part of those), between which
-        nothing is interpolated.
+        """Whether `tail` is at most 0.01 and the exponents, if asked for, are numbers.
+
+        Also where the map takes samples to samples: given tones with a common period of as many periods of
+        the faster one as there are samples, or of a part of those. Nothing is interpolated then.
         """
         slow, fast = sorted(self.frequencies)
         turns = self.samples * slow / fast
         among = self.own is None and abs(turns - round(turns)) <= WHOLE * turns
-        return among or self.tail <= RESOLVED
+        return among or (self.tail <= RESOLVED and not np.isnan(self.exponents).any())
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -213,6 +218,10 @@ def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:
     linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
     lines, peak = tone_lines(own.period, circle.motions, circle.rotation, linear, own.comm)
     first = 1.0 / driven.duration
+    growth = own.exponents(circle, EXPONENTS, TURNS) if stability else np.zeros(0)
+    attracts = stability and growth[0] * driven.duration * TURNS < -1.0  # within the history
+    if attracts and own.strays(circle, TURNS) > STRAYED:
+        growth = np.full_like(growth, np.nan)
     return QuasiPeriodic(
         (first, circle.rotation * first),
         own.samples,
@@ -220,7 +229,7 @@ def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:
         own.period.reduced,
         circle.states - driven.linear_state,
         circle.residuals,
-        own.exponents(circle, EXPONENTS, TURNS) if stability else np.zeros(0),
+        growth,
         peak,
         lines,
         load_factor=driven.factor,

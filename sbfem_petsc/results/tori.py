@@ -117,7 +117,7 @@ def _curve_in(group: h5py.Group, reduced: ReducedModel, own: OwnTone | None) -> 
         reduced=reduced,
         states=numbers(group, "states", samples, 2 * len(reduced.omega)),
         residuals=tuple(numbers(group, "residuals", None).tolist()),
-        exponents=numbers(group, "exponents", None),
+        exponents=numbers(group, "exponents", None, finite=False),
         contact_peak=number(group, "contact_peak", least=0.0),
         _lines=lines,
         _swapped=truth(group, "swapped"),

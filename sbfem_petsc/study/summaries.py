@@ -235,8 +235,9 @@ def _quasi_periodic(result: Any, points: Sequence[str], order: int) -> Tree:
         "modulation_index": _of_points(
             points, result.modulation_index, "1", "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
         ),
-        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for"),
+        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
         "exponents": Quantity(result.exponents, "1/s", "largest Lyapunov exponents"),
+        "tail": Quantity(result.tail, "1", "share of the highest quarter of the samples' harmonics"),
         "contact_peak": Quantity(float(result.contact_peak), "N", "largest contact resultant"),
         "residuals": Quantity(np.array(result.residuals), "1", "of Newton's method, relative"),
         "samples": Quantity(int(result.samples), "1", "phases of the slower tone"),
@@ -262,6 +263,7 @@ def _quasi_periodic_response(result: Any, points: Sequence[str], order: int) -> 
             points, lambda point: np.abs(result.line(0, 1, point)), "m", "amplitude of u_y at the own tone"
         ),
         "stable": Quantity(result.stable, "1", "stability of each motion"),
+        "tail": Quantity(result.tail, "1", "share of the highest quarter of the samples' harmonics"),
         "contact_peak": Quantity(
             np.array([motion.contact_peak for motion in result.motions]), "N", "largest contact resultant"
         ),
