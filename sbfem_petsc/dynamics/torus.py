@@ -31,7 +31,7 @@ KEPT = 0.02
 # Orbits of the curve's own map, after which Newton's method is tried again.
 SETTLING = (3, 10, 30, 100, 300)
 # A curve is resolved by its samples if no more than this share of it is in the highest quarter of their
-# harmonics: below it lines and own tones were off by less than a hundredth, above it by as much as they are.
+# harmonics: docs/quasi_periodic.md has what lines and own tones were off by below and above it.
 RESOLVED = 0.01
 # Of the states, harmonics that are rounding.
 ROUNDING = 1e-9

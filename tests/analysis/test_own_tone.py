@@ -163,6 +163,52 @@ def test_its_own_branch(curve, tori, tmp_path):
     np.testing.assert_allclose(table["f2_y_1_m"], amplitude, rtol=1e-12)
 
 
+LOCKED = 0.09586  # Hz; from here down histories repeat after five periods of the load
+
+
+@pytest.mark.slow
+def test_where_the_tone_locks(system):
+    """A branch towards 0.0955 Hz with few samples and steps ends before histories, by SciPy, begin to repeat
+    after five periods of the load. With 21 samples alone Newton's method finds "stable" curves all the way.
+    """
+    curve = sb.frequency_response(system, [0.1], 0.0971, 0.0957, steps=256)
+    onset = next(item for item in curve.bifurcations if item.kind == "Neimark-Sacker")
+    begin = sb.switch_branch(curve, onset)
+    branch = sb.quasi_periodic_response(begin, 0.0955, progress=None)
+    assert not branch.complete and "the tone locks" in branch.reason
+    assert LOCKED < branch.value.min() < 0.09589 and branch.value.argmin() == len(branch) - 1
+    assert (branch.tail <= 0.01).all() and branch.stable[2:].all() and begin.samples == 21
+    assert branch.motions[-1].samples > branch.motions[0].samples == 21
+    last, modes = branch.motions[-1], len(system.omega)
+    shapes = system.points.modes[:, 1, :]
+    state = sb.periodic(system, [0.1], last.frequencies[0], contact=False, steps=256).state + last.states[0]
+    state = np.concatenate([shapes @ (state[:modes] / system.omega), shapes @ state[modes:]])
+
+    def strobed(frequency):
+        """The last six of 500 periods, in units of the extent of the last hundred."""
+
+        def rates(t, u):
+            x, y, v, w = u
+            one, two = x + 0.02 * v, y + 0.02 * w
+            stop = 10.0 * (x - 1.0) if x > 1.0 else 0.0
+            return v, w, two - one - stop, 0.1 * math.sin(TURN * frequency * t) + one - 2.0 * two
+
+        time = np.arange(501) / frequency
+        u = solve_ivp(rates, (0.0, time[-1]), state, "DOP853", time, rtol=1e-7, atol=1e-9).y.T[-100:]
+        return u[-6:] / np.ptp(u, axis=0).max()
+
+    # 256 steps shift the branch by 5e-6 Hz
+    locked, free = strobed(LOCKED), strobed(last.frequencies[0] + 1e-5)
+    assert np.linalg.norm(locked[-1] - locked[0]) < 1e-4 < 0.1 < np.linalg.norm(locked[-1] - locked[-2])
+    assert np.linalg.norm(free[-1] - free[0]) > 0.01
+    orbit = sb.periodic(system, [0.1], 0.0957, periods=5)
+    assert orbit.stable and abs(orbit.multipliers).max() < 0.7 and abs(orbit.subharmonics("1")[1]) > 1e-3
+    # one there, of as many samples as the branch began with: told, and not said to be stable
+    with pytest.warns(sb.StepWarning, match="21 samples do not resolve the motion: .* the tone locks"):
+        few = sb.quasi_periodic(system, [0.1], (last.frequencies[0], None), start=last, steps=256)
+    assert few.stable is None and not few.resolved and len(few.exponents) and "not resolved" in repr(few)
+
+
 def test_bad_requests(system, curve, point, tori):
     known, load = tori.motions[-1], [sb.Harmonic(0.1, 0.0959)]
     two = sb.quasi_periodic(

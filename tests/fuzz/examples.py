@@ -123,7 +123,7 @@ def with_own_tone() -> sb.QuasiPeriodic:
     """Behind a Neimark-Sacker point of a smooth part of a branch."""
     system = two_masses(0.02, compliance=0.1)
     branch = sb.frequency_response(system, [0.1], 0.0962, 0.0959, steps=128, points=40)
-    return sb.switch_branch(branch, branch.bifurcations[0], samples=5)
+    return sb.switch_branch(branch, branch.bifurcations[0], samples=7)
 
 
 @functools.cache
