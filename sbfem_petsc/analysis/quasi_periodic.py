@@ -253,6 +253,10 @@ def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] |
     return pair[0], pair[1]
 
 
+# Swing of a curve, relative to that of the one it was looked for from, of which rounding alone is left.
+SHRUNK = 1e-6
+
+
 class _Wanted(NamedTuple):
     """Samples of the curve, steps a period, modes, and whether the exponents are computed."""
 
@@ -294,7 +298,13 @@ def _with_own_tone(
     guess = Circle(own.resampled(known.states), known.rotation, first * periods)
     plane = np.eye(1, guess.states.size + 2, guess.states.size + 1)[0]
     try:
-        return own_motion(own, own.near(guess, plane), stability)
+        circle = own.near(guess, plane)
+        if circle.swing < SHRUNK * known.swing:
+            raise SolveError(
+                f"quasi_periodic: at {first:g} Hz the iteration ends at the periodic motion, which has no "
+                "tone of its own; take a frequency nearer to that of start, or quasi_periodic_response"
+            )
+        return own_motion(own, circle, stability)
     except SolveError as error:
         raise on_all_ranks(error) from None
 

@@ -122,6 +122,14 @@ def test_samples_and_start(system, tori):
     assert "its own" in repr(finer)
 
 
+@pytest.mark.slow
+def test_no_tone_is_left(system, point, tori):
+    """Beyond the point at which the tone is born there is the periodic motion alone."""
+    beyond = 1.002 * point.value
+    with pytest.raises(sb.SolveError, match="ends at the periodic motion, which has no tone of its own"):
+        sb.quasi_periodic(system, [0.1], (beyond, None), start=tori.motions[0], stability=False, steps=STEPS)
+
+
 @pytest.mark.long
 def test_over_the_load(system):
     """At the frequency of a motion the branch over the load leads to it as well. Its samples are at other
