@@ -14,11 +14,11 @@ from ..dynamics.excitation import one_sided
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
 from ..dynamics.free_branch import FreeBranch, Pace
+from ..dynamics.free_stability import free_multipliers
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import period_memory
-from ..dynamics.stability import eigenvalues
 from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import agree, collective
@@ -50,17 +50,19 @@ class Backbone:
     frequency : (n,) array
         Hz.
     frequency_error : (n,) array
-        Estimate from two step lengths, Hz; nan without refinement, or where half the step leads elsewhere, as
-        it may at an interaction with a high mode.
+        What half the step changes, Hz, an estimate; nan without refinement, or where half the step leads
+        elsewhere, as it may at an interaction with a high mode.
     damping_ratio : (n,) array
         That of a linear system that loses the same share of its energy in a period; without damping the
         trace that the steps leave, about 1e-14.
+    damping_error : (n,) array
+        What half the step changes of it, as `frequency_error`.
     states : (n, 2 m) array
         (Omega q, q') at t = 0.
     multipliers : (n, k) complex array
-        Floquet multipliers by falling modulus, without those that every free motion has: +1 along the motion
-        and, without damping, +1 along the branch; with damping less what the self-excitation gives to every
-        disturbance. Empty if they were not asked for.
+        Floquet multipliers by falling modulus, in conjugate pairs, without those that every free motion has:
+        +1 along the motion and, without damping, +1 along the branch; with damping less what the
+        self-excitation gives to every disturbance. Empty if they were not asked for.
     point_harmonics : (n, points, 2, 21) complex array
         Harmonics 0 to 20 of the displacement of all named points, m.
     point_amplitudes : (n, points) array
@@ -79,6 +81,7 @@ class Backbone:
     frequency: np.ndarray
     frequency_error: np.ndarray
     damping_ratio: np.ndarray
+    damping_error: np.ndarray
     states: np.ndarray
     multipliers: np.ndarray
     point_harmonics: np.ndarray
@@ -183,7 +186,7 @@ def backbone(
         frequency meets that of a higher mode; by default those that can be are passed over, and noted in
         `passed`.
     refine : bool
-        Solve every point once more with half the step and extrapolate the frequency.
+        Solve every point once more with half the step and extrapolate frequency and damping ratio.
     stability : bool
         Compute Floquet multipliers.
 
@@ -324,20 +327,22 @@ class _Wanted(NamedTuple):
 
 def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: float) -> Backbone:
     r = system.reduced
-    frequency, error = np.array([p.frequency for p in motions]), np.full(len(motions), np.nan)
-    own, alike = frequency.copy(), not r.initial_gap.any()
+    # frequency and damping ratio, and what half the step changes of them
+    found = np.array([(p.frequency, p.damping_ratio) for p in motions])
+    own, changed, alike = found[:, 0].copy(), np.full_like(found, np.nan), not r.initial_gap.any()
     if wanted.refine:
         finer = FreeSystem(r, system.mode, 2 * system.steps)
         for n, p in enumerate(motions):
             if n and alike:
-                frequency[n], error[n] = frequency[0], error[0]
+                found[n], changed[n] = found[0], changed[0]
                 continue
             try:
-                fine = finer.solve(p.state, p.frequency, p.excitation, finer.at_energy(p.energy)).frequency
+                fine = finer.solve(p.state, p.frequency, p.excitation, finer.at_energy(p.energy))
             except SolveError:  # the point stays as it is, with an error that is not known
                 continue
-            frequency[n] = (4.0 * fine - p.frequency) / 3.0
-            error[n] = abs(frequency[n] - fine)
+            difference = np.array([fine.frequency, fine.damping_ratio]) - found[n]
+            found[n] += 4.0 / 3.0 * difference
+            changed[n] = np.abs(difference)
     if alike:  # one motion times a factor
         h, a, values = _row(system, motions[0], wanted)
         rows = [
@@ -350,9 +355,10 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
     return Backbone(
         system.mode + 1,
         np.array([p.energy for p in motions]),
-        frequency,
-        error,
-        np.array([p.damping_ratio for p in motions]),
+        found[:, 0].copy(),
+        changed[:, 0].copy(),
+        found[:, 1].copy(),
+        changed[:, 1].copy(),
         np.array([p.state for p in motions]),
         multipliers,
         harmonics,
@@ -376,10 +382,5 @@ def _row(system: FreeSystem, point: FreeMotion, wanted: _Wanted):
     spectrum = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
     values = np.zeros(0, dtype=complex)
     if wanted.stability:
-        values = eigenvalues(point.driven.monodromy(point.motion))
-        values = values[np.argsort(np.abs(values - 1.0))][1 if wanted.damped else 2 :]
-        # what the self-excitation gives to every disturbance alike is none of its growth
-        if wanted.damped:
-            values = values * math.exp(-0.5 * point.excitation * point.driven.duration)
-        values = values[np.argsort(-np.abs(values))]
+        values = free_multipliers(system, point, damped=wanted.damped)
     return spectrum, 0.5 * np.ptp(u[..., 1], axis=0), values

@@ -51,6 +51,8 @@ class FreeBranch:
         self.points, self.length, self.reason = [first], min(FIRST, pace.largest_step), ""
         self.largest_step, self.direction = pace.largest_step, pace.direction
         self.interactions = pace.interactions
+        # up to here no pair is at work: a motion is the mode alone, which meets no other
+        self.touching = system.open_side()[1]
         self.passed: list[tuple[float, float]] = []
         start = np.zeros(2 * system.modes + 2)
         start[:-2] = self.direction * first.state / np.linalg.norm(first.state)
@@ -63,7 +65,8 @@ class FreeBranch:
             # behind the furthest energy the branch is in a tongue that could not be passed over
             inside = self.interactions or self.direction * (last.energy - self._furthest()) < 0.0
             point = self._next(0.0 if inside else NARROW)
-            if not self.interactions and (point is None or self._turned(point)) and last.energy != tried:
+            meets = point is None or self._turned(point)
+            if meets and not self.interactions and self.touching < last.energy != tried:
                 tried = last.energy
                 beyond = self._beyond()
                 point = beyond or point
