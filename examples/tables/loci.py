@@ -8,6 +8,7 @@ import numpy as np
 
 import sbfem_petsc as sb
 from sbfem_petsc.plot import plot_loci, save_picture
+from sbfem_petsc.writing import write_table
 
 # Half the range of a curve that checks a point, and its largest step, relative to the frequency.
 NEAR, FINE = 2e-4, 5e-5
@@ -35,7 +36,13 @@ def write(folder, comm, lines):
     """A CSV file each."""
     for number, line in enumerate(lines):
         name = os.path.join(folder, f"line_{number}_{line.kind.replace(' ', '_')}.csv")
-        sb.on_root(comm, partial(line.to_csv, name))
+        columns = {
+            "frequency_Hz": line.frequency,
+            "force_N": line.value,
+            "multiplier_real": line.multiplier.real,
+            "multiplier_imaginary": line.multiplier.imag,
+        }
+        sb.on_root(comm, partial(write_table, name, columns))
 
 
 def in_newtons(line, force):

@@ -12,7 +12,16 @@ from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch, BranchWarning
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..dynamics.locus import KINDS, PARAMETERS, Family, Locus, LocusStart, follow_locus
+from ..dynamics.locus import (
+    AT_END,
+    CLOSED,
+    KINDS,
+    PARAMETERS,
+    Family,
+    Locus,
+    LocusStart,
+    follow_locus,
+)
 from ..errors import SolveError
 from ..parallel import agree, collective
 from ..progress import progress_bar
@@ -23,6 +32,8 @@ SMOOTH = 0.1
 SMOOTH_KINDS = ("fold", "period doubling", "Neimark-Sacker")
 # A bifurcation this near to a line that is known, relative to its state and to the branch's range, is on it.
 ONE = 0.03
+# A factor this near to 1 is 1.
+AT = 1e-6
 
 
 def locus(
@@ -170,7 +181,7 @@ def loci(
     Warns
     -----
     BranchWarning
-        Of bifurcations that could not be followed.
+        Of bifurcations that could not be followed, and of lines that end inside the range.
     """
     what = "loci"
     instance(what, "branch", branch, Branch, "a Branch")
@@ -204,11 +215,19 @@ def loci(
         if any(_passes(line, item, branch) for line in result):
             continue
         try:
-            result.append(
-                locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
-            )
+            line = locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
         except SolveError as error:
             warnings.warn(f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=2)
+            continue
+        result.append(line)
+        for k, reason in zip((0, -1), line.reasons):
+            if reason != CLOSED and not reason.startswith(AT_END):
+                warnings.warn(
+                    f"{what}: the line of {item!r} ends inside the range, at {line.frequency[k]:.8g} Hz and "
+                    f"the factor {line.value[k]:.6g}: {reason}",
+                    BranchWarning,
+                    stacklevel=2,
+                )
     return tuple(result)
 
 
@@ -216,7 +235,9 @@ def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
     """Whether a line passes the branch's own conditions at a bifurcation, to the distance of its points."""
     if line.kind != item.kind:
         return False
-    for k in np.flatnonzero((line.value[:-1] - 1.0) * (line.value[1:] - 1.0) <= 0.0):
+    # an end of the range is met to rounding
+    beyond = np.where(np.abs(line.value - 1.0) < AT, 0.0, line.value - 1.0)
+    for k in np.flatnonzero(beyond[:-1] * beyond[1:] <= 0.0):
         share = (1.0 - line.value[k]) / ((line.value[k + 1] - line.value[k]) or 1.0)
         frequency = line.frequency[k] + share * (line.frequency[k + 1] - line.frequency[k])
         state = line.states[k] + share * (line.states[k + 1] - line.states[k])

@@ -1,11 +1,15 @@
 """Loci of bifurcations: ends on curves of one parameter, the scaling that contact without friction has."""
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
+from sbfem_petsc.analysis.locus import _passes
+from sbfem_petsc.dynamics.branch import BranchWarning
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, two_masses
@@ -98,6 +102,47 @@ def test_paper_beam(kind, damping, force, window):
     line = sb.locus(branch, first, 0.9, 1.1, points=3)
     assert len(line) >= 5
     assert [within(branch, line, k) <= 1e-6 for k in range(len(line))] == len(line) * [True]
+
+
+@pytest.mark.long
+def test_a_multiplier_that_hardly_leaves_the_circle():
+    """Fig. 11 again: a pair at an angle of 0.6 degrees changes its modulus by 1e-5 in a Hz, and by 2e-7 from
+    one switch within the steps to the next. Its line is followed through: forces at which it ended before,
+    and between, on curves of one parameter, to what that scatter is in frequency, 0.03 Hz.
+    """
+    reduced = sb.reduce(case_p(0.002), sb.PointForce("A", fy=1.0), modes=80)
+    branch = sb.frequency_response(reduced, [700.0], 14205.0, 14215.0, steps=256)
+    (first,) = (item for item in branch.bifurcations if abs(item.multiplier - 1.0) < 0.02)
+    line = sb.locus(branch, first, 600.0 / 700.0, 1000.0 / 700.0, points=40)
+    assert all(reason.startswith("end of the range") for reason in line.reasons)
+    assert [within(branch, line, k) <= 1e-6 for k in range(len(line))] == len(line) * [True]
+    order = np.argsort(line.value)
+    frequency = CubicSpline(700.0 * line.value[order], line.frequency[order])
+    for force in (650.0, 720.0, 800.0, 900.0):
+        expected = float(frequency(force))
+        curve = sb.frequency_response(
+            reduced, [force], expected - 4.0, expected + 4.0, steps=256, largest_step=0.5
+        )
+        found = [item.value for item in curve.bifurcations if abs(item.multiplier - 1.0) < 0.02]
+        assert np.abs(np.array(found) - expected).min() < 0.03
+
+
+@pytest.mark.long
+def test_each_line_once_and_its_ends(curve):
+    """With the branch's own conditions at an end of the range, which a line meets to rounding, both doublings
+    of an island are still one line; an end inside the range is told.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", BranchWarning)
+        (line,) = sb.loci(curve, 0.5, 1.0, kinds=("period doubling",))
+    assert line.value.max() == pytest.approx(1.0, abs=1e-8)
+    doublings = of_kind(curve, "period doubling")
+    for shift in (-1e-9, 1e-9):
+        other = replace(line, value=line.value * (1.0 + shift))
+        assert [_passes(other, item, curve) for item in doublings] == [True, True]
+    assert line.value.min() == pytest.approx(0.894, abs=1e-3)
+    with pytest.warns(BranchWarning, match="ends inside the range, at .* Hz and the factor .*: 1 points"):
+        sb.loci(curve, 0.5, 1.1, kinds=("period doubling",), points=1)
 
 
 @pytest.mark.long

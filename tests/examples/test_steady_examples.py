@@ -173,6 +173,7 @@ def test_loci(tmp_path):
     apart = [float(value) for value in re.findall(r"on a curve (\S+) of it off", text)]
     assert len(apart) == 2 and max(apart) < 1e-6
     assert len(column(tmp_path / "line_0_Neimark-Sacker.csv", "frequency_Hz")) == 3
+    assert min(column(tmp_path / "line_0_Neimark-Sacker.csv", "force_N")) > 300.0
     assert (tmp_path / "loci.png").stat().st_size > 20000
 
 
