@@ -13,7 +13,7 @@ from ..checks import flag, index_of, integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
-from ..dynamics.free_branch import FreeBranch, Pace
+from ..dynamics.free_branch import ADDED, FreeBranch, Pace
 from ..dynamics.free_stability import free_multipliers
 from ..dynamics.free_start import first_motion
 from ..dynamics.loading import communicator
@@ -337,7 +337,7 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
                 found[n], changed[n] = found[0], changed[0]
                 continue
             try:
-                fine = finer.solve(p.state, p.frequency, p.excitation, finer.at_energy(p.energy))
+                fine = _finer(finer, p, alike)
             except SolveError:  # the point stays as it is, with an error that is not known
                 continue
             difference = np.array([fine.frequency, fine.damping_ratio]) - found[n]
@@ -371,6 +371,16 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
         np.array([p.excitation for p in motions]),
         own,
     )
+
+
+def _finer(finer: FreeSystem, point: FreeMotion, alike: bool) -> FreeMotion:
+    """The same motion of a finer system; that of closed faces by way of damped ones where it has to be."""
+    try:
+        return finer.again(point, point.energy, point.excitation)
+    except SolveError:
+        if not alike:
+            raise
+        return finer.around(point, ADDED)
 
 
 def _row(system: FreeSystem, point: FreeMotion, wanted: _Wanted):

@@ -225,6 +225,11 @@ class FreeSystem:
             point, added = self.damped(lower).again(point, point.energy, excitation), lower
         return point
 
+    def around(self, point: FreeMotion, added: float) -> FreeMotion:
+        """The motion at the energy of one of a neighbouring system, by way of damped ones."""
+        excitation = point.excitation + 4.0 * math.pi * point.frequency * added
+        return self.without(self.damped(added).again(point, point.energy, excitation), added)
+
     def from_rest(self, point: FreeMotion) -> bool:
         """Whether a motion begins at rest and runs back along itself after half a period."""
         moving = np.linalg.norm(point.state[self.modes :]) > AT_REST * np.linalg.norm(point.state)
