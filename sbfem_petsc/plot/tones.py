@@ -187,7 +187,8 @@ def plot_backbone(
     title: str = "",
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
-    """Draw frequencies of free motions over their energy, broken where they are unstable. Collective.
+    """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
+    damping ratios where there are damped motions. Collective.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def plot_backbone(
 
     Returns
     -------
-    Axes on rank 0, None elsewhere; `save_picture` writes them
+    Axes of the frequencies on rank 0, None elsewhere; `save_picture` writes the whole picture
     """
     check("plot_backbone", title=title, comm=comm)
     named = by_name("plot_backbone", backbones, Backbone)
@@ -209,31 +210,45 @@ def _draw_backbones(backbones: Mapping[str, Backbone], title: str) -> Axes:
     if not backbones:
         raise ValueError("plot_backbone: no backbone is given")
     factor, unit = frequency_unit(max(float(b.frequency.max()) for b in backbones.values()))
-    drawing = figure(3.0)
-    axes = drawing.subplots()
-    broken = False
+    damped = any(backbone.damped for backbone in backbones.values())
+    drawing = figure(4.6 if damped else 3.0)
+    panels = drawing.subplots(1 + damped, sharex=True, squeeze=False)[:, 0]
+    axes, broken = panels[0], False
     for k, (name, backbone) in enumerate(backbones.items()):
         colour = CYCLE[k % len(CYCLE)]
-        energy, height = backbone.energy, backbone.frequency * factor
-        verdict = np.asarray(backbone.stable) if len(backbone.multipliers) else np.ones(len(energy), bool)
+        verdict = (
+            np.asarray(backbone.stable) if len(backbone.multipliers) else np.ones(len(backbone.energy), bool)
+        )
         axes.plot([], [], color=colour, linewidth=1.2, label=name or "_")
-        for i in range(len(energy) - 1):
-            steady = bool(verdict[i] and verdict[i + 1])
-            axes.plot(
-                energy[i : i + 2],
-                height[i : i + 2],
-                color=colour,
-                linewidth=1.2,
-                linestyle="-" if steady else DASHED,
-            )
-            broken = broken or not steady
+        steady = verdict[:-1] & verdict[1:]
+        broken = broken or not steady.all()
+        _draw_pieces(axes, (backbone.energy, backbone.frequency * factor), steady, colour)
+        if backbone.damped:
+            _draw_pieces(panels[1], (backbone.energy, backbone.damping_ratio), steady, colour)
     if broken:
         axes.plot([], [], color=BLACK, linewidth=1.2, linestyle=DASHED, label="unstable")
-    axes.set(xscale="log", xlabel="energy (J)", ylabel=f"frequency of free vibration ({unit})")
-    axes.margins(y=0.1)
-    axes.tick_params(axis="x", which="minor", labelsize=7)
+    axes.set(ylabel=f"frequency of free vibration ({unit})")
+    if damped:
+        panels[1].set(ylabel="damping ratio")
+    panels[-1].set(xscale="log", xlabel="energy (J)")
+    panels[-1].tick_params(axis="x", which="minor", labelsize=7)
     axes.set_title(title, fontsize=8, loc="left")
     if any(backbones) or broken:
         axes.legend(fontsize=7, frameon=False)
-    style(axes)
+    for panel in panels:
+        panel.margins(y=0.1)
+        style(panel)
     return axes
+
+
+def _draw_pieces(axes: Axes, places: tuple[np.ndarray, np.ndarray], steady: np.ndarray, colour: str) -> None:
+    """A line from point to point, broken where motions are unstable."""
+    across, up = places
+    for i, holds in enumerate(steady):
+        axes.plot(
+            across[i : i + 2],
+            up[i : i + 2],
+            color=colour,
+            linewidth=1.2,
+            linestyle="-" if holds else DASHED,
+        )

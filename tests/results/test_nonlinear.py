@@ -11,7 +11,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.free import FreeSystem
 from sbfem_petsc.dynamics.own_tone import OwnTone
-from sbfem_petsc.plot import plot_branches, plot_quasi_periodic
+from sbfem_petsc.plot import plot_backbone, plot_branches, plot_quasi_periodic
 from sbfem_petsc.reduction.reduced_model import ReducedModel
 from tests.fuzz import examples
 
@@ -123,6 +123,28 @@ def test_picture_of_tori():
             assert np.abs(drawn - point).sum(axis=1).min() < 1e-9
     with pytest.raises(ValueError, match="branches of one parameter"):
         plot_quasi_periodic({"a": branch, "b": dataclasses.replace(branch, parameter="load")}, "1")
+
+
+def test_picture_of_damped_backbones():
+    """Frequencies above damping ratios, over one axis of energies; the undamped one has no ratio."""
+    undamped = examples.backbone()
+    damped = sb.backbone(
+        examples.oscillator(), 1, 0.1, 0.2, damping=True, refine=False, stability=False, steps=64
+    )
+    axes = plot_backbone({"undamped": undamped, "damped": damped})
+    upper, lower = axes.figure.axes
+    assert axes is upper and lower.get_ylabel() == "damping ratio" and lower.get_xscale() == "log"
+    assert len(plot_backbone(undamped).figure.axes) == 1
+
+    def drawn(panel):
+        return np.concatenate([line.get_xydata() for line in panel.lines if len(line.get_xydata())])
+
+    for panel, backbones, values in (
+        (upper, (undamped, damped), "frequency"),
+        (lower, (damped,), "damping_ratio"),
+    ):
+        expected = np.concatenate([np.column_stack([b.energy, getattr(b, values)]) for b in backbones])
+        np.testing.assert_allclose(np.unique(drawn(panel), axis=0), np.unique(expected, axis=0), rtol=1e-12)
 
 
 def test_picture_of_a_backbone_over_curves():
