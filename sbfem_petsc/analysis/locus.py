@@ -17,11 +17,11 @@ from ..dynamics.locus import (
     CLOSED,
     KINDS,
     PARAMETERS,
-    Family,
     Locus,
     LocusStart,
     follow_locus,
 )
+from ..dynamics.locus_point import Family
 from ..errors import SolveError
 from ..parallel import agree, collective
 from ..progress import progress_bar

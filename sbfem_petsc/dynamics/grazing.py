@@ -18,7 +18,7 @@ from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .branch import Branch
 from .fixed_point import FixedPoint
-from .locus import Family
+from .locus_point import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .shooting import shoot
 

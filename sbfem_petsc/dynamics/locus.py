@@ -7,18 +7,15 @@ which a multiplier stays on the unit circle. It is followed by pseudo-arclength;
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from ..errors import SolveError
 from ..writing import write_table
-from .locus_point import LARGEST, Corrector, LocusPoint, PointLost
-from .period_map import DrivenPeriod, Period, PeriodMotion
-from .stability import multipliers
+from .locus_point import LARGEST, Corrector, Family, LocusPoint, PointLost
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 PARAMETERS = ("load", "damping", "gap")
@@ -85,58 +82,6 @@ class Locus:
             "multiplier_imaginary": self.multiplier.imag,
         }
         write_table(path, columns)
-
-
-class Family:
-    """The periods of a reduced model over the forcing frequency and a second parameter.
-
-    Parameters
-    ----------
-    period : Period
-    parameter : {"load", "damping", "gap"}
-    factor : float
-        On the oscillating loads, where the second parameter is another.
-    """
-
-    def __init__(self, period: Period, parameter: str, factor: float = 1.0):
-        self.period, self.parameter, self.factor = period, parameter, factor
-        self._kept: tuple[float, Period] = (math.nan, period)
-
-    def at(self, frequency: float, value: float) -> DrivenPeriod:
-        """The driven period of both parameters."""
-        if self.parameter == "load":
-            return self.period.at(frequency, value)
-        if self._kept[0] != value:
-            p, name = self.period, "initial_gap" if self.parameter == "gap" else "damping"
-            reduced = replace(p.reduced, **{name: value * getattr(p.reduced, name)})
-            self._kept = value, Period(reduced, p.excitation, p.steps, p.pairs > 0)
-        return self._kept[1].at(frequency, self.factor)
-
-    def derivative(self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float):
-        """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
-        identity = np.eye(len(state))
-        if self.parameter == "load":
-            return driven.carried(motion, identity, ("frequency", "load"))
-        step = 1e-6 * max(abs(value), 1e-3)
-        ahead = self.at(driven.frequency, value + step).run(state)
-        behind = self.at(driven.frequency, value - step).run(state)
-        rate = (ahead.residual - behind.residual) / (2.0 * step)
-        return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
-
-    def excess(
-        self, kind: str, driven: DrivenPeriod, motion: PeriodMotion, value: float, near: complex
-    ) -> tuple[float, complex]:
-        """How far the multiplier of a kind is from its place, and the multiplier."""
-        values = multipliers(driven, motion).values
-        if kind == "Neimark-Sacker":
-            found = values[values.imag > 1e-9]
-            if not found.size:
-                raise PointLost("the complex pair has become real")
-            nearest = complex(found[np.argmin(np.abs(found - near))])
-            return abs(nearest) - 1.0, nearest
-        target = 1.0 if kind == "fold" else -1.0
-        nearest = complex(values[np.argmin(np.abs(values - target))])
-        return nearest.real - target, nearest
 
 
 class LocusStart(NamedTuple):

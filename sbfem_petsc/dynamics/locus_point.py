@@ -1,4 +1,4 @@
-"""A point of a locus: Newton's method on the surface of motions, or bracketing.
+"""A point of a locus on a family of motions: Newton's method on their surface, or bracketing.
 
 Newton's corrections are split into one that leads back to the surface (the least one) and one within its
 tangent plane, in which the multiplier's derivative is taken by differences.
@@ -11,15 +11,15 @@ then.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy import linalg
 from scipy.optimize import brentq
 
-if TYPE_CHECKING:
-    from .locus import Family
+from .period_map import DrivenPeriod, Period, PeriodMotion
+from .stability import multipliers
 
 # Arc length: the state's relative change, the frequency's relative change times this, and the share of the
 # second parameter's range, summed as squares; the largest step.
@@ -33,6 +33,58 @@ APART = 1e-4
 # Corrections of a few such steps that do not shrink to this share are the scatter's; roots are bracketed
 # within so many of them to either side.
 FEW, SHRINKS, WIDEST = 20.0, 0.5, 64.0
+
+
+class Family:
+    """The periods of a reduced model over the forcing frequency and a second parameter.
+
+    Parameters
+    ----------
+    period : Period
+    parameter : {"load", "damping", "gap"}
+    factor : float
+        On the oscillating loads, where the second parameter is another.
+    """
+
+    def __init__(self, period: Period, parameter: str, factor: float = 1.0):
+        self.period, self.parameter, self.factor = period, parameter, factor
+        self._kept: tuple[float, Period] = (math.nan, period)
+
+    def at(self, frequency: float, value: float) -> DrivenPeriod:
+        """The driven period of both parameters."""
+        if self.parameter == "load":
+            return self.period.at(frequency, value)
+        if self._kept[0] != value:
+            p, name = self.period, "initial_gap" if self.parameter == "gap" else "damping"
+            reduced = replace(p.reduced, **{name: value * getattr(p.reduced, name)})
+            self._kept = value, Period(reduced, p.excitation, p.steps, p.pairs > 0)
+        return self._kept[1].at(frequency, self.factor)
+
+    def derivative(self, driven: DrivenPeriod, motion: PeriodMotion, state: np.ndarray, value: float):
+        """dx(T) along x(0), the frequency and the second parameter, (2 m, 2 m + 2)."""
+        identity = np.eye(len(state))
+        if self.parameter == "load":
+            return driven.carried(motion, identity, ("frequency", "load"))
+        step = 1e-6 * max(abs(value), 1e-3)
+        ahead = self.at(driven.frequency, value + step).run(state)
+        behind = self.at(driven.frequency, value - step).run(state)
+        rate = (ahead.residual - behind.residual) / (2.0 * step)
+        return np.column_stack([driven.carried(motion, identity, ("frequency",)), rate])
+
+    def excess(
+        self, kind: str, driven: DrivenPeriod, motion: PeriodMotion, value: float, near: complex
+    ) -> tuple[float, complex]:
+        """How far the multiplier of a kind is from its place, and the multiplier."""
+        values = multipliers(driven, motion).values
+        if kind == "Neimark-Sacker":
+            found = values[values.imag > 1e-9]
+            if not found.size:
+                raise PointLost("the complex pair has become real")
+            nearest = complex(found[np.argmin(np.abs(found - near))])
+            return abs(nearest) - 1.0, nearest
+        target = 1.0 if kind == "fold" else -1.0
+        nearest = complex(values[np.argmin(np.abs(values - target))])
+        return nearest.real - target, nearest
 
 
 @dataclass(frozen=True, eq=False)
