@@ -6,7 +6,9 @@ import contextlib
 import os
 import signal
 import sys
+import threading
 import warnings
+from collections.abc import Iterator
 from types import FrameType
 from typing import Any, NoReturn
 
@@ -17,6 +19,8 @@ from .parser import make_parser, split
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
 
 FAILED, WRONG_INPUT, INTERRUPTED, TERMINATED = 1, 2, 130, 143
+# Seconds after which a signal that was lost is sent again.
+AGAIN = 0.05
 
 
 class _Terminated(BaseException):
@@ -42,7 +46,29 @@ def _run(arguments: list[str]) -> int:
     with contextlib.suppress(ImportError) if options.command == "doctor" else contextlib.nullcontext():
         start_petsc(rest)
     signal.signal(signal.SIGTERM, _terminate)
-    return _guarded(options)
+    with _no_signal_lost():
+        return _guarded(options)
+
+
+@contextlib.contextmanager
+def _no_signal_lost() -> Iterator[None]:
+    """Python drops what the handler of a signal raises while it clears a weak reference, as it does whenever
+    rows are written to a file: the signal is sent again.
+    """
+    former = sys.unraisablehook
+
+    def told(dropped: Any) -> None:
+        number = {KeyboardInterrupt: signal.SIGINT, _Terminated: signal.SIGTERM}.get(dropped.exc_type)
+        if number is None:
+            former(dropped)
+        else:
+            threading.Timer(AGAIN, os.kill, (os.getpid(), number)).start()
+
+    sys.unraisablehook = told
+    try:
+        yield
+    finally:
+        sys.unraisablehook = former
 
 
 def _not_installed(error: ImportError) -> int:
