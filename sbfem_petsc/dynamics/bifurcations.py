@@ -8,8 +8,8 @@ import numpy as np
 
 from .branch_zero import find_zero, touching
 from .continuation import Continuation, ContinuationPoint
-from .orbit import FLOOR
 from .stability import Multipliers, multipliers_of
+from .unit_circle import outside
 
 # A located multiplier this near the unit circle has passed it there.
 RESOLVED = 1e-2
@@ -50,11 +50,6 @@ class Bifurcation:
         return f"Bifurcation({self.kind} at {self.value:.7g}, multiplier {self.multiplier:.6g})"
 
 
-def unstable(found: Multipliers, margin: float = 0.0) -> int:
-    """Number of multipliers outside the unit circle by more than a margin."""
-    return int((np.abs(found.values) > 1.0 + margin).sum())
-
-
 def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
     """All bifurcations of a branch in the order of its points.
 
@@ -73,7 +68,7 @@ def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurca
             and (points[k].value - points[k - 1].value) * (points[k + 1].value - points[k].value) < 0.0
         ):
             result.append(_fold(continuation, k))
-        one, other = unstable(found[k - 1], FLOOR), unstable(found[k], FLOOR)
+        one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
         if one != other:
             crossing = _crossing(continuation, k, max(one, other) - 1, found)
             # a real multiplier through +1 at a turning point is the fold itself, which has been found by its

@@ -13,14 +13,19 @@ from .stability import Multipliers
 NEAR = 0.05
 
 
+def outside(found: Multipliers) -> np.ndarray:
+    """(k,) bool: which multipliers are outside the unit circle by more than rounding."""
+    return np.abs(found.values) > 1.0 + FLOOR
+
+
 def passages(one: Multipliers, other: Multipliers) -> int:
     """Multipliers that are outside the unit circle at one of two points of a branch, while the one that is
     nearest to them at the other is not; a complex pair counts once.
     """
     count = 0
     for here, there in ((one, other), (other, one)):
-        outside = here.values[(np.abs(here.values) > 1.0 + FLOOR) & (here.values.imag >= 0.0)]
-        count += int((np.abs(_nearest(there, outside)) <= 1.0 + FLOOR).sum())
+        leading = here.values[outside(here) & (here.values.imag >= 0.0)]
+        count += int((~outside(there)[_nearest(there, leading)]).sum())
     return count
 
 
@@ -29,12 +34,10 @@ def ambiguous(one: Multipliers, other: Multipliers) -> bool:
     between two points: a pair may have come back before a real one left, or split into two of which one came
     back.
     """
-    real, paired = (
-        [int(((np.abs(item.values) > 1.0 + FLOOR) & kind(item.values)).sum()) for item in (one, other)]
-        for kind in (lambda values: values.imag == 0.0, lambda values: values.imag > 0.0)
-    )
-    change = real[1] - real[0] + 2 * (paired[1] - paired[0])
-    return real[0] != real[1] and paired[0] != paired[1] and change != 0
+    here, there = (item.values[outside(item)].imag for item in (one, other))
+    real = np.count_nonzero(there == 0.0) - np.count_nonzero(here == 0.0)
+    paired = np.count_nonzero(there > 0.0) - np.count_nonzero(here > 0.0)
+    return real != 0 and paired != 0 and real + 2 * paired != 0
 
 
 def excursion(around: list[tuple[float, Multipliers]]) -> float | None:
@@ -50,9 +53,9 @@ def excursion(around: list[tuple[float, Multipliers]]) -> float | None:
     spectra = [found for _, found in around]
     middle = spectra[1].values
     middle = middle[(np.abs(np.abs(middle) - 1.0) < NEAR) & (middle.imag >= 0.0)]
-    following = _nearest(spectra[2], middle)
-    chains = [_nearest(spectra[0], middle), middle, following, _nearest(spectra[3], following)]
-    heights = np.abs(np.array(chains)) - 1.0
+    before, following = (found.values[_nearest(found, middle)] for found in (spectra[0], spectra[2]))
+    behind = spectra[3].values[_nearest(spectra[3], following)]
+    heights = np.abs(np.array([before, middle, following, behind])) - 1.0
     heights *= -np.sign(heights[1])
     same = heights[2] < 0.0
     if not same.any():
@@ -66,7 +69,8 @@ def excursion(around: list[tuple[float, Multipliers]]) -> float | None:
 
 
 def _nearest(found: Multipliers, values: np.ndarray) -> np.ndarray:
-    return found.values[np.abs(found.values - values[:, None]).argmin(axis=1)]
+    """(n,) int: which multipliers are the nearest to (n,) values."""
+    return np.abs(found.values - values[:, None]).argmin(axis=1)
 
 
 def _top(places: np.ndarray, heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -24,9 +24,8 @@ from .folder import Folder
 from .objects import located
 from .problems import CaseError
 from .quantities import Quantity, Tree, plain
-from .solve import Structure
+from .solve import Structure, no_locus
 from .storage import read_tree, write_json, write_tree
-from .summaries import no_locus
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2

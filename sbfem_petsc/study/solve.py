@@ -17,7 +17,7 @@ from . import objects
 from .case import Case
 from .parameters import grid
 from .quantities import Tree
-from .summaries import no_locus, tree_of
+from .summaries import tree_of
 
 Progress = Callable[[float], None] | None
 # Share of a period that counts as none when whole periods are counted.
@@ -335,3 +335,13 @@ def modulation(
         ),
         "common_period": period,
     }
+
+
+def no_locus(table: Any) -> str:
+    """Why the table of an analysis has led to no line of bifurcations."""
+    kinds = table.bifurcations
+    listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
+    return (
+        f"no {listed} that can be followed was found on the curve from {table.start:g} to {table.stop:g} Hz"
+        f"{f' at {table.factor:g} times the load' if table.factor != 1.0 else ''}"
+    )

@@ -340,16 +340,6 @@ def _backbone(result: Any, points: Sequence[str]) -> Tree:
     }
 
 
-def no_locus(table: Any) -> str:
-    """Why the table of an analysis has led to no line of bifurcations."""
-    kinds = table.bifurcations
-    listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
-    return (
-        f"no {listed} that can be followed was found on the curve from {table.start:g} to {table.stop:g} Hz"
-        f"{f' at {table.factor:g} times the load' if table.factor != 1.0 else ''}"
-    )
-
-
 def _locus(result: Any, points: Sequence[str], none: str) -> Tree:
     lines = [
         {
