@@ -268,6 +268,7 @@ from sbfem_petsc.cli.main import _no_signal_lost
 class Thing:
     pass
 
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background process ignores it otherwise
 with _no_signal_lost():
     thing = Thing()
     kept = weakref.ref(thing, lambda _: (os.kill(os.getpid(), signal.SIGINT), time.sleep(0.01)))
