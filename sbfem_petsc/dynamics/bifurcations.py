@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .branch_zero import find_zero, touching
+from .branch_zero import find_zero
 from .continuation import Continuation, ContinuationPoint
 from .stability import Multipliers, multipliers_of
 from .unit_circle import outside
@@ -171,18 +171,18 @@ def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipl
     at = known[point]
     value = complex(at.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
-    unresolved = abs(abs(value) - 1.0) > RESOLVED and (touching(first) != touching(second)).any()
+    unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.fixed.touching != second.fixed.touching).any()
     # beside a pair that begins to touch it may pass the circle as elsewhere
     jump = max(abs(excess(end)) for end in (one, other)) > RESOLVED
     kind = (
         "grazing"
-        if ((touching(one) != touching(other)).any() and jump) or unresolved
+        if ((one.fixed.touching != other.fixed.touching).any() and jump) or unresolved
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"
         if value.real < 0.0
         else "branch point"
     )
-    rows = np.flatnonzero(touching(one) != touching(other))
+    rows = np.flatnonzero(one.fixed.touching != other.fixed.touching)
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
     return Bifurcation(kind, point.value, value, point.fixed.state, at.direction(rank), k, row)

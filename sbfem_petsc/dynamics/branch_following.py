@@ -27,9 +27,10 @@ from .unit_circle import ambiguous, excursion, passages
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
 EVEN, ABOUT = 201, 41
-# A bend of the curve, over parameter and amplitude both scaled to 1, at which points are added (radian), the
-# shortest chord that is divided, times.
-BEND, SHORT, PASSES = 0.3, 0.01, 3
+# A chord of the curve, over parameter and amplitude both scaled to 1, is divided, so many times at most, if
+# it is off the curve by more than this share of the amplitude, or of it times a cosine where the curve is
+# steeper; beside a peak until the bend (radian) or the chord is as small; not if it is shorter.
+CHORD, STEEP, BEND, PEAK, SHORT, PASSES = 0.015, 0.3, 0.3, 0.005, 0.005, 6
 # A stretch with a period doubling and a fold in it is halved so often at most.
 HALVINGS = 8
 # Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
@@ -224,23 +225,14 @@ class PointRows:
 
 
 def _refine(continuation: Continuation, rows: PointRows) -> None:
-    """Points between those where the amplitude of a named point bends sharply over the parameter, so that
-    peaks stand where they are.
+    """Points between those where the amplitude of a named point bends over the parameter, so that chords show
+    the curve and peaks stand where they are.
     """
     for _ in range(PASSES):
         points = continuation.points
-        value, amplitude = (
-            np.array([s.value for s in points]) / continuation.parameter.extent,
-            rows.arrays()[1],
-        )
-        bent = set()
-        for k in range(amplitude.shape[1]):
-            if not amplitude[:, k].any():
-                continue
-            steps = np.diff(np.stack([value, amplitude[:, k] / amplitude[:, k].max()], axis=1), axis=0)
-            angle = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
-            length = np.hypot(*steps.T)
-            bent |= {m for i in np.flatnonzero(angle > BEND) for m in (i, i + 1) if length[m] > SHORT}
+        value = np.array([point.value for point in points]) / continuation.parameter.extent
+        amplitudes = rows.arrays()[1].T
+        bent = {k for heights in amplitudes if heights.any() for k in coarse_chords(value, heights)}
         for k in sorted(bent, reverse=True):
             try:
                 point = between(continuation, k, 0.5)
@@ -251,6 +243,35 @@ def _refine(continuation: Continuation, rows: PointRows) -> None:
             point.fixed.forget()
         if not bent:
             break
+
+
+def coarse_chords(value: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
+    """Numbers of the chords of a curve that are to be divided.
+
+    Parameters
+    ----------
+    value : (n,) array
+        Parameter as a share of its range.
+    amplitude : (n,) array
+    """
+    heights = amplitude / amplitude.max()
+    steps = np.diff(np.stack([value, heights], axis=1), axis=0)
+    length = np.hypot(*steps.T)
+    turn = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+    curvature = 2.0 * turn / (length[1:] + length[:-1])
+    most, sharpest = (
+        np.maximum(np.append(item, 0.0), np.append(0.0, item)) for item in (curvature, turn)
+    )  # of both ends of each chord
+    # a corner is off no chord by more than its turn tells
+    off = np.minimum(most * length**2 / 8.0, sharpest * length / 4.0)
+    height = 0.5 * (heights[1:] + heights[:-1])
+    flatness = np.maximum(np.abs(steps[:, 0]) / np.where(length > 0.0, length, 1.0), STEEP)
+    coarse = (off > CHORD * height * flatness) & (length > SHORT)
+    inner = heights[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= heights[:-2]) & (inner >= heights[2:]) & (turn > BEND))
+    beside = np.unique(np.concatenate([peaks - 1, peaks]))
+    coarse[beside[length[beside] > PEAK]] = True
+    return np.flatnonzero(coarse)
 
 
 def _separate(continuation: Continuation, rows: PointRows) -> None:
@@ -291,13 +312,13 @@ def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None])
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
-    """(n,): uncertainty of the largest modulus at the points next to a change of the verdict, nan
-    elsewhere.
+    """(n,): uncertainty of the largest modulus at the unstable points next to stable ones, whose verdict
+    alone may depend on it, nan elsewhere.
     """
     stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
-    changes = np.flatnonzero(stable[1:] != stable[:-1])
+    beside_stable = np.append(stable[1:], False) | np.append(False, stable[:-1])
     result = np.full(len(found), np.nan)
-    for k in {*changes, *(changes + 1)}:
+    for k in np.flatnonzero(~stable & beside_stable):
         point = continuation.points[k]
         frequency, factor = continuation.parameter.conditions(point.value)
         result[k] = multiplier_error(continuation.period, point.fixed, frequency, found[k], factor)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.polynomial import polynomial
 
 from ..errors import SolveError
-from .continuation import Continuation, ContinuationPoint
+from .continuation import HELD, SPAN, Continuation, ContinuationPoint
 from .shooting import shoot_along
 
 # How far along the arc between two points a zero is located; the same where the function is steep or pairs
@@ -29,42 +29,35 @@ def between(
     fraction: float,
     known: Places | None = None,
 ) -> ContinuationPoint:
-    """A point of the branch in the plane across the chord from point k to the next one; `known` are such
-    points by their fractions.
+    """A point of the branch at a fraction of the way from point k to the next one (see `across`); `known` are
+    such points by their fractions.
     """
+    parameter = continuation.parameter
     one, other = continuation.points[k : k + 2]
-    size, way = chord(continuation, one, other)
-    heading = way / np.linalg.norm(way)
+    size, normal = across(continuation, k)
+    held = not normal[:-1].any()
     guess, value = (
         one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
         one.value + fraction * (other.value - one.value),
     )
-
-    def condition(state, change):
-        return (
-            float(
-                heading[:-1] @ (state - guess) + size / continuation.parameter.extent * heading[-1] * change
-            ),
-            heading[:-1],
-            size / continuation.parameter.extent * heading[-1],
-        )
-
-    name = continuation.parameter.name
     ends = {0.0: one, 1.0: other, **beside(continuation, k)}
     places, weights = _weights(ends, fraction)
-    near = np.tensordot(weights, [ends[place].derivative(name) for place in places], 1)
+    derivatives = [
+        point.fixed.monodromy if held else point.derivative(parameter.name)
+        for point in (ends[place] for place in places)
+    ]
+    near = np.tensordot(weights, derivatives, 1)
     found = {**ends, **(known or {})}
     places, weights = _weights(found, fraction)
     start = weights @ np.array([found[place].fixed.state for place in places])
-    begin = float(weights @ np.array([found[place].value for place in places]))
-    fixed = shoot_along(
-        continuation.period,
-        (start, begin),
-        continuation.parameter,
-        lambda state, change: condition(state, change + begin - value),
-        near,
-    )
-    return ContinuationPoint(fixed, float(fixed.parameters[0]))
+    begin = value if held else float(weights @ np.array([found[place].value for place in places]))
+
+    def condition(state, change):
+        slope = size / parameter.extent * normal[-1]
+        return float(normal[:-1] @ (state - guess) + slope * (change + begin - value)), normal[:-1], slope
+
+    fixed = shoot_along(continuation.period, (start, begin), parameter, None if held else condition, near)
+    return ContinuationPoint(fixed, float(begin if held else fixed.parameters[0]))
 
 
 def chord(
@@ -78,16 +71,27 @@ def chord(
     return size, np.append(state / size, value / continuation.parameter.extent)
 
 
+def across(continuation: Continuation, k: int) -> tuple[float, np.ndarray]:
+    """Unit of the state, and the normal of the planes, in units of `chord`, that cut the way from point k to
+    the next one in fractions: its chord, or the parameter where the way is mostly that.
+    """
+    size, way = chord(continuation, *continuation.points[k : k + 2])
+    if abs(way[-1]) * SPAN > HELD * np.hypot(np.linalg.norm(way[:-1]), way[-1] * SPAN):
+        return size, np.append(np.zeros(len(way) - 1), 1.0)
+    return size, way / np.linalg.norm(way)
+
+
 def beside(continuation: Continuation, k: int) -> Places:
     """The points before and behind points k and k + 1 by their fractions of the way between these."""
     points = continuation.points
-    size, way = chord(continuation, points[k], points[k + 1])
+    size, normal = across(continuation, k)
+    _, way = chord(continuation, points[k], points[k + 1])
     result = {}
     for n, outside in ((k - 1, lambda place: place < -APART), (k + 2, lambda place: place > 1.0 + APART)):
         if 0 <= n < len(points):
             state, value = points[n].fixed.state - points[k].fixed.state, points[n].value - points[k].value
             there = np.append(state / size, value / continuation.parameter.extent)
-            place = float(there @ way / (way @ way))
+            place = float(there @ normal / (way @ normal))
             if outside(place):
                 result[place] = points[n]
     return result
@@ -135,7 +139,7 @@ def find_zero(
         if widths[-1] <= FINER * (1.0 + 1e-9) or (
             widths[-1] <= FINE * (1.0 + 1e-9)
             and min(abs(values[place]) for place in bracket) <= small
-            and (touching(known[bracket[0]]) == touching(known[bracket[1]])).all()
+            and (known[bracket[0]].fixed.touching == known[bracket[1]].fixed.touching).all()
         ):
             break
         expected = values if smooth is None else smooth({**around, **known})
@@ -190,14 +194,12 @@ def _arrived(known: Places, values: dict[float, float], expected: dict[float, fl
     places = sorted(known)
     n = places.index(place)
     for other in (places[n - 1], places[n + 1]):
-        if values[other] * values[place] <= 0.0 and (touching(known[place]) != touching(known[other])).any():
+        if (
+            values[other] * values[place] <= 0.0
+            and (known[place].fixed.touching != known[other].fixed.touching).any()
+        ):
             return False
         rise = abs(expected[place] - expected[other])
         if abs(expected[place] * (other - place)) > 0.5 * FINE * rise:
             return False
     return True
-
-
-def touching(point: ContinuationPoint) -> np.ndarray:
-    """(pairs,) bool: which pairs touch at any time of the period."""
-    return (point.fixed.motion.forces > 0.0).any(axis=0)

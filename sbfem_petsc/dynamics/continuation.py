@@ -20,6 +20,9 @@ from .shooting import shoot_along
 # squares.
 SPAN = 10.0
 FIRST, LARGEST, SMALLEST = 0.05, 0.35, 1e-5
+# A step that is the parameter's by more than this share is taken to a value of it, so that one preparation of
+# the period serves all iterations.
+HELD = 0.7
 # The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
 # its length; radian.
 TURN, TOO_SHARP = 0.35, 1.0
@@ -274,14 +277,14 @@ class Continuation:
     def _step(
         self, heading: np.ndarray, length: float, behind: np.ndarray | None = None
     ) -> ContinuationPoint | None:
-        """The branch's point in the plane across a heading, if Newton's method finds it at ease; sets the
-        length of the step after it.
+        """The branch's point in the plane across a heading, or at the value of the parameter that it leads
+        to, if Newton's method finds it at ease; sets the length of the step after it.
         """
         size, unit = self.metric()
         last = self.points[-1]
         target = last.value + length * unit * heading[-1]
         outside = not self.parameter.holds(target)
-        if outside:  # land on the end of the range: the condition is then the parameter's value
+        if outside:  # land on the end of the range
             end = self.parameter.upper if target >= self.parameter.upper else self.parameter.lower
             length = (end - last.value) / (unit * heading[-1])
         guess, value = last.fixed.state + length * size * heading[:-1], end if outside else target
@@ -290,9 +293,10 @@ class Continuation:
             bent[-1] = 0.0
         start, begin = guess + size * bent[:-1], value + unit * bent[-1]
 
-        def condition(state, change):
-            if outside:
-                return size / unit * change, np.zeros(len(state)), size / unit
+        held = outside or abs(heading[-1]) > HELD
+
+        def across(state, change):
+            change += begin - value
             return (
                 float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change),
                 heading[:-1],
@@ -304,13 +308,13 @@ class Continuation:
                 self.period,
                 (start, begin),
                 self.parameter,
-                lambda state, change: condition(state, change + begin - value),
+                None if held else across,
                 self._ahead(length),
                 most=TOO_MANY if length > CORNER else np.inf,
             )
         except (SolveError, ValueError):
             return None
-        point = ContinuationPoint(fixed, end if outside else float(fixed.parameters[0]))
+        point = ContinuationPoint(fixed, float(begin if held else fixed.parameters[0]))
         fewer = passes_shorter(last.fixed, fixed) if self.periods > 1 else 0
         if fewer:
             self.fallen = (

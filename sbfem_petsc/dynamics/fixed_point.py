@@ -28,6 +28,8 @@ class FixedPoint:
         Norm of x(T) - x(0), and of the conditions on the parameters, at each Newton iterate.
     derivatives : int
         How many of the iterations had a derivative of their own.
+    touching : (pairs,) bool array
+        Pairs that touch at any time of the period.
     """
 
     def __init__(
@@ -42,6 +44,7 @@ class FixedPoint:
         self.state, self.parameters, self.residuals = state, parameters, residuals
         self.derivatives = derivatives
         self._driven: DrivenPeriod | None = driven
+        self._residual, self.touching = motion.residual, (motion.forces > 0.0).any(axis=0)
         self._motion: PeriodMotion | None = motion
         self._conditions = driven.period, driven.frequency, driven.factor
         self._rates: dict[str, np.ndarray] = {}
@@ -74,7 +77,7 @@ class FixedPoint:
             period, frequency, factor = self._conditions
             step = AHEAD * (frequency if name == "frequency" else max(abs(factor), LEAST))
             ahead = (frequency + step, factor) if name == "frequency" else (frequency, factor + step)
-            change = period.at(*ahead).run(self.state).residual - self.motion.residual
+            change = period.at(*ahead).run(self.state).residual - self._residual
             self._rates[name] = change[:, None] / step
         return np.concatenate([self.monodromy, self._rates[name]], axis=1)
 

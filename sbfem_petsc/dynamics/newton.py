@@ -40,6 +40,8 @@ class Newton:
         self.residuals: list[float] = []
         self.key: bytes | None = None
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # change of the unknowns, relative to these, after which an iterate is taken
+        self.settled = 0.0
         # derivative of x(T) to begin with, iterations at which to give up, the last one's derivative
         self.near: np.ndarray | None = None
         self.most = math.inf
@@ -87,7 +89,7 @@ class Newton:
         snes.setTolerances(
             rtol=self.relative,
             atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
-            stol=0.0,
+            stol=self.settled,
             max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))

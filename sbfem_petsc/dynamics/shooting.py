@@ -4,6 +4,8 @@ another one.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy import linalg
 
@@ -15,6 +17,9 @@ from .period_map import DrivenPeriod, Period
 
 # Residual relative to the linear state at which a fixed point nearby is taken.
 NEARBY = 1e-8
+# Change of the state, relative to it, after which a point along a branch is taken: what is left is less, as
+# each iteration gains a factor of more than three.
+SETTLED = 1e-9
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
 WHOLE = 1200
@@ -101,11 +106,11 @@ def shoot_along(
     period: Period,
     guess: tuple[np.ndarray, float],
     parameter: ParameterRange,
-    condition,
+    condition: Callable[[np.ndarray, float], tuple[float, np.ndarray, float]] | None,
     near: np.ndarray | None = None,
     most: float = np.inf,
 ) -> FixedPoint:
-    """Fixed point with one free parameter and one condition.
+    """Fixed point with one free parameter and one condition, or at a value of the parameter.
 
     Parameters
     ----------
@@ -114,8 +119,9 @@ def shoot_along(
         Of x(0) and of the parameter.
     parameter : ParameterRange
         The free one.
-    condition : callable
-        (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives.
+    condition : callable or None
+        (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives;
+        None: the parameter stays as it is guessed.
     near : (2 m, 2 m + 1) array, optional
         Derivative of x(T) at a fixed point nearby, to begin with.
     most : float
@@ -127,15 +133,19 @@ def shoot_along(
         If Newton's method does not converge.
     """
     state, first = guess[0], np.array([guess[1]])
+    free = (parameter.name,) if condition is not None else ()
 
     def solve(kind: str, near: np.ndarray | None) -> FixedPoint:
-        newton = Newton(period, kind, (parameter.name,), condition)
-        newton.near, newton.most = near, most
-        return newton.solve(state, lambda p: parameter.at(period, float(p[0])), first)
+        newton = Newton(period, kind, free, condition)
+        newton.near, newton.most, newton.settled = near, most, SETTLED
+        if free:
+            return newton.solve(state, lambda p: parameter.at(period, float(p[0])), first)
+        driven = parameter.at(period, guess[1])
+        return newton.solve(state, lambda _: driven, first[:0])
 
     if near is not None:
         try:
-            return solve("updated", near)
+            return solve("updated", near if free else near[:, : len(state)])
         except TooManyIterations:
             raise
         except SolveError:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics import continuation
+from sbfem_petsc.dynamics import branch_following, continuation
 from sbfem_petsc.dynamics.branch import find_peak
 from sbfem_petsc.dynamics.branch_zero import between
 from sbfem_petsc.dynamics.excitation import Excitation
@@ -244,6 +244,52 @@ def test_load_response_keeps_the_preload():
     assert curve.amplitude("x")[-1] == pytest.approx(
         2.0 / abs(1 - (0.2 * np.pi) ** 2 + 0.1j * 0.2 * np.pi), rel=1e-4
     )
+
+
+@pytest.mark.parametrize("zeta", [0.05, 0.005])
+@pytest.mark.parametrize("ends", [(0.5, 1.5), (1.5, 0.5)])
+def test_chords_are_near_the_curve(zeta, ends):
+    """A stop that is never met leaves the amplitude 3 / |1 - w^2 + 2 i zeta w|: chords are off it by 1.5 %,
+    times 1.2 as how it bends is estimated from three points, but where it is steep; and the peak is where it
+    is, within a fiftieth of its width, however narrow.
+    """
+    curve = sb.frequency_response(with_a_stop(gap=1e6, zeta=zeta), [3.0], *(end / TURN for end in ends))
+    order = np.argsort(curve.value)
+    value, amplitude = TURN * curve.value[order], curve.amplitude("x")[order]
+
+    def exact(omega):
+        return 3.0 / np.abs(1.0 - omega**2 + 2j * zeta * omega)
+
+    omega = np.linspace(0.5, 1.5, 20001)
+    off = np.abs(np.interp(omega, value, amplitude) / exact(omega) - 1.0)
+    top = np.sqrt(1.0 - 2.0 * zeta**2)
+    rise = np.diff(amplitude) / exact(top) / np.diff(value)
+    steep = np.abs(rise) > np.sqrt(1.0 / branch_following.STEEP**2 - 1.0)
+    chord = np.minimum(np.searchsorted(value, omega, side="right") - 1, len(rise) - 1)
+    assert off[~steep[chord]].max() < 1.2 * branch_following.CHORD and steep.any()
+    peak = curve.peak("x")
+    assert abs(TURN * peak.frequency - top) < 0.02 * 2.0 * zeta
+    assert peak.amplitude == pytest.approx(exact(top), rel=1e-3)
+
+
+@pytest.mark.parametrize("times, divided", [(0.85, []), (1.15, [0, 1])])
+def test_chords_that_are_divided(times, divided):
+    """At the bottom of a circle, whose chords of length l are off it by l^2 / 8 r, from where that is as much
+    as allowed.
+    """
+    length = times * np.sqrt(8.0 * 0.5 * branch_following.CHORD)
+    angles = 2.0 * np.arcsin(0.5 * length / 0.5) * np.arange(-1, 2)
+    found = branch_following.coarse_chords(0.5 * np.sin(angles), 1.0 + 0.5 * (1.0 - np.cos(angles)))
+    np.testing.assert_array_equal(found, divided)
+
+
+def test_chords_at_a_corner():
+    """Those beside it, unless they are short."""
+    corner = np.array([[0.0, 0.5], [0.1, 0.5], [0.2, 0.5], [0.3, 0.8], [0.4, 1.1], [0.5, 1.4]])
+    np.testing.assert_array_equal(branch_following.coarse_chords(*corner.T), [1, 2])
+    corner[:, 1] = 1.0 + 0.01 * corner[:, 1]
+    corner[:, 0] *= 0.01
+    np.testing.assert_array_equal(branch_following.coarse_chords(*corner.T), [])
 
 
 def test_peak_of_a_known_resonance():

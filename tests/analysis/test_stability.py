@@ -518,12 +518,13 @@ def test_located_by_brents_method(name, beam, monkeypatch):
         points = continuation.points
 
         def place(point):
-            size, whole = branch_zero.chord(continuation, points[k], points[k + 1])
+            size, normal = branch_zero.across(continuation, k)
+            _, whole = branch_zero.chord(continuation, points[k], points[k + 1])
             way = np.append(
                 (point.fixed.state - points[k].fixed.state) / size,
                 (point.value - points[k].value) / continuation.parameter.extent,
             )
-            return way @ whole / (whole @ whole)
+            return way @ normal / (whole @ normal)
 
         def counted(point):
             calls[0] += 1
@@ -575,8 +576,7 @@ class _Spectrum:
         monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
 
     def point(self, place):
-        touching = SimpleNamespace(forces=np.zeros((1, 1)))
-        fixed = SimpleNamespace(state=np.array([1.0, place]), motion=touching)
+        fixed = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
         return ContinuationPoint(fixed, place)
 
     def between(self, continuation, k, share, known=None):
