@@ -11,7 +11,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics import branch_following, continuation
 from sbfem_petsc.dynamics.branch import find_peak
-from sbfem_petsc.dynamics.branch_zero import between
+from sbfem_petsc.dynamics.branch_zero import across, between
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.shooting import shoot
@@ -155,6 +155,36 @@ def stepped():
     found = continuation.Continuation(driven, continuation.ContinuationPoint(first, 0.105), parameter)
     assert len(list(itertools.islice(found, 5))) == 5
     return found
+
+
+def test_points_between_two():
+    """Periodic motions at their fractions of the way: across the chord, or of the parameter's change where
+    the way is mostly that, which they then have to the last digit.
+    """
+    period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
+    lower, upper = 0.9 / TURN, 1.1 / TURN
+    first = shoot(period, period.at(lower).linear_state, lower)
+    parameter = continuation.ParameterRange("frequency", lower, upper)
+    found = continuation.Continuation(period, continuation.ContinuationPoint(first, lower), parameter)
+    list(found)
+    held = []
+    for k, (one, other) in enumerate(itertools.pairwise(found.points)):
+        size, normal = across(found, k)
+        held.append(not normal[:-1].any())
+        for fraction in (0.3, 0.8):
+            point = between(found, k, fraction)
+            residual = found.driven(point.value).run(point.fixed.state).residual
+            assert np.linalg.norm(residual) < 1e-8 * size
+            part, way = (
+                np.append(
+                    (to.fixed.state - one.fixed.state) / size, (to.value - one.value) / parameter.extent
+                )
+                for to in (point, other)
+            )
+            assert part @ normal / (way @ normal) == pytest.approx(fraction, abs=1e-8)
+            if held[-1]:
+                assert point.value == one.value + fraction * (other.value - one.value)
+    assert any(held) and not all(held) and found.points[-1].value == upper
 
 
 def test_points_on_the_part_that_has_been_gone_through(stepped):
