@@ -258,14 +258,14 @@ def coarse_chords(value: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
     steps = np.diff(np.stack([value, heights], axis=1), axis=0)
     length = np.hypot(*steps.T)
     turn = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
-    curvature = 2.0 * turn / (length[1:] + length[:-1])
+    curvature = 2.0 * turn / np.maximum(length[1:] + length[:-1], 1e-300)
     most, sharpest = (
         np.maximum(np.append(item, 0.0), np.append(0.0, item)) for item in (curvature, turn)
     )  # of both ends of each chord
     # a corner is off no chord by more than its turn tells
     off = np.minimum(most * length**2 / 8.0, sharpest * length / 4.0)
     height = 0.5 * (heights[1:] + heights[:-1])
-    flatness = np.maximum(np.abs(steps[:, 0]) / np.where(length > 0.0, length, 1.0), STEEP)
+    flatness = np.maximum(np.abs(steps[:, 0]) / np.maximum(length, 1e-300), STEEP)
     coarse = (off > CHORD * height * flatness) & (length > SHORT)
     inner = heights[1:-1]
     peaks = 1 + np.flatnonzero((inner >= heights[:-2]) & (inner >= heights[2:]) & (turn > BEND))

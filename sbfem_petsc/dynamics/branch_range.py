@@ -60,6 +60,10 @@ class ParameterRange:
         """Whether a value lies inside, the ends excluded."""
         return self.lower < value < self.upper
 
+    def nearest(self, value: float) -> float:
+        """The value of the range, its ends included, that is nearest to one."""
+        return min(max(value, self.lower), self.upper)
+
     def at(self, period: Period, value: float) -> DrivenPeriod:
         """The driven period of a value of the parameter."""
         return period.at(*self.conditions(value))

@@ -285,18 +285,18 @@ class Continuation:
         target = last.value + length * unit * heading[-1]
         outside = not self.parameter.holds(target)
         if outside:  # land on the end of the range
-            end = self.parameter.upper if target >= self.parameter.upper else self.parameter.lower
-            length = (end - last.value) / (unit * heading[-1])
-        guess, value = last.fixed.state + length * size * heading[:-1], end if outside else target
+            target = self.parameter.nearest(target)
+            length = (target - last.value) / (unit * heading[-1])
+        guess = last.fixed.state + length * size * heading[:-1]
         bent = np.zeros(len(heading)) if behind is not None else self._bend(heading, length)
         if outside:
             bent[-1] = 0.0
-        start, begin = guess + size * bent[:-1], value + unit * bent[-1]
-
+        start, begin = guess + size * bent[:-1], self.parameter.nearest(target + unit * bent[-1])
         held = outside or abs(heading[-1]) > HELD
+        most = TOO_MANY if length > CORNER else np.inf
 
         def across(state, change):
-            change += begin - value
+            change += begin - target
             return (
                 float(heading[:-1] @ (state - guess) + size / unit * heading[-1] * change),
                 heading[:-1],
@@ -310,11 +310,19 @@ class Continuation:
                 self.parameter,
                 None if held else across,
                 self._ahead(length),
-                most=TOO_MANY if length > CORNER else np.inf,
+                most,
             )
+            value = float(begin if held else fixed.parameters[0])
+            if not (held or self.parameter.holds(value)):  # it has led beyond the end of the range
+                beyond, value = value, self.parameter.nearest(value)
+                share = (value - last.value) / (beyond - last.value)
+                start = last.fixed.state + share * (fixed.state - last.fixed.state)
+                fixed = shoot_along(
+                    self.period, (start, value), self.parameter, None, self._ahead(length), most
+                )
         except (SolveError, ValueError):
             return None
-        point = ContinuationPoint(fixed, float(begin if held else fixed.parameters[0]))
+        point = ContinuationPoint(fixed, value)
         fewer = passes_shorter(last.fixed, fixed) if self.periods > 1 else 0
         if fewer:
             self.fallen = (

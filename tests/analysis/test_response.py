@@ -302,6 +302,33 @@ def test_chords_are_near_the_curve(zeta, ends):
     assert peak.amplitude == pytest.approx(exact(top), rel=1e-3)
 
 
+def test_ends_at_the_end_of_its_range():
+    """Where a step across a steep flank aims at what is inside and leads beyond it, too."""
+    period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
+    lower, upper = 0.9 / TURN, 1.1 / TURN
+    first = shoot(period, period.at(lower).linear_state, lower)
+    found = continuation.Continuation(
+        period,
+        continuation.ContinuationPoint(first, lower),
+        continuation.ParameterRange("frequency", lower, upper),
+    )
+    led = 0
+    while found.parameter.holds(found.points[-1].value) or len(found.points) == 1:
+        before, heading = copy.copy(found), found.heading()
+        before.points = list(found.points)
+        target = found.points[-1].value + found.length * found.metric()[1] * heading[-1]
+        value = found._next().value
+        end = 0.5 * (target + value)
+        before.parameter = continuation.ParameterRange("frequency", end - (upper - lower), end)
+        if target < end < value and abs(heading[-1]) <= continuation.HELD:
+            point = before._next()
+            led += 1
+            assert point.value == end
+            residual = before.driven(end).run(point.fixed.state).residual
+            assert np.linalg.norm(residual) < 1e-8 * np.linalg.norm(point.fixed.state)
+    assert found.points[-1].value == upper and led
+
+
 @pytest.mark.parametrize("times, divided", [(0.85, []), (1.15, [0, 1])])
 def test_chords_that_are_divided(times, divided):
     """At the bottom of a circle, whose chords of length l are off it by l^2 / 8 r, from where that is as much
