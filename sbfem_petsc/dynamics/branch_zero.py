@@ -73,25 +73,33 @@ def chord(
 
 def across(continuation: Continuation, k: int) -> tuple[float, np.ndarray]:
     """Unit of the state, and the normal of the planes, in units of `chord`, that cut the way from point k to
-    the next one in fractions: its chord, or the parameter where the way is mostly that.
+    the next one in fractions: its chord, or the parameter where the way is mostly that and does not turn
+    nearby, where it leads beyond both points.
     """
     size, way = chord(continuation, *continuation.points[k : k + 2])
-    if abs(way[-1]) * SPAN > HELD * np.hypot(np.linalg.norm(way[:-1]), way[-1] * SPAN):
+    steps = np.diff([point.value for point in continuation.points[max(0, k - 1) : k + 3]])
+    along = abs(way[-1]) * SPAN > HELD * np.hypot(np.linalg.norm(way[:-1]), way[-1] * SPAN)
+    if along and ((steps > 0.0).all() or (steps < 0.0).all()):
         return size, np.append(np.zeros(len(way) - 1), 1.0)
     return size, way / np.linalg.norm(way)
 
 
+def place_of(continuation: Continuation, k: int, point: ContinuationPoint) -> float:
+    """Fraction of the way from point k to the next one at which a point is."""
+    one, other = continuation.points[k : k + 2]
+    size, normal = across(continuation, k)
+    _, way = chord(continuation, one, other)
+    state, value = point.fixed.state - one.fixed.state, point.value - one.value
+    there = np.append(state / size, value / continuation.parameter.extent)
+    return float(there @ normal / (way @ normal))
+
+
 def beside(continuation: Continuation, k: int) -> Places:
     """The points before and behind points k and k + 1 by their fractions of the way between these."""
-    points = continuation.points
-    size, normal = across(continuation, k)
-    _, way = chord(continuation, points[k], points[k + 1])
-    result = {}
+    points, result = continuation.points, {}
     for n, outside in ((k - 1, lambda place: place < -APART), (k + 2, lambda place: place > 1.0 + APART)):
         if 0 <= n < len(points):
-            state, value = points[n].fixed.state - points[k].fixed.state, points[n].value - points[k].value
-            there = np.append(state / size, value / continuation.parameter.extent)
-            place = float(there @ normal / (way @ normal))
+            place = place_of(continuation, k, points[n])
             if outside(place):
                 result[place] = points[n]
     return result

@@ -523,17 +523,6 @@ def test_located_by_brents_method(name, beam, monkeypatch):
     own = branch_zero.find_zero
 
     def both(continuation, k, test, ends, smooth=None, small=np.inf):
-        points = continuation.points
-
-        def place(point):
-            size, normal = branch_zero.across(continuation, k)
-            _, whole = branch_zero.chord(continuation, points[k], points[k + 1])
-            way = np.append(
-                (point.fixed.state - points[k].fixed.state) / size,
-                (point.value - points[k].value) / continuation.parameter.extent,
-            )
-            return way @ normal / (whole @ normal)
-
         def counted(point):
             calls[0] += 1
             return test(point)
@@ -548,7 +537,7 @@ def test_located_by_brents_method(name, beam, monkeypatch):
             return known[share]
 
         exact = optimize.brentq(value, 0.0, 1.0, xtol=1e-6)
-        apart.append(abs(place(found[0]) - exact))
+        apart.append(abs(branch_zero.place_of(continuation, k, found[0]) - exact))
         return found
 
     monkeypatch.setattr(bifurcations, "find_zero", both)
@@ -571,6 +560,24 @@ def test_a_multiplier_is_followed_past_others():
         spectra[share] = values[np.argsort(-np.abs(values), kind="stable")]
     assert bifurcations.follow_multiplier(spectra, 1.0, 0) == pytest.approx(moving)
     assert bifurcations.follow_multiplier(spectra, 1.0, 1) == pytest.approx(moving)
+
+
+@pytest.mark.parametrize("ends", [(0.13, 0.19), (0.19, 0.13)])
+def test_folds_of_an_oscillator(ends):
+    """As on curves in steps of a thousandth of the range, to 1e-7."""
+    system = reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[-1.0]]),
+        np.array([1.0]),
+        loads=np.ones((1, 1)),
+        sensors={"A": 0},
+        damping=0.03 * 1.138979480397014,
+        compliance=np.array([1.0]),
+    )
+    curve = sb.frequency_response(system, [0.15], *ends, steps=256)
+    found = sorted(b.value for b in curve.bifurcations if b.kind == "fold")
+    assert found == pytest.approx([0.169113741, 0.172550895], rel=1e-7)
 
 
 class _Spectrum:
