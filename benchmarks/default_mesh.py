@@ -5,7 +5,8 @@ least of several repeats (of a curve five, and the largest beside it); compiling
 last line, which starts Python anew with an empty cache. The floor of orbits and curves is what the products
 of large matrices and the eigenvalues alone take at the rates of the libraries in this run: two products of
 each row of contact with the columns of every derivative that was made, and the eigenvalues of every monodromy
-matrix.
+matrix. Of a history with its reduction it is the factorisation, for each Krylov vector a solve, one product
+with the mass and two rounds of orthogonalisation, for each step two products with the factors of the gaps.
 
     ./run python benchmarks/default_mesh.py
 """
@@ -32,9 +33,12 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.tangent import BLOCK, Derivative
 from sbfem_petsc.dynamics import stability
+from sbfem_petsc.dynamics.reduced_history import CHUNK
+from sbfem_petsc.system import modes, pencil
 
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])
 MATERIAL, DAMPING = sb.Material(70e9, 0.33, 2700.0), 0.002
+DURATION, STEP = 0.033, 1e-6
 RANGE, FREQUENCIES = (13900.0, 14600.0), (433.0, 3000.0, 20140.0)
 ASKED = {"orbit": 0.05, "from the model": 0.30, 300.0: 1.0, 1500.0: 2.0, "history": 0.2, "compiling": 3.0}
 COLD = """
@@ -94,6 +98,43 @@ def floor(work, modes: int) -> float:
     return sum(entries) * products + values.call_count * seconds(lambda: stability.eigenvalues(square), 20)[0]
 
 
+def history_floor(load) -> float:
+    """Seconds of the large products and solves of a history with its reduction; see above."""
+    vectors, own = 0, pencil.CondensedSolve.apply
+
+    def counted(solve, pc, right, left):
+        nonlocal vectors
+        vectors += 1
+        own(solve, pc, right, left)
+
+    with model() as fresh:
+        with mock.patch.object(pencil.CondensedSolve, "apply", counted):
+            reduced = sb.reduce(fresh, load)
+        matrices = pencil.Pencil(fresh, pencil.top_of_band(fresh, len(reduced.omega)), modes.TOLERANCE)
+        factorisation, solve = seconds(
+            lambda: pencil.CondensedSolve(matrices, 0.0, "modal_st_", "benchmark"), 1
+        )
+        right, left = matrices.mass.createVecs()
+        right.setRandom()
+        # on average half of them are there
+        basis, column = np.ones((vectors // 2, matrices.unknowns)), np.ones(matrices.unknowns)
+        coefficients = np.ones(vectors // 2)
+
+        def one_vector():
+            for _ in range(50):
+                matrices.mass.mult(right, left)
+                solve.ksp.solve(solve.right, solve.left)
+                for _ in range(2):
+                    basis @ column, coefficients @ basis
+
+        every = seconds(one_vector, 5)[0] / 50
+        states, (left_factor, right_factor) = np.ones((CHUNK, len(reduced.omega))), reduced.thin_gaps
+        marched, _ = seconds(lambda: (states @ right_factor) @ left_factor.T, 20)
+        solve.release()
+        matrices.destroy()
+    return factorisation + vectors * every + marched * round(DURATION / STEP) / CHUNK
+
+
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0], allow_abbrev=False)
@@ -134,19 +175,19 @@ def main() -> None:
         note += f"floor {floor(follow, len(reduced.omega)):.2f}"
         line(f"curve of Fig. 11, {force:g} N", spent, ASKED[force], note)
     load = push(sb.ToneBurst(300.0, 3000.0, 20))
-    spent, _ = seconds(lambda: sb.transient(reduced, load, 0.033, step=1e-6, progress=None), 3)
+    spent, _ = seconds(lambda: sb.transient(reduced, load, DURATION, step=STEP, progress=None), 3)
 
     def history():
         with model() as fresh:
             began = time.process_time()
-            sb.transient(fresh, load, 0.033, step=1e-6, progress=None)
+            sb.transient(fresh, load, DURATION, step=STEP, progress=None)
             return time.process_time() - began
 
     line(
         "33 ms in steps of 1 us, with reduction",
         min(history() for _ in range(3)),
         ASKED["history"],
-        f"{spent:.3f} from the reduced model",
+        f"{spent:.3f} from the reduced model, floor {history_floor(load):.3f}",
     )
     system.destroy()
     with tempfile.TemporaryDirectory() as folder:
