@@ -1,4 +1,4 @@
-"""Systems that several test files take: two masses with a stop, the paper's beam."""
+"""Systems that several test files take: masses with a stop, the paper's beam."""
 
 from __future__ import annotations
 
@@ -27,6 +27,22 @@ def two_masses(damping: float = 0.03, compliance: float = 0.01, force: float = 1
         sensors={"1": 0, "2": 1},
         damping=damping * stiffness,
         compliance=np.array([compliance]),
+    )
+
+
+def one_mass(gap: float, damping: float, *, stiffness: float = 1.0, towards: float = -1.0) -> sb.ReducedModel:
+    """Mass 1 on a spring 1, in rad/s, with an elastic stop of some stiffness at a distance `gap`; it is met
+    at positive displacements, or at negative ones where `towards` is 1.
+    """
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[towards]]),
+        np.array([gap]),
+        loads=np.ones((1, 1)),
+        sensors={"A": 0},
+        damping=damping,
+        compliance=np.array([1.0 / stiffness]),
     )
 
 

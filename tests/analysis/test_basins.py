@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 import sbfem_petsc as sb
 from sbfem_petsc.plot import plot_basins, save_picture
 from tests.parallel import answer, on_ranks
+from tests.systems import one_mass
 
 TURN = 2.0 * np.pi
 FORCE, OMEGA, RATIO = 0.15, 1.08, 0.03
@@ -19,16 +20,7 @@ STEPS = 256
 
 def mass(stiffness=1.0, gap=1.0, damping=RATIO):
     """Mass 1 on a spring 1, an elastic stop at a distance `gap`."""
-    return sb.reduce_matrices(
-        np.eye(1),
-        np.eye(1),
-        np.array([[-1.0]]),
-        np.array([gap]),
-        loads=np.ones((1, 1)),
-        sensors={"A": 0},
-        damping=damping,
-        compliance=np.array([1.0 / stiffness]),
-    )
+    return one_mass(gap, damping, stiffness=stiffness)
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,7 @@ from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.fixed_point import FixedPoint
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.several_periods import minimal_periods
-from tests.systems import case_p, two_masses
+from tests.systems import case_p, one_mass, two_masses
 
 TURN = 2.0 * np.pi
 STEPS = 2048
@@ -114,16 +114,7 @@ def test_a_branch_that_falls_onto_a_shorter_one():
     motion of two periods shrinks into that of one. The branch ends there and says so; it goes on neither as
     its own motion begun a period later nor as one of a single period.
     """
-    reduction = sb.reduce_matrices(
-        np.eye(1),
-        np.eye(1),
-        np.array([[1.0]]),
-        np.zeros(1),
-        loads=np.ones((1, 1)),
-        sensors={"x": 0},
-        damping=0.1,
-        compliance=np.array([1.0 / 3.0]),
-    )
+    reduction = one_mass(0.0, 0.1, stiffness=3.0, towards=1.0)
     frequency = 2.0 * (4.0 / 3.0) / TURN
     history = sb.transient(
         reduction, [sb.Harmonic(1.0, frequency)], 200.0 / frequency, step=1.0 / (512 * frequency)
@@ -131,11 +122,11 @@ def test_a_branch_that_falls_onto_a_shorter_one():
     state = np.concatenate([history.states.q[-1], history.states.v[-1]])
     guess = replace(sb.periodic(reduction, [1.0], frequency, periods=2, stability=False), state=state)
     first = sb.periodic(reduction, [1.0], frequency, periods=2, start=guess)
-    assert first.stable and np.abs(first.subharmonics("x")[1]) > 0.5
+    assert first.stable and np.abs(first.subharmonics("A")[1]) > 0.5
     with pytest.raises(sb.SolveError, match="of 2 periods falls onto a motion of 1 at 0.545") as caught:
         sb.frequency_response(reduction, [1.0], frequency, 1.6 * frequency, first=first)
     branch = caught.value.branch
-    half = np.abs(branch.subharmonics("x")[:, 1])
+    half = np.abs(branch.subharmonics("A")[:, 1])
     assert (np.diff(half) < 0.0).all() and half[-1] < 0.02 * half[0] and not branch.complete
     # one period is stable beyond and unstable before
     for factor, stable in ((0.995, False), (1.005, True)):

@@ -18,7 +18,7 @@ from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
 from tests.reference import paper_beam
 from tests.systems import case_p as paper_case
-from tests.systems import two_masses
+from tests.systems import one_mass, two_masses
 
 FORCE = sb.PointForce("A", fy=300.0)
 
@@ -623,16 +623,7 @@ def test_steps_follow_the_fastest_tone():
     """A fast probe over a slow pump (one mass with a stop): sidebands of the default steps beside many; few
     steps given are told.
     """
-    system = sb.reduce_matrices(
-        np.eye(1),
-        np.eye(1),
-        np.array([[-1.0]]),
-        np.array([0.1]),
-        loads=np.ones((1, 1)),
-        sensors={"A": 0},
-        damping=0.05,
-        compliance=np.ones(1),
-    )
+    system = one_mass(0.1, 0.05)
     load = [sb.Harmonic(0.3, 0.01) + sb.Harmonic(30.0, 1.0)]
 
     def sidebands(steps):

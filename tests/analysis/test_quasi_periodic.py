@@ -12,7 +12,7 @@ import sbfem_petsc as sb
 from sbfem_petsc.dynamics.torus import spectral_tail
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
-from tests.systems import case_p
+from tests.systems import case_p, one_mass
 
 PROBE, PUMP = 3000.0, 400.0 * np.sqrt(2.0)
 STEPS = 384
@@ -217,24 +217,15 @@ def test_without_contact_two_linear_responses():
         ((0, 0), 0.0, 0.5),
     ):
         omega = 2.0 * np.pi * frequency
-        assert found.line(m, n, "x") == pytest.approx(amplitude / (1.0 - omega**2 + 0.02j * omega), rel=1e-12)
-    assert found.modulation_index("x") < 1e-14 and len(found.residuals) == 1
+        assert found.line(m, n, "A") == pytest.approx(amplitude / (1.0 - omega**2 + 0.02j * omega), rel=1e-12)
+    assert found.modulation_index("A") < 1e-14 and len(found.residuals) == 1
     # one mass: both exponents are minus the damping
     assert found.exponents == pytest.approx(-0.01, rel=0.2)
 
 
 def oscillator(gap, damping=0.01):
     """A unit mass on a unit spring with an elastic stop."""
-    return sb.reduce_matrices(
-        np.eye(1),
-        np.eye(1),
-        np.array([[1.0]]),
-        np.array([gap]),
-        loads=np.ones((1, 1)),
-        sensors={"x": 0},
-        damping=damping,
-        compliance=np.array([1.0]),
-    )
+    return one_mass(gap, damping, towards=1.0)
 
 
 def errors_of_lines(r, pump, samples, steps):
@@ -246,7 +237,7 @@ def errors_of_lines(r, pump, samples, steps):
 
     def lines(count):
         found = sb.quasi_periodic(r, load, tones, samples=count, steps=steps, stability=False)
-        return np.array([found.line(m, n, "x") for m in range(3) for n in (-1, 0, 1) if m or n >= 0])
+        return np.array([found.line(m, n, "A") for m in range(3) for n in (-1, 0, 1) if m or n >= 0])
 
     *others, reference = (lines(count) for count in samples)
     return np.array([np.abs(other - reference).max() for other in others]) / np.abs(reference).max()
@@ -292,7 +283,7 @@ def test_few_steps_are_told():
     def lines(steps):
         tones = (0.05, 0.01 * np.sqrt(3.0))
         found = sb.quasi_periodic(r, load, tones, steps=steps, samples=15, stability=False)
-        return np.array([found.line(m, n, "x") for m, n in ((2, 0), (1, 1), (1, -1))]), found.steps
+        return np.array([found.line(m, n, "A") for m, n in ((2, 0), (1, 1), (1, -1))]), found.steps
 
     (default, steps), (exact, _) = lines(None), lines(4096)
     assert steps == 512
@@ -316,7 +307,7 @@ def test_few_samples_are_told():
 
     def tones(samples):
         found = sb.quasi_periodic(r, load, (0.25, pump), samples=samples, stability=False)
-        return np.array([found.line(1, 0, "x"), found.line(0, 1, "x")])
+        return np.array([found.line(1, 0, "A"), found.line(0, 1, "A")])
 
     exact = tones(41)
     with pytest.warns(

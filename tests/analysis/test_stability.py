@@ -18,7 +18,7 @@ from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multi
 from sbfem_petsc.dynamics.unit_circle import ambiguous, excursion, passages
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
-from tests.systems import ALUMINIUM, two_masses
+from tests.systems import ALUMINIUM, one_mass, two_masses
 
 TURN = 2 * np.pi
 
@@ -565,16 +565,7 @@ def test_a_multiplier_is_followed_past_others():
 @pytest.mark.parametrize("ends", [(0.13, 0.19), (0.19, 0.13)])
 def test_folds_of_an_oscillator(ends):
     """As on curves in steps of a thousandth of the range, to 1e-7."""
-    system = reduce_matrices(
-        np.eye(1),
-        np.eye(1),
-        np.array([[-1.0]]),
-        np.array([1.0]),
-        loads=np.ones((1, 1)),
-        sensors={"A": 0},
-        damping=0.03 * 1.138979480397014,
-        compliance=np.array([1.0]),
-    )
+    system = one_mass(1.0, 0.03 * 1.138979480397014)
     curve = sb.frequency_response(system, [0.15], *ends, steps=256)
     found = sorted(b.value for b in curve.bifurcations if b.kind == "fold")
     assert found == pytest.approx([0.169113741, 0.172550895], rel=1e-7)
