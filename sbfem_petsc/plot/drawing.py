@@ -15,7 +15,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
-from matplotlib.ticker import LogLocator, NullFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
 
 from ..checks import path as checked_path
 from ..checks import shown
@@ -106,10 +106,12 @@ def style(axes) -> None:
     axes.tick_params(labelsize=7, width=0.6, length=2.5)
     for side in axes.spines.values():
         side.set_linewidth(0.6)
-    axes.xaxis.get_offset_text().set_size(7)
-    axes.yaxis.get_offset_text().set_size(7)
-    axes.xaxis.label.set_size(8)
-    axes.yaxis.label.set_size(8)
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.get_offset_text().set_size(7)
+        axis.label.set_size(8)
+        formatter = axis.get_major_formatter()
+        if isinstance(formatter, ScalarFormatter):
+            formatter.set_useOffset(False)  # values are read off as they are
 
 
 def by_name(

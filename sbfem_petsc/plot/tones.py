@@ -21,6 +21,8 @@ from .units import frequency_unit, length_unit
 NAMED = 2
 # Lines this far below the highest are the rounding of the linear response.
 ROUND_OFF = 1e-12
+# Frequencies that differ by less, relative, are drawn as one.
+FLAT = 1e-5
 
 
 def plot_lines(
@@ -238,6 +240,9 @@ def _draw_backbones(backbones: Mapping[str, Backbone], title: str) -> Axes:
     for panel in panels:
         panel.margins(y=0.1)
         style(panel)
+    low, high = axes.get_ylim()
+    middle, half = 0.5 * (low + high), 0.5 * max(high - low, FLAT * high)
+    axes.set_ylim(middle - half, middle + half)
     return axes
 
 

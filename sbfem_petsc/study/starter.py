@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from importlib import resources
 
-KINDS = ("beam", "plate", "gmsh", "modulation", "sweep")
+KINDS = ("beam", "plate", "gmsh", "modulation", "nonlinear", "sweep")
 # Files that a starter needs beside it.
 _BESIDE = {"gmsh": ("part.geo",)}
 
@@ -15,7 +15,7 @@ def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = Fa
 
     Parameters
     ----------
-    kind : {"beam", "plate", "gmsh", "modulation", "sweep"}
+    kind : {"beam", "plate", "gmsh", "modulation", "nonlinear", "sweep"}
     path : path-like
         The case file.
     replace : bool

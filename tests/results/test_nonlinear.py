@@ -147,6 +147,19 @@ def test_picture_of_damped_backbones():
         np.testing.assert_allclose(np.unique(drawn(panel), axis=0), np.unique(expected, axis=0), rtol=1e-12)
 
 
+def test_frequencies_are_drawn_as_they_are():
+    """Labels are not relative to an offset, and differences of rounding make no curve."""
+    backbone = examples.backbone()
+    rounded = 14e3 * (1.0 + 1e-12 * np.arange(len(backbone.energy)))
+    for frequency, least in ((rounded, 0.99e-5), (14e3 + np.arange(len(backbone.energy)), 1e-4)):
+        axes = plot_backbone(dataclasses.replace(backbone, frequency=frequency))
+        axes.figure.canvas.draw()
+        low, high = axes.get_ylim()
+        assert high - low > least * high and low < 14.0 < high
+        labels = [label.get_text() for label in axes.get_yticklabels()]
+        assert axes.yaxis.get_offset_text().get_text() == "" and any(text.startswith("14") for text in labels)
+
+
 def test_picture_of_a_backbone_over_curves():
     """The free motions that the peaks stand on, as a dotted line at their own amplitudes."""
     found = examples.backbone()

@@ -206,5 +206,35 @@ def test_starter_cases_run(kind, tmp_path):
         assert found["sidebands"]["modulation_index"] > 1e-3
 
 
+@pytest.mark.slow
+def test_nonlinear_starter_case_runs(tmp_path):
+    """With a coarse mesh, few modes, a short sweep: lines of bifurcations lead through those of the curve,
+    the backbone begins at its mode's frequency.
+    """
+    path = tmp_path / "nonlinear.toml"
+    text = starter_text("nonlinear.toml")
+    for former, new in (
+        ("[model]", "[mesh]\norder = 3\n[model]"),
+        ("stop = 14600.0", "stop = 14600.0\nmodes = 24\nsteps = 128"),
+        ("duration = 0.5", "duration = 0.01"),
+        ("least = 0.8 ", "least = 0.97 "),
+        ("most = 1.5", "most = 1.03"),
+    ):
+        assert former in text
+        text = text.replace(former, new)
+    path.write_text(text + "\n[output]\npictures = false\n")
+    done = sbfem("run", path, "--output", tmp_path / "out", "--json", "--quiet")
+    assert done.code == 0, done.err
+    on_curve = [point["value"] for point in done.answer["curve"]["bifurcations"]]
+    lines = done.answer["bifurcations"]["loci"]
+    # where the factor is 1; the curve's own points are known to 1e-6
+    at_force = [line["frequency"][np.abs(np.array(line["value"]) - 1.0).argmin()] for line in lines]
+    assert len(on_curve) == 2 and at_force == pytest.approx(on_curve, rel=1e-6)
+    assert set(done.answer["sweep"]) == {"kind", "up", "down"}
+    backbone, modes = done.answer["backbone"], done.answer["frequencies"]["frequencies"]
+    assert backbone["frequency"][0] == pytest.approx(modes[16], rel=1e-6)
+    assert backbone["frequency"][-1] > 1.004 * modes[16]  # a crack that closes makes the beam stiffer
+
+
 def test_sweep_table():
     assert case_from_text(CASE + SWEEP).tables.sweep.parameters["loads.push.fy"].count == 3
