@@ -37,10 +37,11 @@ from .load_tables import SIGNALS, EdgeLoad, PointForce, SupportMotion
 _HEAD = """# The case file
 
 A case file describes a structure, its loads and the analyses that are wanted, in [TOML](https://toml.io):
-tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one,
-`sbfem check case.toml` validates it, `sbfem run case.toml --output DIR` runs it. Lengths are in m, all units
-are SI, angles are in degrees. Keys without a default have to be given. This page is generated from the
-program's own tables; `case_file.schema.json` beside it lets an editor check and complete a case file.
+tables in brackets, `key = value`, comments after `#`. `sbfem new beam case.toml` writes a commented one
+(`plate`, `gmsh`, `modulation`, `nonlinear` and `sweep` are others), `sbfem check case.toml` validates it,
+`sbfem run case.toml --output DIR` runs it. Lengths are in m, all units are SI, angles are in degrees. Keys
+without a default have to be given. This page is generated from the program's own tables;
+`case_file.schema.json` beside it lets an editor check and complete a case file.
 """
 _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
