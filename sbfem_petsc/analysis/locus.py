@@ -101,6 +101,7 @@ def locus(
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
         start, stop = _check(what, start, stop, parameter, points, progress)
+        _require_effect(what, branch, parameter)
         frequency, factor = branch.conditions(bifurcation.value)
         value = factor if parameter == "load" else 1.0
         if start == stop or not min(start, stop) <= value <= max(start, stop):
@@ -147,6 +148,17 @@ def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, 
     return bounds[0], bounds[1]
 
 
+def _require_effect(what: str, branch: Branch, parameter: str) -> None:
+    """Refuse a factor on what is zero throughout, over which every line is vertical but for rounding."""
+    values = {"damping": branch.reduced.damping, "gap": branch.reduced.initial_gap}
+    if parameter in values and not values[parameter].any():
+        named = {"damping": "damping ratios", "gap": "gaps"}[parameter]
+        raise ValueError(
+            f"{what}: parameter = {parameter!r} has no effect, for all {named} are 0; give another "
+            f"parameter, or a model with {parameter}"
+        )
+
+
 def loci(
     branch: Branch,
     start: float,
@@ -189,10 +201,13 @@ def loci(
         if branch.parameter != "frequency":
             raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
         start, stop = _check(what, start, stop, parameter, points, progress)
+        _require_effect(what, branch, parameter)
         if start == stop or not min(start, stop) <= 1.0 <= max(start, stop):
             raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")
         for kind in names_of(what, "kinds", kinds):
             choice(what, "kinds", kind, KINDS)
+        if not kinds:
+            raise ValueError(f"{what}: kinds is empty; name one of {', '.join(KINDS)} at least")
     agree(
         branch.reduced.comm,
         what,
@@ -206,10 +221,7 @@ def loci(
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
     if "grazing" in kinds:
-        try:
-            found += grazing_points(branch)
-        except SolveError as error:
-            warnings.warn(f"{what}: no grazing point was followed: {error}", BranchWarning, stacklevel=2)
+        found += grazing_points(branch)
     result: list[Locus] = []
     for item in found:
         if any(_passes(line, item, branch) for line in result):
@@ -268,8 +280,11 @@ def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation,
     ------
     TypeError
         If `branch` is none.
-    SolveError
-        If one is not found, where the branch turns too sharply between two points.
+
+    Warns
+    -----
+    BranchWarning
+        Of one that is not found, where the branch turns too sharply between two points.
     """
     what = "grazing_points"
     instance(what, "branch", branch, Branch, "a Branch")

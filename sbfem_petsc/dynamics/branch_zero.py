@@ -144,16 +144,17 @@ def find_zero(
     around = beside(continuation, k) if smooth is not None else {}
     bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
     while len(widths) <= MOST:
+        near = min(abs(values[end]) for end in bracket) <= small
         if widths[-1] <= FINER * (1.0 + 1e-9) or (
             widths[-1] <= FINE * (1.0 + 1e-9)
-            and min(abs(values[place]) for place in bracket) <= small
+            and near
             and (known[bracket[0]].fixed.touching == known[bracket[1]].fixed.touching).all()
         ):
             break
         expected = values if smooth is None else smooth({**around, **known})
         # what is followed may vanish elsewhere than the test, which counts all
         other = len(known) > 2 and abs(expected[place] - values[place]) > SAME
-        if len(known) > 2 and not other and _arrived(known, values, expected, place):
+        if len(known) > 2 and not other and near and _arrived(known, values, expected, place):
             break
         slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
         place = 0.5 * sum(bracket) if slow or poor or other else _next_place(expected, *bracket)
@@ -187,12 +188,12 @@ def _next_place(values: dict[float, float], lower: float, upper: float) -> float
         return middle
     best = places[np.abs(heights).argmin()]
     found = float(inside[np.abs(inside - best).argmin()])
-    # as far beyond it
+    # as far beyond it, unless that is beyond both
     if found - lower < 0.5 * FINE:
-        return lower + max(2.0 * (found - lower), 0.5 * FINE)
-    if upper - found < 0.5 * FINE:
-        return upper - max(2.0 * (upper - found), 0.5 * FINE)
-    return found
+        found = lower + max(2.0 * (found - lower), 0.5 * FINE)
+    elif upper - found < 0.5 * FINE:
+        found = upper - max(2.0 * (upper - found), 0.5 * FINE)
+    return found if lower < found < upper else middle
 
 
 def _arrived(known: Places, values: dict[float, float], expected: dict[float, float], place: float) -> bool:

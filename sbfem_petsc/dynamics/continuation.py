@@ -34,6 +34,8 @@ COMFORT, TOO_MANY = 4, 7
 CORNER = 5e-3
 # Of the state: how near the last point is to the first one if it is the same motion.
 SAME = 1e-6
+# Of the range: the parameter of a branch that goes no further does not change.
+STILL = 1e-9
 # Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
 # that has been gone through.
 BACK = 0.999
@@ -123,13 +125,7 @@ class Continuation:
                 return
             yield point
             if not self.parameter.holds(point.value):
-                self.reason = f"end of the range at {point.value:.8g}"
-                if self._back_at_its_beginning():
-                    furthest = max((p.value for p in self.points), key=lambda v: abs(v - point.value))
-                    self.reason = (
-                        f"back at its beginning at {point.value:.8g}: it has turned about near "
-                        f"{furthest:.8g} and run back along itself; take more steps a period"
-                    )
+                self.reason = self._back_at_its_beginning() or f"end of the range at {point.value:.8g}"
                 return
 
     def forget(self) -> None:
@@ -137,13 +133,27 @@ class Continuation:
         if len(self.points) > 2:
             self.points[-3].fixed.forget()
 
-    def _back_at_its_beginning(self) -> bool:
-        """Whether the last point is the first one, where the branch cannot come to the end of its range in
-        the direction in which it began.
+    def _back_at_its_beginning(self) -> str:
+        """A sentence where the last point is the first one, where the branch cannot come to the end of its
+        range in the direction in which it began, or other motions at the same value are all there is.
         """
         first, last = self.points[0], self.points[-1]
+        if last.value != first.value:
+            return ""
+        furthest = max((p.value for p in self.points), key=lambda value: abs(value - last.value))
+        if abs(furthest - last.value) < STILL * self.parameter.extent:
+            return (
+                f"back at its beginning at {last.value:.8g}, which it has not left: motions of one period "
+                "are not isolated there, as those of a system without damping at a fraction of its "
+                "frequency; begin elsewhere"
+            )
         apart = np.linalg.norm(last.fixed.state - first.fixed.state)
-        return last.value == first.value and bool(apart < SAME * self.metric()[0])
+        if apart >= SAME * self.metric()[0]:
+            return ""
+        return (
+            f"back at its beginning at {last.value:.8g}: it has turned about near {furthest:.8g} and run "
+            "back along itself; take more steps a period"
+        )
 
     # ------------------------------------------------------------------ one step
     def metric(self) -> tuple[float, float]:
@@ -315,6 +325,8 @@ class Continuation:
             value = float(begin if held else fixed.parameters[0])
             if not (held or self.parameter.holds(value)):  # it has led beyond the end of the range
                 beyond, value = value, self.parameter.nearest(value)
+                if value == last.value:  # that end is where it comes from: it has turned about meanwhile
+                    return None
                 share = (value - last.value) / (beyond - last.value)
                 start = last.fixed.state + share * (fixed.state - last.fixed.state)
                 fixed = shoot_along(

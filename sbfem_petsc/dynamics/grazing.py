@@ -6,6 +6,7 @@ row's least gap over the period passes through zero smoothly: that is what is so
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from ..errors import SolveError
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
-from .branch import Branch
+from .branch import Branch, BranchWarning
 from .fixed_point import FixedPoint
 from .locus_point import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion
@@ -126,10 +127,10 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
     every : bool
         Of every row; False: only where the motion without any contact begins or ends.
 
-    Raises
-    ------
-    SolveError
-        If one is not found.
+    Warns
+    -----
+    BranchWarning
+        Of one that is not found.
     """
     period, result = branch.period, []
     touching = np.zeros((len(branch.value), period.pairs), dtype=bool)
@@ -141,8 +142,13 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
         changed = touching[k] != touching[k - 1]
         if not every and touching[k].any() == touching[k - 1].any():
             continue
-        found = [_grazing(branch, k, int(row), bool(touching[k, row])) for row in np.flatnonzero(changed)]
-        if not every:  # of several rows the first that touches
+        found = []
+        for row in np.flatnonzero(changed):
+            try:
+                found.append(_grazing(branch, k, int(row), bool(touching[k, row])))
+            except SolveError as error:
+                warnings.warn(str(error), BranchWarning, stacklevel=3)
+        if found and not every:  # of several rows the first that touches
             opened = not touching[k].any()
             open_end = float(branch.value[k if opened else k - 1])
             found = [min(found, key=lambda item: abs(item.value - open_end))]

@@ -233,7 +233,7 @@ class LocusAnalysis(Table):
     least: float = item(0.5, text="least factor", ge=0, le=1)
     most: float = item(2.0, text="largest factor", ge=1)
     bifurcations: list[Literal["fold", "period doubling", "Neimark-Sacker", "grazing"]] = item(
-        ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed"
+        ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed", min_length=1
     )
     points: int = item(100, text="points to either side of a bifurcation at most", ge=1)
     steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
@@ -355,7 +355,7 @@ class Output(Table):
         "pictures/",
     )
     vtu: bool = item(False, text="write modes and static displacements for ParaView")
-    csv: bool = item(False, text="write tables as CSV files")
+    csv: bool = item(False, text="write tables as CSV files into the folder's tables/")
 
 
 class Noise(Table):

@@ -170,11 +170,19 @@ def _analyses(case: Any) -> Iterator[Problem]:
                 yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
         if analysis.kind in _RANGES:
             if analysis.start == analysis.stop:
+                other = " of energies" if analysis.kind == "backbone" else ", or use periodic"
+                yield Problem((*path, "stop"), f"= {analysis.stop:g} is start itself; give a range{other}")
+        if analysis.kind == "locus":
+            yield from _locus(case, path, analysis)
+        if analysis.kind == "backbone" and analysis.modes is not None and analysis.mode > analysis.modes:
+            yield Problem((*path, "mode"), f"= {analysis.mode} must be one of the modes = {analysis.modes}")
+        if analysis.kind == "swept_response":
+            cycles = 0.5 * (analysis.start + analysis.stop) * analysis.duration
+            if cycles < 2.0:
                 yield Problem(
-                    (*path, "stop"), f"= {analysis.stop:g} is start itself; give a range, or use periodic"
+                    (*path, "duration"),
+                    f"= {analysis.duration:g} s holds {cycles:.3g} cycles; give 2 or more",
                 )
-        if analysis.kind == "locus" and analysis.least == analysis.most:
-            yield Problem((*path, "most"), f"= {analysis.most:g} is least itself; give a range of factors")
         if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
             yield Problem(
                 (*path, "pump_frequency"),
@@ -189,8 +197,15 @@ def _analyses(case: Any) -> Iterator[Problem]:
         if analysis.kind == "load_history":
             yield from _range((*path, "times"), analysis.times)
         if analysis.kind == "basins":
+            if analysis.factor == 0.0:
+                yield Problem((*path, "factor"), "= 0 leaves no load; give another factor")
             for k, axis in enumerate(analysis.starts):
                 yield from _axis((*path, "starts", k), axis)
+                if axis.kind != "impulse" and analysis.modes is not None and axis.mode > analysis.modes:
+                    yield Problem(
+                        (*path, "starts", k, "mode"),
+                        f"= {axis.mode} must be one of the modes = {analysis.modes}",
+                    )
         if analysis.kind == "transient":
             if analysis.step is not None and analysis.step > analysis.duration:
                 yield Problem(
@@ -209,6 +224,18 @@ def _analyses(case: Any) -> Iterator[Problem]:
             yield Problem(
                 (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"
             )
+
+
+def _locus(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:
+    """A range of one factor, and a factor on damping that there is none of."""
+    if analysis.least == analysis.most:
+        yield Problem((*path, "most"), f"= {analysis.most:g} is least itself; give a range of factors")
+    undamped = case.model.damping == 0.0 and case.model.rayleigh is None
+    if analysis.parameter == "damping" and undamped:
+        yield Problem(
+            (*path, "parameter"),
+            '= "damping" has no effect without damping; give model.damping, or another parameter',
+        )
 
 
 def _range(path: Path, values: Any) -> Iterator[Problem]:

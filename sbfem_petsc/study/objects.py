@@ -131,6 +131,9 @@ def _check_names(case: Case, found: meshing.BoundaryMesh) -> None:
     for name, analysis in tables.analyses.items():
         asked: dict[Path, Any] = {("point",): getattr(analysis, "point", None)}
         asked |= {("stress_at", place): at for place, at in getattr(analysis, "stress_at", {}).items()}
+        asked |= {
+            ("starts", k, "point"): axis.point for k, axis in enumerate(getattr(analysis, "starts", ()))
+        }
         for keys, point in asked.items():
             if isinstance(point, str) and point not in points:
                 raise case.problem(

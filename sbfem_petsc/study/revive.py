@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import os
 from typing import Any
@@ -16,6 +15,7 @@ from ..recording.hdf5 import opened
 from ..writing import spare_folder
 from . import pictures, run, sweep_file
 from .case import Case, case_from_text
+from .csv_tables import write_tables
 from .estimates import duration
 from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
@@ -208,49 +208,7 @@ def _csv(results: RunResults | Sweep, folder: str) -> list[str]:
         path = os.path.join(folder, "sweep.csv")
         write_csv(results, path)
         return [path]
-    return [path for name, tree in results.analyses.items() for path in tables(tree, folder, name)]
-
-
-def tables(tree: Tree, folder: str, name: str) -> list[str]:
-    """CSV files of an analysis: one for the arrays of each length, one for single values."""
-    columns: dict[int, list[tuple[str, np.ndarray]]] = {}
-    single: list[tuple[str, Any, str]] = []
-    for key, entry in _leaves(tree):
-        value, unit = entry.value, entry.unit
-        if isinstance(value, np.ndarray) and value.ndim:
-            ending = "" if unit == "1" else f" [{unit}]"
-            flat = value.reshape(len(value), -1)
-            for k in range(flat.shape[1]):
-                part = f"{key}{f'/{k}' if value.ndim > 1 else ''}"
-                if np.iscomplexobj(flat):
-                    columns.setdefault(len(value), []).append((f"|{part}|{ending}", np.abs(flat[:, k])))
-                    columns[len(value)].append((f"arg {part} [rad]", np.angle(flat[:, k])))
-                else:
-                    columns.setdefault(len(value), []).append((f"{part}{ending}", flat[:, k]))
-        else:
-            single.append((key, value, unit))
-    written = []
-    if single:
-        written.append(os.path.join(folder, f"{name}.csv"))
-        with open(written[-1], "w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([("quantity", "value", "unit"), *single])
-    for length, found in columns.items():
-        written.append(os.path.join(folder, f"{name}_{length}.csv"))
-        with open(written[-1], "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow([heading for heading, _ in found])
-            writer.writerows(zip(*(column.tolist() for _, column in found)))
-    return written
-
-
-def _leaves(tree: Tree, above: str = "") -> list[tuple[str, Quantity]]:
-    found: list[tuple[str, Quantity]] = []
-    for name, entry in tree.items():
-        if isinstance(entry, Quantity):
-            found.append((f"{above}{name}", entry))
-        elif isinstance(entry, dict):
-            found += _leaves(entry, f"{above}{name}/")
-    return found
+    return [path for name, tree in results.analyses.items() for path in write_tables(tree, folder, name)]
 
 
 def _json(results: RunResults | Sweep, folder: str) -> list[str]:

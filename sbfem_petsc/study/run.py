@@ -19,6 +19,7 @@ from ..parallel import collective
 from ..recording.hdf5 import new_hdf5, opened
 from . import pictures
 from .case import Case, read_case
+from .csv_tables import write_tables
 from .estimates import demand
 from .folder import Folder
 from .objects import located
@@ -30,7 +31,7 @@ from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
 PART = f"{FORMAT} part"
-RESULTS, SUMMARY, PICTURES = "results.h5", "summary.json", "pictures"
+RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
 # Kinds of analysis whose results have files of their own, beside motions and curves.
 FILED = ("backbone", "locus", "basins", "swept_response", "quasi_periodic", "quasi_periodic_response")
 
@@ -74,7 +75,7 @@ def run_case(
     ----------
     case : Case or path-like
     output : path-like
-        Folder; it receives results.h5, summary.json, pictures/ and files of the single analyses.
+        Folder; it receives results.h5, summary.json, pictures/, tables/ and files of the single analyses.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
     replace : bool
@@ -201,6 +202,9 @@ class _Run:
             with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
                 file.attrs["kind"] = kind
                 write_tree(file, tree)
+            if self.case.tables.output.csv:
+                os.makedirs(os.path.join(self.path, TABLES), exist_ok=True)
+                write_tables(tree, os.path.join(self.path, TABLES), name)
             if kind in ("periodic", "modulation") and result.reduced is not None:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
             if kind in FILED:

@@ -9,10 +9,11 @@ from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
 from sbfem_petsc.analysis.locus import _passes
+from sbfem_petsc.dynamics import grazing
 from sbfem_petsc.dynamics.branch import BranchWarning
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
-from tests.systems import case_p, two_masses
+from tests.systems import case_p, one_mass, two_masses
 
 TURN = 2.0 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN
@@ -241,6 +242,33 @@ def test_grazing_of_an_open_stop_in_closed_form(with_stops):
         assert line.kind == "grazing" and np.isnan(line.multiplier).all()
         assert sorted(line.value[[0, -1]]) == pytest.approx([0.9, 1.1], rel=1e-9) and len(line) >= 4
         assert amplitude(line) == pytest.approx(np.ones(len(line)), rel=1e-7)
+
+
+def test_grazing_points_that_are_found_are_kept(with_stops, monkeypatch):
+    """One that is not found is told; the others, and lines from them, are there."""
+    expected, own = sb.grazing_points(with_stops, every=True), grazing._grazing
+
+    def lost(branch, k, row, closes):
+        if row == 1 and closes:
+            raise sb.SolveError("grazing_points: where contact row 1 begins to touch was not found")
+        return own(branch, k, row, closes)
+
+    monkeypatch.setattr(grazing, "_grazing", lost)
+    with pytest.warns(BranchWarning, match="contact row 1 begins to touch was not found"):
+        found = sb.grazing_points(with_stops, every=True)
+    assert len(expected) == 4 and len(found) == 3
+    assert {point.value for point in found} < {point.value for point in expected}
+
+
+@pytest.mark.parametrize("parameter, gap, damping", [("damping", 1.0, 0.0), ("gap", 0.0, 0.1)])
+def test_a_factor_on_nothing_is_refused(parameter, gap, damping):
+    """All lines over a factor on what is zero are vertical."""
+    curve = sb.frequency_response(one_mass(gap, damping), 0.01, 0.05, 0.06, steps=64)
+    with pytest.raises(ValueError, match=f"loci: parameter = '{parameter}' has no effect, for all .* are 0"):
+        sb.loci(curve, 0.5, 2.0, parameter=parameter)
+    assert sb.loci(curve, 0.5, 2.0) == ()
+    with pytest.raises(ValueError, match="loci: kinds is empty; name one of fold, "):
+        sb.loci(curve, 0.5, 2.0, kinds=[])
 
 
 def test_grazing_of_a_stop_while_another_is_in_contact(with_stops):

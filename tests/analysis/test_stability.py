@@ -571,6 +571,57 @@ def test_folds_of_an_oscillator(ends):
     assert found == pytest.approx([0.169113741, 0.172550895], rel=1e-7)
 
 
+@pytest.mark.parametrize("before", [1e-4, 1e-5, 1e-6])
+def test_a_curve_from_beside_a_fold(before):
+    """From shortly before a fold over it and back to the frequency at which it began, in the other motion."""
+    system = one_mass(1.0, 0.015 * 1.138979480397014)
+    whole = sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
+    fold = whole.bifurcations[0]
+    start = fold.value * (1.0 - before)
+    nearest = int(np.abs(whole.value[: fold.after] - start).argmin())
+    first = sb.periodic(system, [0.15], start, steps=256, start=whole.orbit(nearest))
+    curve = sb.frequency_response(system, [0.15], start, 0.19, steps=256, first=first)
+    assert [b.kind for b in curve.bifurcations] == ["fold"] and curve.value[-1] == start
+    assert curve.bifurcations[0].value == pytest.approx(fold.value, rel=1e-7)
+    across = curve.states[[0, -1]] - fold.state
+    assert across[0] @ across[1] < -0.99 * np.linalg.norm(across, axis=1).prod()
+
+
+def test_motions_that_are_not_isolated():
+    """Without damping, at half its frequency: every motion comes back after a period, at any amplitude."""
+    free = one_mass(1.0, 0.0, stiffness=0.5)
+    with pytest.warns(
+        sb.BranchWarning, match="which it has not left: motions of one period are not isolated"
+    ):
+        curve = sb.frequency_response(free, [0.3], 0.5 / TURN, 0.9 / TURN, steps=192)
+    assert not curve.complete
+    curve = sb.frequency_response(free, [0.3], 0.51 / TURN, 0.6 / TURN, steps=192)
+    assert curve.complete
+    linear = 0.3 / (1.0 - (TURN * curve.value) ** 2)
+    np.testing.assert_allclose(curve.amplitude("A"), linear, rtol=1e-3)  # of samples of a period
+
+
+def test_no_bifurcation_off_the_unit_circle():
+    """Where a complex pair of modulus 0.98 becomes real beside a fold, and one of it passes 1 there."""
+    stiffness = np.array([[2.1450927, -1.0276563], [-1.0276563, 1.0276563]])
+    system = reduce_matrices(
+        np.diag([1.675309, 0.75858799]),
+        stiffness,
+        np.diag([-1.0, 1.0]),
+        np.array([1.0, 0.3]),
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"1": 0, "2": 1},
+        damping=0.0079541407 * stiffness,
+        compliance=np.array([0.056636562, 2.0609249]),
+    )
+    curve = sb.frequency_response(system, [0.81483271], 0.17353143, 0.054535861, steps=192, points=2500)
+    # those of steps of a four-hundredth of the range
+    assert [b.kind for b in curve.bifurcations] == ["fold", "period doubling"]
+    values = [b.value for b in curve.bifurcations]
+    assert values == pytest.approx([0.1553723, 0.1648956], rel=1e-6)
+    assert max(abs(abs(b.multiplier) - 1.0) for b in curve.bifurcations) < 1e-4
+
+
 class _Spectrum:
     """A branch whose multipliers are given functions of the parameter, with points at -1, 0, 1 and 2."""
 

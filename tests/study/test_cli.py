@@ -28,7 +28,7 @@ COMMANDS = ("new", "check", "mesh", "run", "sweep", "plot", "report", "info", "e
 def folder(tmp_path_factory):
     """Folder with a case, its results in out/ and its sweep in swept/."""
     folder = tmp_path_factory.mktemp("cli")
-    short = CASE.replace("pictures = false", "vtu = true")
+    short = CASE.replace("pictures = false", "vtu = true\ncsv = true")
     assert sbfem("run", written(folder, short), "--output", folder / "out", "--quiet").code == 0
     swept = written(folder, CASE + SWEEP, "sweep.toml")
     assert sbfem("sweep", swept, "--output", folder / "swept", "--quiet").code == 0
@@ -169,6 +169,8 @@ def test_export(folder, tmp_path):
     summary = json.loads((folder / "out" / "summary.json").read_text())
     rows = np.genfromtxt(tmp_path / "frequencies_5.csv", delimiter=",", names=True)
     assert rows["frequencies_Hz"].tolist() == summary["frequencies"]["frequencies"]
+    tables = {path.name: path.read_text() for path in (folder / "out" / "tables").iterdir()}  # of the run
+    assert tables == {path.name: path.read_text() for path in tmp_path.glob("*.csv")} and len(tables) > 5
     whole = json.loads((tmp_path / "results.json").read_text())
     assert whole["steady"]["harmonics"] == summary["steady"]["harmonics"]
     assert len(whole["burst"]["velocity"]["A"]) == len(whole["burst"]["time"])

@@ -216,6 +216,51 @@ WRONG = [
         "analyses.push.accuracy = 0.0",
         "must be greater than 0",
     ),
+    # nonlinear vibration
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "locus"\nload = "push"\nstart = 50.0\nstop = 60.0\nbifurcations = []' + NEW,
+        "analyses.push.bifurcations",
+        "at least 1 expected",
+    ),
+    (
+        'damping = 0.01\n\n[loads.push]\nkind = "point_force"\npoint = "A"\nfy = 200.0',
+        'damping = 0.0\n\n[loads.push]\nkind = "point_force"\npoint = "A"\nfy = 200.0\n\n[analyses.map]\n'
+        'kind = "locus"\nload = "push"\nstart = 50.0\nstop = 60.0\nparameter = "damping"' + NEW,
+        "analyses.map.parameter",
+        "give model.damping, or another parameter",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "backbone"\nstart = 1.0\nstop = 2.0\nmodes = 8\nmode = 12' + NEW,
+        "analyses.push.mode = 12",
+        "must be one of the modes = 8",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "backbone"\nmode = 1\nstart = 2.0\nstop = 2.0' + NEW,
+        "analyses.push.stop = 2",
+        "give a range of energies",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "basins"\nload = "push"\nfrequency = 50.0\nmodes = 9\nstarts = [{ values = [0], mode = 40 }]'
+        + NEW,
+        "analyses.push.starts[0].mode = 40",
+        "must be one of the modes = 9",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "basins"\nload = "push"\nfrequency = 50.0\nstarts = [{ values = [0.0] }]\nfactor = 0.0' + NEW,
+        "analyses.push.factor = 0",
+        "give another factor",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "swept_response"\nload = "push"\nstart = 50.0\nstop = 60.0\nduration = 1e-3' + NEW,
+        "analyses.push.duration = 0.001 s holds 0.055 cycles",
+        "give 2 or more",
+    ),
     # the sweep
     ('"geometry.notches[0].depth"', '"geometry.notches[1].depth"', "notches[1].depth", "numbered from 0"),
     ('"geometry.notches[0].depth"', '"geometry.notches[0].depths"', "depths", "did you mean 'depth'?"),
@@ -309,6 +354,12 @@ ON_THE_MESH = [
         'load = "push"\n\n[analyses.steady]',
         'load = "push"\nstress_at = { tip = "a" }\n\n[analyses.steady]',
         "analyses.push.stress_at.tip = 'a' is no point",
+        "valid are",
+    ),
+    (
+        'kind = "static"\nload = "push"',
+        'kind = "basins"\nload = "push"\nfrequency = 50.0\nstarts = [{ values = [0.0], point = "Q" }]',
+        "analyses.push.starts[0].point = 'Q' is no point",
         "valid are",
     ),
     ("[mesh]", "[points]\nP = [0.5, 0.5]\n[mesh]", "points.P", "move it inside"),
