@@ -134,7 +134,7 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
-    norm = np.linalg.norm(bifurcation.state)
+    norm = old.size(bifurcation.state)
 
     # the motion passes on both sides of the one of half its period, half a period apart; a pair that begins
     # to touch may leave but one of them in reach

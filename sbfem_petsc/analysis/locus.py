@@ -253,7 +253,7 @@ def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
         share = (1.0 - line.value[k]) / ((line.value[k + 1] - line.value[k]) or 1.0)
         frequency = line.frequency[k] + share * (line.frequency[k + 1] - line.frequency[k])
         state = line.states[k] + share * (line.states[k + 1] - line.states[k])
-        near = np.linalg.norm(state - item.state) < ONE * np.linalg.norm(item.state)
+        near = np.linalg.norm(state - item.state) < ONE * branch.period.size(item.state)
         if near and abs(frequency - item.value) < ONE * np.ptp(branch.value):
             return True
     return False

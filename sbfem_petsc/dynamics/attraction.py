@@ -86,7 +86,7 @@ class Attraction:
         return reached, periods
 
     def _size(self, state: np.ndarray) -> float:
-        return max(float(np.linalg.norm(state)), float(np.linalg.norm(self.driven.linear_state)))
+        return max(self.period.size(state), self.driven.oscillation)
 
     def _group(
         self, starts: np.ndarray, report: Callable[[float], None] | None
@@ -123,7 +123,7 @@ class Attraction:
             d.constants,
             d.free_gap,
             (q, v),
-            Known(p.weights, known, radii, float(np.linalg.norm(d.linear_state))),
+            Known(p.weights, known, radii, d.oscillation),
             self.patience,
         )
         return outcome, periods, repeats, d.linear_state + np.concatenate([p.weights * q, v])

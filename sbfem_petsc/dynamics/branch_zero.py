@@ -66,7 +66,7 @@ def chord(
     """Unit of the state, and the way from a point to another one with the parameter as a share of its
     range.
     """
-    size = max(float(np.linalg.norm(one.fixed.state)), float(np.linalg.norm(other.fixed.state)), 1e-300)
+    size = max(*(continuation.period.size(point.fixed.state) for point in (one, other)), 1e-300)
     state, value = other.fixed.state - one.fixed.state, other.value - one.value
     return size, np.append(state / size, value / continuation.parameter.extent)
 

@@ -104,7 +104,7 @@ class Continuation:
         self.points = [first]
         # where a branch starts from rest its state has no size of its own
         ends = (parameter.at(period, value) for value in (parameter.lower, parameter.upper))
-        self.least = 1e-3 * max(float(np.linalg.norm(end.linear_state)) for end in ends)
+        self.least = 1e-3 * max(end.oscillation for end in ends)
         self.length, self.reason = FIRST, ""
         self.sign: float | None = None
         # the fewest forcing periods after which the first motion repeats itself; a branch of several has
@@ -158,9 +158,8 @@ class Continuation:
     # ------------------------------------------------------------------ one step
     def metric(self) -> tuple[float, float]:
         """Units of the state and of the parameter."""
-        return max(
-            float(np.linalg.norm(self.points[-1].fixed.state)), self.least, 1e-300
-        ), self.parameter.extent / SPAN
+        size = max(self.period.size(self.points[-1].fixed.state), self.least, 1e-300)
+        return size, self.parameter.extent / SPAN
 
     def _tangent(self, derivative: np.ndarray, near: np.ndarray) -> np.ndarray:
         """Direction in which the linearised residual does not change, in units of the metric; at a converged

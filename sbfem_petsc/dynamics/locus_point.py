@@ -115,10 +115,9 @@ class Corrector:
 
     def __init__(self, family: Family, kind: str, extent: float, first: tuple[np.ndarray, float, float]):
         self.family, self.kind = family, kind
-        state, frequency, _ = first
-        self.units = np.append(
-            np.full(len(state), np.linalg.norm(state)), [frequency / SPAN, max(extent, 1e-300)]
-        )
+        state, frequency, value = first
+        size = family.at(frequency, value).period.size(state)
+        self.units = np.append(np.full(len(state), size), [frequency / SPAN, max(extent, 1e-300)])
 
     def correct(self, guess: np.ndarray, normal: np.ndarray, near: complex) -> LocusPoint:
         """The locus' point in the plane through a guess across a direction; `near` is its multiplier.

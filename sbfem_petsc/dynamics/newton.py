@@ -40,7 +40,7 @@ class Newton:
         self.residuals: list[float] = []
         self.key: bytes | None = None
         self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
-        # change of the unknowns, relative to these, after which an iterate is taken
+        # change of the unknowns, relative to the motion's size, after which an iterate is taken
         self.settled = 0.0
         # derivative of x(T) to begin with, iterations at which to give up, the last one's derivative
         self.near: np.ndarray | None = None
@@ -55,12 +55,8 @@ class Newton:
         # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
         # all unknowns of one order
         self.driven, self.first = driven, values
-        self.scale = (
-            max(float(np.linalg.norm(state)), float(np.linalg.norm(driven(values).linear_state)), 1e-300)
-            / max(abs(float(values[0])), 1e-300)
-            if len(values)
-            else 1.0
-        )
+        moving = max(self.period.size(state), driven(values).oscillation, 1e-300)
+        self.scale = moving / max(abs(float(values[0])), 1e-300) if len(values) else 1.0
         snes = PETSc.SNES().create(PETSc.COMM_SELF)
         snes.setOptionsPrefix(PREFIX)
         x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
@@ -89,7 +85,7 @@ class Newton:
         snes.setTolerances(
             rtol=self.relative,
             atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
-            stol=self.settled,
+            stol=self.settled * min(1.0, moving / max(float(np.linalg.norm(state)), 1e-300)),
             max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))

@@ -135,7 +135,7 @@ class OwnTone:
     # ------------------------------------------------------------------ scaled unknowns
     def units(self, circle: Circle) -> tuple[float, float]:
         """Units of the samples, in which a curve is a vector of length one, and of the parameter."""
-        return max(float(np.linalg.norm(circle.states)), 1e-300), UNIT * circle.value
+        return max(float(np.linalg.norm(circle.states - self.period.rest)), 1e-300), UNIT * circle.value
 
     def packed(self, circle: Circle, units: tuple[float, float]) -> np.ndarray:
         """Samples, rotation and parameter in their units, one vector."""
@@ -266,7 +266,7 @@ def first_circle(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[
     turns = np.exp(2j * np.pi * np.arange(own.samples) / own.samples)
     wave = (turns[:, None] * direction).real
     wave *= np.sqrt(own.samples) / np.linalg.norm(wave)
-    states = bifurcation.state + share * np.linalg.norm(bifurcation.state) * wave
+    states = bifurcation.state + share * own.period.size(bifurcation.state) * wave
     rotation = float(np.angle(multiplier)) / (2.0 * np.pi)
     plane = np.append(wave.ravel() / np.linalg.norm(wave), [0.0, 0.0])
     return Circle(states, rotation, bifurcation.value), plane

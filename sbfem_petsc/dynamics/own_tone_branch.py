@@ -151,7 +151,7 @@ def follow_circles(
     lower, upper = (first.value - reach, stop) if stop > first.value else (stop, first.value + reach)
     found, since = [first], 0
     direction = _growing(own, first)
-    length = FIRST * first.swing / (np.linalg.norm(first.states) / math.sqrt(own.samples))
+    length = FIRST * first.swing / (np.linalg.norm(first.states - own.period.rest) / math.sqrt(own.samples))
     while len(found) < points:
         last = found[-1]
         units = own.units(last)

@@ -100,6 +100,7 @@ class Period:
         self.excitation, self.phases = excitation, excitation.phases(self.steps)
         self._waves = np.concatenate([self.phases.real, -self.phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._rest: np.ndarray | None = None
         self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
@@ -118,6 +119,36 @@ class Period:
             gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
             self._loaded[factor] = loads, gaps
         return self._loaded[factor]
+
+    @property
+    def rest(self) -> np.ndarray:
+        """(2 m,) state at rest under the constant loads, contact included: what motions are about, and may be
+        far larger than they are.
+        """
+        if self._rest is None:
+            r, m = self.reduced, self.modes
+            constant = self.excitation.amplitudes[self.excitation.orders == 0].real.sum(axis=0)
+            compliance = np.divide(1.0, r.omega**2, out=np.zeros(m), where=r.omega > 0.0)
+            q = compliance * (r.load_modes @ constant)
+            gap = self.left @ (self.right.T @ q) + r.gap.loads[: self.pairs] @ constant
+            force = self._pressed(gap + r.initial_gap[: self.pairs], compliance)
+            q += compliance * (self.right @ (force @ self.left))
+            self._rest = np.concatenate([self.weights * q, np.zeros(m)])
+        return self._rest
+
+    def _pressed(self, gap: np.ndarray, compliance: np.ndarray) -> np.ndarray:
+        """Contact forces at rest of gaps without them; none if they cannot be told."""
+        force, active = np.zeros(self.pairs), self.laws.touched(gap)
+        flexibility = self.left @ ((self.right.T * compliance) @ self.right) @ self.left.T
+        flexibility += self.residual_flexibility
+        factor = empty_factor(self.pairs)
+        if not active.any() or contact_forces(flexibility, gap, self.laws.tied, active, factor, force) >= 0:
+            return force
+        return np.zeros(self.pairs)
+
+    def size(self, state: np.ndarray) -> float:
+        """How far a state is from rest: what changes of it are compared with."""
+        return float(np.linalg.norm(state - self.rest))
 
     def length(self, step: float) -> _Length:
         """What the length of a step (s) alone determines."""
@@ -177,6 +208,13 @@ class DrivenPeriod:
         self.linear_state = self._state(
             self.amplitudes.sum(axis=0).real, (self.speeds * self.amplitudes).sum(axis=0).real
         )
+
+    @property
+    def oscillation(self) -> float:
+        """Size of the linear steady state without its constant part."""
+        moving = self.period.excitation.orders > 0
+        q, v = self.amplitudes[moving], (self.speeds * self.amplitudes)[moving]
+        return float(np.linalg.norm(self._state(q.sum(axis=0).real, v.sum(axis=0).real)))
 
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])

@@ -17,7 +17,7 @@ def distances(driven: DrivenPeriod, motion: PeriodMotion) -> dict[int, float]:
     """
     p = driven.period
     periods = p.excitation.periods
-    size = float(np.linalg.norm(driven.linear_state + _difference(p, motion, 0)))
+    size = p.size(driven.linear_state + _difference(p, motion, 0))
     result = {}
     for fewer in range(1, periods):
         if periods % fewer or (p.steps * fewer) % periods or (p.excitation.orders * fewer % periods).any():

@@ -12,13 +12,13 @@ from scipy import linalg
 from ..errors import SolveError
 from .branch_range import ParameterRange
 from .fixed_point import FixedPoint
-from .newton import Newton, TooManyIterations
+from .newton import ROUND_OFF, Newton, TooManyIterations
 from .period_map import DrivenPeriod, Period
 
-# Residual relative to the linear state at which a fixed point nearby is taken.
+# Residual relative to the linear oscillation at which a fixed point nearby is taken.
 NEARBY = 1e-8
-# Change of the state, relative to it, after which a point along a branch is taken: what is left is less, as
-# each iteration gains a factor of more than three.
+# Change of the state, relative to its size, after which a point along a branch is taken: what is left is
+# less, as each iteration gains a factor of more than three.
 SETTLED = 1e-9
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
@@ -93,7 +93,7 @@ def _from_fewer_steps(
     fine = Newton(period, "updated", (), None)
     try:
         residual = driven.run(state).residual
-        if np.linalg.norm(residual) <= ROUGH * np.linalg.norm(driven.linear_state):
+        if np.linalg.norm(residual) <= ROUGH * driven.oscillation:
             return None
         rough = coarse.solve(state, lambda _: coarse.period.at(frequency, factor), np.zeros(0))
         fine.near = coarse.derivative
@@ -157,10 +157,11 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
     """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
     that of a motion nearby, dx(T) / dx(0). None unless each iterate is at least ten times better.
 
-    To 1e-8 of the linear state, for which a few periods are integrated and no derivative is made.
+    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
     """
     factors = linalg.lu_factor(derivative - np.eye(len(state)))
-    aim, residuals = NEARBY * np.linalg.norm(driven.linear_state), []
+    aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
+    residuals: list[float] = []
     while True:
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))

@@ -164,7 +164,7 @@ class _Attempts:
         """
         driven = period.at(frequency)
         most = min(most, self._patience(period, driven.duration))
-        size = float(np.linalg.norm(driven.linear_state))
+        size = driven.oscillation
         past: deque[np.ndarray] = deque([state], self.search.longest + 1)
         done, change, repeat, tried_at = 0, math.nan, 0, math.inf
         for target in self._rounds(most):
@@ -175,7 +175,7 @@ class _Attempts:
             except SolveError as error:  # a contact problem that was not solved
                 self.notes.append(str(error))
                 return None, done, change, repeat
-            norm = max(float(np.linalg.norm(past[-1])), size, 1e-300)
+            norm = max(period.size(past[-1]), size, 1e-300)
             changes = [float(np.linalg.norm(past[-1] - past[-1 - n])) / norm for n in range(1, len(past))]
             change = changes[0]
             # a failed attempt takes as long as some hundreds of periods

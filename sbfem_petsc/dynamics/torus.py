@@ -102,9 +102,8 @@ class Torus:
             : p.pairs
         ].T
         speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
-        linear = self.base.linear_state
         self.size = max(
-            float(np.linalg.norm(linear)),
+            self.base.oscillation,
             float(np.linalg.norm(np.concatenate([p.weights * self.pumped, speeds * self.pumped], axis=1))),
             1e-300,
         )

@@ -629,6 +629,7 @@ class _Spectrum:
         self.values, self.calls = values, 0
         self.points = [self.point(float(place)) for place in (-1, 0, 1, 2)]
         self.parameter = SimpleNamespace(extent=1.0, name="frequency")
+        self.period = SimpleNamespace(size=np.linalg.norm)
         monkeypatch.setattr(branch_zero, "between", self.between)
         monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
 

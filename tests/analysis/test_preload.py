@@ -1,0 +1,88 @@
+"""Motions about a place at rest that a constant load holds far from where the structure is without loads:
+they are the same as without it.
+"""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.dynamics.period_map import Period
+
+# Newton's method ends at 1e-12 of the whole displacement, here 1e-7 of the motion. The lengths of steps
+# depend on how many iterations it takes, and the highest point on these.
+SAME, ALIKE, HIGHEST = 1e-6, 1e-3, 1e-5
+
+
+def displaced(preload: float) -> sb.ReducedModel:
+    """One mass on a spring 1 whose stop is 1 from where the constant load, the second one, holds it."""
+    return sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.array([[-1.0]]),
+        np.array([preload + 1.0]),
+        loads=np.ones((1, 2)),
+        sensors={"1": 0},
+        damping=0.034 * np.eye(1),
+        compliance=np.array([1.0]),
+    )
+
+
+def pressed(preload: float) -> sb.ReducedModel:
+    """Two masses on springs 1 with 0.1 between. The constant load presses the second one onto its stop of
+    stiffness 1 and so moves the first one, whose stop is 1 from where it then is.
+    """
+    second = preload / (1.1 - 0.01 / 1.1 + 1.0)
+    return sb.reduce_matrices(
+        np.eye(2),
+        np.array([[1.1, -0.1], [-0.1, 1.1]]),
+        -np.eye(2),
+        np.array([1.0 + 0.1 / 1.1 * second, 0.0]),
+        loads=np.eye(2),
+        sensors={"1": 0, "2": 1},
+        damping=0.034 * np.eye(2),
+        compliance=np.array([1.0, 1.0]),
+    )
+
+
+@pytest.mark.parametrize("system, little", [(displaced, 0.0), (pressed, 10.0)])
+def test_a_curve_does_not_depend_on_the_preload(system, little):
+    """Peak, folds and number of points, with a displacement 1e5 times the motion and without."""
+    one, other = (
+        sb.frequency_response(system(preload), [0.15, sb.Constant(preload)], 0.13, 0.19, steps=256)
+        for preload in (little, 1e5)
+    )
+    assert [item.kind for item in one.bifurcations] == ["fold", "fold"]
+    assert [item.kind for item in other.bifurcations] == ["fold", "fold"]
+    np.testing.assert_allclose(
+        [item.value for item in other.bifurcations], [item.value for item in one.bifurcations], rtol=SAME
+    )
+    assert len(other.value) == len(one.value)
+    np.testing.assert_allclose(other.value, one.value, rtol=ALIKE)
+    assert other.amplitude("1").max() == pytest.approx(one.amplitude("1").max(), rel=HIGHEST)
+
+
+@pytest.mark.parametrize("preload", [10.0, 1e5])
+def test_at_rest(preload):
+    """Both masses are where the springs and the stop hold them, by hand."""
+    model = pressed(preload)
+    excitation = Excitation.of([sb.Harmonic(0.15, 0.15), sb.Constant(preload)], 0.15, None, 1)
+    period = Period(model, excitation, 64)
+    second = preload / (1.1 - 0.01 / 1.1 + 1.0)
+    # the gaps' rows are the displacements against them
+    np.testing.assert_allclose(
+        model.gap.modes @ (period.rest[:2] / period.weights), [-0.1 / 1.1 * second, -second], rtol=1e-12
+    )
+    assert not period.rest[2:].any()
+
+
+def test_two_tones_on_a_preload():
+    """Lines of a quasi-periodic motion are the same."""
+    tones = 0.16, 0.02 * np.sqrt(3.0)
+    lines = []
+    for preload in (10.0, 1e4):
+        load = [sb.Harmonic(0.15, tones[0]) + sb.Harmonic(0.1, tones[1]), sb.Constant(preload)]
+        found = sb.quasi_periodic(pressed(preload), load, frequencies=tones, steps=256)
+        assert found.stable
+        lines.append([found.line(m, n, "1") for m, n in ((1, 0), (0, 1), (1, 1), (1, 2), (2, -1))])
+    np.testing.assert_allclose(*lines, rtol=SAME, atol=SAME * np.abs(lines[0]).max())
