@@ -11,6 +11,7 @@ from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI, PETSc, SLEPc, configure, free, solver_name, solving, stage
 from .demand import require_modes
 from .element_stiffness import NEEDED
+from .krylov_step import KrylovStep
 from .modal_result import Modal
 from .pencil import CondensedSolve, Pencil, top_of_band
 from .structure import Structure
@@ -155,6 +156,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
     st = eps.getST()
     outer = st.getKSP()
     inner = outer.getPC()
+    step = KrylovStep(solve)
     try:
         eps.setOptionsPrefix("modal_")
         eps.setProblemType(SLEPc.EPS.ProblemType.GHEP)
@@ -173,8 +175,9 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         outer.setOptionsPrefix("modal_condensed_")
         outer.setType(PETSc.KSP.Type.PREONLY)
         inner.setType(PETSc.PC.Type.PYTHON)
-        inner.setPythonContext(solve)
+        inner.setPythonContext(step)
         configure(eps)
+        step.watch(eps)
         with stage("Modes"), solving("modal"):
             eps.solve()
         converged = eps.getConverged()
@@ -193,6 +196,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         )
     finally:
         # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
+        step.release()
         free(model.comm, inner, outer, st, eps)
         solve.release()
 
