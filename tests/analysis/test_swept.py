@@ -187,6 +187,8 @@ def test_bad_input(branch):
         ({"duration": 1.0}, ValueError, "cycles"),
         ({"duration": 1e13}, ValueError, "cycles"),
         ({"load": sb.Harmonic(1.0, 1.0)}, ValueError, "does not follow the swept frequency"),
+        ({"load": 0.0}, ValueError, "no load oscillates"),
+        ({"load": sb.Constant(1.0)}, ValueError, "no load oscillates"),
         ({"first": orbit, "start": 0.9 * LOW}, ValueError, "first is at"),
         ({"steps": 3}, ValueError, "steps = 3"),
     ):
