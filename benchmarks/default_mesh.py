@@ -162,7 +162,9 @@ def main() -> None:
             sb.periodic(fresh, push(300.0), 3000.0)
             return time.process_time() - began
 
-    line("the same from the model, 3000 Hz", min(whole() for _ in range(5)), ASKED["from the model"])
+    line(
+        "the same from the model, 3000 Hz", min(whole() for _ in range(own.repeats)), ASKED["from the model"]
+    )
     for force in (300.0, 1500.0):
 
         def follow(force=force):
@@ -185,7 +187,7 @@ def main() -> None:
 
     line(
         "33 ms in steps of 1 us, with reduction",
-        min(history() for _ in range(3)),
+        min(history() for _ in range(own.repeats)),
         ASKED["history"],
         f"{spent:.3f} from the reduced model, floor {history_floor(load):.3f}",
     )

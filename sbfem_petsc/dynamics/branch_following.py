@@ -129,10 +129,10 @@ def follow(
         )
     elif continuation.reason.startswith("back"):
         warnings.warn(f"{what}: the curve is {continuation.reason}", BranchWarning, stacklevel=4)
-    elif parameter.holds(float(result.value[-1])):
+    elif parameter.holds(float(result.value[-1])) or len(result.value) == 1:
         error = SolveError(
             f"{what}: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "
-            f"{continuation.reason}; take more steps a period, or see -shooting_snes_monitor"
+            f"{continuation.reason}; {continuation.advice}"
         )
         error.branch = result  # type: ignore[attr-defined]
         raise on_all_ranks(error)

@@ -89,8 +89,8 @@ class Continuation:
         More of them before the first step resume a branch.
     length : float
         Of the next step.
-    reason : str
-        Why it stopped.
+    reason, advice : str
+        Why it stopped, and what may help if it should not have.
     """
 
     def __init__(
@@ -106,6 +106,7 @@ class Continuation:
         ends = (parameter.at(period, value) for value in (parameter.lower, parameter.upper))
         self.least = 1e-3 * max(end.oscillation for end in ends)
         self.length, self.reason = FIRST, ""
+        self.advice = "take more steps a period, or see -shooting_snes_monitor"
         self.sign: float | None = None
         # the fewest forcing periods after which the first motion repeats itself; a branch of several has
         # ended where it meets one of fewer
@@ -193,7 +194,15 @@ class Continuation:
 
     def _next(self) -> ContinuationPoint | None:
         last = self.points[-1]
-        heading = self.heading()
+        try:
+            heading = self.heading()
+        except np.linalg.LinAlgError:
+            self.reason = (
+                f"motions of one period are not isolated at {last.value:.8g}, as those of a body without "
+                "supports or of a system without damping"
+            )
+            self.advice = "hold it, give it damping, or begin elsewhere"
+            return None
         length = min(
             self.length, self.settings.largest_step / (self.metric()[1] * max(abs(heading[-1]), 1e-12))
         )
@@ -295,6 +304,8 @@ class Continuation:
         outside = not self.parameter.holds(target)
         if outside:  # land on the end of the range
             target = self.parameter.nearest(target)
+            if target == last.value:  # that end is where it comes from
+                return None
             length = (target - last.value) / (unit * heading[-1])
         guess = last.fixed.state + length * size * heading[:-1]
         bent = np.zeros(len(heading)) if behind is not None else self._bend(heading, length)

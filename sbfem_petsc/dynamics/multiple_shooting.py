@@ -61,6 +61,7 @@ class SegmentedPeriod:
             If it does not converge.
         """
         size = max(float(np.linalg.norm(self.driven.linear_state)), 1e-300)
+        moving = max(self.driven.oscillation, 1e-300)
         aim = ROUND_OFF * max(size, float(np.linalg.norm(states))) * np.sqrt(len(states))
         missed, motions = self.run(states)
         residuals = [float(np.linalg.norm(missed))]
@@ -84,8 +85,8 @@ class SegmentedPeriod:
             SolveError(
                 f"periodic: Newton's method over {len(states)} segments did not converge in "
                 f"{len(residuals) - 1} iterations: their ends miss the next ones' beginnings by "
-                f"{residuals[-1] / size:.2e} of the linear state's size, from {residuals[0] / size:.2e}; "
-                "start from a neighbour, or take more segments or steps"
+                f"{residuals[-1] / moving:.2e} of the linear motion's size, from {residuals[0] / moving:.2e}"
+                "; start from a neighbour, or take more segments or steps"
             )
         )
 

@@ -102,7 +102,7 @@ class Newton:
                         "undetermined"
                     )
                 ) from None
-            self._check(snes, size_of_state)
+            self._check(snes, moving)
             state, values = x.array_r[:m2].copy(), self.first + x.array_r[m2:] / self.scale
             driven, motion = self._motion(x.array_r)
             if self.jacobian == "updated" and self.last is not None:
@@ -194,7 +194,7 @@ class Newton:
             SolveError(
                 f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
                 f"{snes.getIterationNumber()} iterations): x(T) - x(0) is at "
-                f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the linear state's size, from "
+                f"{snes.getFunctionNorm() / max(size, 1e-300):.2e} of the motion's size, from "
                 f"{(self.residuals or [math.nan])[0] / max(size, 1e-300):.2e}; start from a neighbour, take "
                 f"more steps, or see -{PREFIX}snes_..."
             )

@@ -29,6 +29,9 @@ from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
 from .steps import step_coefficients
 
+# Frequency at which a rigid-body motion is held where the place at rest is looked for, of the lowest other.
+SOFT = 1e-4
+
 
 @dataclass(frozen=True, eq=False)
 class PeriodMotion:
@@ -128,7 +131,10 @@ class Period:
         if self._rest is None:
             r, m = self.reduced, self.modes
             constant = self.excitation.amplitudes[self.excitation.orders == 0].real.sum(axis=0)
-            compliance = np.divide(1.0, r.omega**2, out=np.zeros(m), where=r.omega > 0.0)
+            # a rigid-body motion is held by contact alone: a spring that is far softer stands for none
+            elastic = r.omega[r.omega > 0.0]
+            soft = SOFT * elastic.min(initial=np.inf) if len(elastic) else SOFT
+            compliance = 1.0 / np.where(r.omega > 0.0, r.omega, soft) ** 2
             q = compliance * (r.load_modes @ constant)
             gap = self.left @ (self.right.T @ q) + r.gap.loads[: self.pairs] @ constant
             force = self._pressed(gap + r.initial_gap[: self.pairs], compliance)

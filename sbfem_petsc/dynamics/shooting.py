@@ -159,7 +159,9 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
 
     To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
     """
-    factors = linalg.lu_factor(derivative - np.eye(len(state)))
+    factors, exchanged, singular = linalg.lapack.dgetrf(derivative - np.eye(len(state)))
+    if singular:
+        return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
     while True:
@@ -169,4 +171,5 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
             return FixedPoint(state, np.zeros(0), driven, motion, tuple(residuals))
         if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
             return None
-        state = state - linalg.lu_solve(factors, motion.residual)
+        change, _ = linalg.lapack.dgetrs(factors, exchanged, motion.residual)
+        state = state - change

@@ -23,9 +23,13 @@ class KrylovStep:
         self.vectors: SLEPc.BV | None = None
 
     def watch(self, eps: SLEPc.EPS) -> None:
-        """Take charge of the vectors of a solver that has its options, if these say nothing about it."""
+        """Take charge of the vectors of a solver that has its options, if these say nothing about it and the
+        modes are the lowest ones: with a shift between frequencies the errors of vectors weigh in the
+        residual of a low mode by the ratio of the shift to its omega^2.
+        """
         options = PETSc.Options(eps.getOptionsPrefix())
-        if eps.getType() == SLEPc.EPS.Type.KRYLOVSCHUR and not any(map(options.hasName, CHOICES)):
+        plain = eps.getType() == SLEPc.EPS.Type.KRYLOVSCHUR and not any(map(options.hasName, CHOICES))
+        if plain and self.solve.shift <= 0.0:
             self.vectors = eps.getBV()
 
     def apply(self, pc, right: PETSc.Vec, left: PETSc.Vec) -> None:

@@ -354,7 +354,7 @@ run(main)
     assert strict.returncode == 1
     assert (
         strict.stderr.startswith("error: periodic: Newton's method did not converge")
-        and "of the linear state's size" in strict.stderr
+        and "of the motion's size" in strict.stderr
     )
 
 
@@ -508,7 +508,7 @@ def test_no_convergence():
     r, frequency = bilinear(0.1, 1e-5)
     with pytest.raises(
         sb.SolveError,
-        match=r"did not converge \(.*\).* of the linear state's size, from .*start from a neighbour, take "
+        match=r"did not converge \(.*\).* of the motion's size, from .*start from a neighbour, take "
         r"more steps",
     ):
         sb.periodic(r, 1.0, frequency, stability=False, search=NEWTON_ALONE)

@@ -76,6 +76,32 @@ def test_at_rest(preload):
     assert not period.rest[2:].any()
 
 
+def test_held_by_stops_alone():
+    """A mass without spring between two stops that press it to a place: its rest is there, and the curve of
+    the mass beside it, which does not know of it, is the same wherever that is.
+    """
+    folds = []
+    for place in (0.0, 1e4):
+        system = sb.reduce_matrices(
+            np.eye(2),
+            np.diag([1.0, 0.0]),
+            np.array([[0.0, 1.0], [0.0, -1.0], [-1.0, 0.0]]),
+            np.array([-0.5 - place, -0.5 + place, 1.0]),
+            loads=np.array([[1.0], [0.02]]),
+            sensors={"1": 0, "2": 1},
+            damping=np.diag([0.034, 0.0]),
+            compliance=np.ones(3),
+        )
+        period = Period(system, Excitation.of([sb.Harmonic(0.15, 0.15)], 0.15, None, 1), 64)
+        moved = system.gap.modes[0] @ (period.rest[:2] / period.weights)
+        assert moved == pytest.approx(place, rel=1e-7, abs=1e-7)
+        curve = sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
+        assert curve.complete
+        folds.append([item.value for item in curve.bifurcations if item.kind == "fold"])
+    np.testing.assert_allclose(*folds, rtol=SAME)
+    assert len(folds[0]) == 2
+
+
 def test_two_tones_on_a_preload():
     """Lines of a quasi-periodic motion are the same."""
     tones = 0.16, 0.02 * np.sqrt(3.0)

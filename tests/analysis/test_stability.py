@@ -571,16 +571,19 @@ def test_folds_of_an_oscillator(ends):
     assert found == pytest.approx([0.169113741, 0.172550895], rel=1e-7)
 
 
-@pytest.mark.parametrize("before", [1e-4, 1e-5, 1e-6])
-def test_a_curve_from_beside_a_fold(before):
-    """From shortly before a fold over it and back to the frequency at which it began, in the other motion."""
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("which", [0, 1])
+@pytest.mark.parametrize("before", [1e-4, 1e-5, 1e-6, 1e-7, 1e-8])
+def test_a_curve_from_beside_a_fold(which, before):
+    """From shortly before a fold over it and back to the frequency at which it began, in the other motion:
+    the resonance's fold from below, and from above that at which the motion ceases to touch.
+    """
     system = one_mass(1.0, 0.015 * 1.138979480397014)
     whole = sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
-    fold = whole.bifurcations[0]
-    start = fold.value * (1.0 - before)
-    nearest = int(np.abs(whole.value[: fold.after] - start).argmin())
-    first = sb.periodic(system, [0.15], start, steps=256, start=whole.orbit(nearest))
-    curve = sb.frequency_response(system, [0.15], start, 0.19, steps=256, first=first)
+    fold = whole.bifurcations[which]
+    start, stop = fold.value * (1.0 - (before, -before)[which]), (0.19, 0.13)[which]
+    first = sb.periodic(system, [0.15], start, steps=256, start=whole.orbit(fold.after - 1))
+    curve = sb.frequency_response(system, [0.15], start, stop, steps=256, first=first)
     assert [b.kind for b in curve.bifurcations] == ["fold"] and curve.value[-1] == start
     assert curve.bifurcations[0].value == pytest.approx(fold.value, rel=1e-7)
     across = curve.states[[0, -1]] - fold.state
@@ -599,6 +602,22 @@ def test_motions_that_are_not_isolated():
     assert curve.complete
     linear = 0.3 / (1.0 - (TURN * curve.value) ** 2)
     np.testing.assert_allclose(curve.amplitude("A"), linear, rtol=1e-3)  # of samples of a period
+
+
+def test_a_body_without_supports():
+    """A mass that drifts where it likes, beside a stop: it has a periodic motion, and any number of them."""
+    system = sb.reduce_matrices(
+        np.eye(2),
+        np.diag([1.0, 0.0]),
+        np.array([[0.0, 1.0]]),
+        np.zeros(1),
+        loads=np.array([[0.0], [1.0]]),
+        sensors={"A": 1},
+        compliance=np.array([0.1]),
+    )
+    assert sb.periodic(system, [0.1], 0.11, steps=128).stable
+    with pytest.raises(sb.SolveError, match="not isolated at 0.11, as those of a body .* hold it"):
+        sb.frequency_response(system, [0.1], 0.11, 0.15, steps=128)
 
 
 def test_no_bifurcation_off_the_unit_circle():
