@@ -122,8 +122,9 @@ def kill_all(process: subprocess.Popen[str]) -> None:
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict:
-    """The JSON object on the last line that starts with a brace, whatever a rank that ends writes before it:
-    colorama, if it is installed, resets the colours.
+    """The JSON object on the last line that starts with a brace, whatever other ranks write around it: one that
+    ends resets the colours, if colorama is installed, and the line of another one may follow without a break.
     """
     lines = done.stdout.replace("\033[0m", "").splitlines()
-    return json.loads([line for line in lines if line.startswith("{")][-1])
+    found, _ = json.JSONDecoder().raw_decode([line for line in lines if line.startswith("{")][-1])
+    return found
