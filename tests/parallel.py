@@ -122,8 +122,8 @@ def kill_all(process: subprocess.Popen[str]) -> None:
 
 
 def answer(done: subprocess.CompletedProcess[str]) -> dict:
-    """The JSON object on the last line that starts with a brace, whatever other ranks write around it: one that
-    ends resets the colours, if colorama is installed, and the line of another one may follow without a break.
+    """The JSON object on the last line that starts with a brace, whatever other ranks write around it: one
+    that ends resets the colours, if colorama is installed, and another one's line may follow without a break.
     """
     lines = done.stdout.replace("\033[0m", "").splitlines()
     found, _ = json.JSONDecoder().raw_decode([line for line in lines if line.startswith("{")][-1])
