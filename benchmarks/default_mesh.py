@@ -6,7 +6,7 @@ last line, which starts Python anew with an empty cache. The floor of orbits and
 of large matrices and the eigenvalues alone take at the rates of the libraries in this run: two products of
 each row of contact with the columns of every derivative that was made, and the eigenvalues of every monodromy
 matrix. Of a history with its reduction it is the factorisation, for each Krylov vector a solve, one product
-with the mass and two rounds of orthogonalisation, for each step two products with the factors of the gaps.
+with the mass and one round of orthogonalisation, for each step two products with the factors of the gaps.
 
     ./run python benchmarks/default_mesh.py
 """
@@ -124,8 +124,7 @@ def history_floor(load) -> float:
             for _ in range(50):
                 matrices.mass.mult(right, left)
                 solve.ksp.solve(solve.right, solve.left)
-                for _ in range(2):
-                    basis @ column, coefficients @ basis
+                basis @ column, coefficients @ basis
 
         every = seconds(one_vector, 5)[0] / 50
         states, (left_factor, right_factor) = np.ones((CHUNK, len(reduced.omega))), reduced.thin_gaps

@@ -102,7 +102,8 @@ def transient(
     ValueError, TypeError, KeyError
         For input that makes no sense, and if the history would take more memory or disk than is free.
     SolveError
-        If a contact problem is not solved, the energy runs away or `file` cannot be written any more.
+        If a contact problem is not solved, there is no equilibrium to start from, the energy runs away or
+        `file` cannot be written any more.
 
     Warns
     -----

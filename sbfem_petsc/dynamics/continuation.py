@@ -46,6 +46,8 @@ STRAIGHT = 0.999
 # through the last three.
 ALONG = 0.05
 DEFAULT = ContinuationSettings()
+# What may help where motions are not isolated.
+ELSEWHERE = "hold it, give it damping, or begin elsewhere"
 
 
 class ContinuationPoint:
@@ -144,9 +146,8 @@ class Continuation:
         furthest = max((p.value for p in self.points), key=lambda value: abs(value - last.value))
         if abs(furthest - last.value) < STILL * self.parameter.extent:
             return (
-                f"back at its beginning at {last.value:.8g}, which it has not left: motions of one period "
-                "are not isolated there, as those of a system without damping at a fraction of its "
-                "frequency; begin elsewhere"
+                f"back at its beginning at {last.value:.8g}, which it has not left: "
+                f"{_not_isolated(last.value)}; {ELSEWHERE}"
             )
         apart = np.linalg.norm(last.fixed.state - first.fixed.state)
         if apart >= SAME * self.metric()[0]:
@@ -197,11 +198,7 @@ class Continuation:
         try:
             heading = self.heading()
         except np.linalg.LinAlgError:
-            self.reason = (
-                f"motions of one period are not isolated at {last.value:.8g}, as those of a body without "
-                "supports or of a system without damping"
-            )
-            self.advice = "hold it, give it damping, or begin elsewhere"
+            self.reason, self.advice = _not_isolated(last.value), ELSEWHERE
             return None
         length = min(
             self.length, self.settings.largest_step / (self.metric()[1] * max(abs(heading[-1]), 1e-12))
@@ -370,3 +367,10 @@ class Continuation:
             max(0.5, min(2.0, TURN / max(turn, 1e-3), COMFORT / max(fixed.effort, 1.0) + 0.25)) * length,
         )
         return point
+
+
+def _not_isolated(value: float) -> str:
+    return (
+        f"motions of one period are not isolated at {value:.8g}, as those of a body without supports or of a "
+        "system without damping"
+    )

@@ -61,7 +61,7 @@ class SegmentedPeriod:
             If it does not converge.
         """
         size = max(float(np.linalg.norm(self.driven.linear_state)), 1e-300)
-        moving = max(self.driven.oscillation, 1e-300)
+        moving = self.driven.oscillation or size
         aim = ROUND_OFF * max(size, float(np.linalg.norm(states))) * np.sqrt(len(states))
         missed, motions = self.run(states)
         residuals = [float(np.linalg.norm(missed))]

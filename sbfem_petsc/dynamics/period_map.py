@@ -27,10 +27,8 @@ from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
+from .rest import at_rest
 from .steps import step_coefficients
-
-# Frequency at which a rigid-body motion is held where the place at rest is looked for, of the lowest other.
-SOFT = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,28 +127,10 @@ class Period:
         far larger than they are.
         """
         if self._rest is None:
-            r, m = self.reduced, self.modes
             constant = self.excitation.amplitudes[self.excitation.orders == 0].real.sum(axis=0)
-            # a rigid-body motion is held by contact alone: a spring that is far softer stands for none
-            elastic = r.omega[r.omega > 0.0]
-            soft = SOFT * elastic.min(initial=np.inf) if len(elastic) else SOFT
-            compliance = 1.0 / np.where(r.omega > 0.0, r.omega, soft) ** 2
-            q = compliance * (r.load_modes @ constant)
-            gap = self.left @ (self.right.T @ q) + r.gap.loads[: self.pairs] @ constant
-            force = self._pressed(gap + r.initial_gap[: self.pairs], compliance)
-            q += compliance * (self.right @ (force @ self.left))
-            self._rest = np.concatenate([self.weights * q, np.zeros(m)])
+            q, _ = at_rest(self.reduced, constant, self.pairs > 0)
+            self._rest = np.concatenate([self.weights * q, np.zeros(self.modes)])
         return self._rest
-
-    def _pressed(self, gap: np.ndarray, compliance: np.ndarray) -> np.ndarray:
-        """Contact forces at rest of gaps without them; none if they cannot be told."""
-        force, active = np.zeros(self.pairs), self.laws.touched(gap)
-        flexibility = self.left @ ((self.right.T * compliance) @ self.right) @ self.left.T
-        flexibility += self.residual_flexibility
-        factor = empty_factor(self.pairs)
-        if not active.any() or contact_forces(flexibility, gap, self.laws.tied, active, factor, force) >= 0:
-            return force
-        return np.zeros(self.pairs)
 
     def size(self, state: np.ndarray) -> float:
         """How far a state is from rest: what changes of it are compared with."""

@@ -16,6 +16,7 @@ from ..signals import Signal
 from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Column, Rows, Steps
+from .rest import at_rest
 from .states import ModalStates
 from .steps import step_coefficients
 
@@ -182,7 +183,7 @@ def _constants(r: ReducedModel, steps: Steps) -> StepConstants:
 def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
     """q, v, contact forces and active set at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
-    balanced = isinstance(start, str) and start == "equilibrium"
+    found = None
     if not isinstance(start, str):
         q, v = (np.array(part, dtype=float) for part in start)
         if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
@@ -192,15 +193,11 @@ def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
                     f"shapes {q.shape} and {v.shape}"
                 )
             )
+    elif start == "equilibrium":
+        q, found = at_rest(r, amplitude, contact)
     if not contact:
-        if balanced:
-            q = r.load_modes @ amplitude / r.omega**2
         return q, v, np.zeros(0), np.zeros(0, dtype=bool)
-    flexibility, gap = r.gap.contact, r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
-    if balanced:
-        flexibility = flexibility + (r.gap.modes / r.omega**2) @ r.gap.modes.T
-        gap = gap + (r.gap.modes / r.omega**2) @ (r.load_modes @ amplitude)
-    found = solve_complementarity(flexibility, gap, r.contact_laws)
-    if balanced:
-        q = (r.load_modes @ amplitude + r.gap.modes.T @ found.force) / r.omega**2
+    if found is None:
+        gap = r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
+        found = solve_complementarity(r.gap.contact, gap, r.contact_laws)
     return q, v, found.force.copy(), found.active.copy()

@@ -102,6 +102,34 @@ def test_held_by_stops_alone():
     assert len(folds[0]) == 2
 
 
+def unsprung():
+    """Two masses, the second one held by nothing but a stop of stiffness 10 that it touches; a force that
+    presses it onto the stop.
+    """
+    return sb.reduce_matrices(
+        np.eye(2),
+        np.diag([1.0, 0.0]),
+        np.array([[0.0, 1.0]]),
+        np.zeros(1),
+        loads=np.array([[0.0], [-1.0]]),
+        sensors={"A": 1},
+        compliance=np.array([0.1]),
+    )
+
+
+def test_equilibrium_of_a_mass_on_a_stop():
+    """It stays where the stop carries the force."""
+    history = sb.transient(unsprung(), [sb.Constant(2.0)], 3.0, step=0.01, start="equilibrium")
+    np.testing.assert_allclose(history.displacement("A")[:, 1], -0.2, rtol=1e-6)
+    np.testing.assert_allclose(history.contact_resultant, 2.0, rtol=1e-6)
+
+
+def test_no_equilibrium():
+    """Pulled away from the stop it is held by nothing."""
+    with pytest.raises(sb.SolveError, match="rigid-body motion of mode 1, which nothing holds"):
+        sb.transient(unsprung(), [sb.Constant(-2.0)], 3.0, step=0.01, start="equilibrium")
+
+
 def test_two_tones_on_a_preload():
     """Lines of a quasi-periodic motion are the same."""
     tones = 0.16, 0.02 * np.sqrt(3.0)
