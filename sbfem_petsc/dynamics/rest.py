@@ -49,8 +49,8 @@ def at_rest(
     if loose.any():
         raise on_all_ranks(
             SolveError(
-                f"equilibrium: the loads push the rigid-body motion of mode {int(np.argmax(loose)) + 1}, which "
-                "nothing holds: there is no place at rest; hold the structure, or leave the loads out"
+                f"equilibrium: the loads push the rigid-body motion of mode {int(np.argmax(loose)) + 1}, "
+                "which nothing holds: there is no place at rest; hold the structure, or leave the loads out"
             )
         )
     return q, found
