@@ -24,6 +24,10 @@ class OutOfMemory(SolveError):
     """There is not enough memory; other ranks may know nothing of it."""
 
 
+class RefusedOption(SolveError):
+    """PETSc refuses an option of the command line; no other attempt will change that."""
+
+
 class LoadWarning(UserWarning):
     """A load acts on nothing, because a support holds the direction of it."""
 

@@ -25,7 +25,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from . import abort
-from .errors import OutOfMemory, SolveError, on_all_ranks
+from .errors import OutOfMemory, RefusedOption, SolveError, on_all_ranks
 from .parallel import alone
 
 # Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
@@ -142,14 +142,14 @@ def configure(item: Any) -> None:
 
     Raises
     ------
-    SolveError
+    RefusedOption
         If PETSc refuses one of them; the sentence has PETSc's reason.
     """
     try:
         item.setFromOptions()
     except PETSc.Error as error:
         raise on_all_ranks(
-            SolveError(
+            RefusedOption(
                 f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give "
                 "it another value or leave it out"
             )

@@ -19,6 +19,7 @@ PREFIXES = {
     "newmark_": "steps of the unreduced model: -newmark_ksp_..., -newmark_pc_...",
     "shooting_": "periodic motions: -shooting_snes_... (Newton's method), -shooting_ksp_..., "
     "-shooting_pc_... (its linear solves)",
+    "torus_": "motions of two tones: -torus_ksp_..., -torus_pc_... (linear solves of Newton's method)",
     "floquet_": "Floquet multipliers: -floquet_eps_...",
 }
 # PETSc's own options for a whole run that no program of its own is likely to have.

@@ -14,6 +14,7 @@ import numpy as np
 
 from ..capacity import require_compiler, require_memory
 from ..checks import Bounds, flag, instance, integer, numbers_of, real
+from ..dynamics.curve_system import RESTART
 from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
@@ -27,7 +28,7 @@ from ..dynamics.tones import (
     own_motion,
     tone_lines,
 )
-from ..dynamics.torus import RESOLVED, RESTART, Torus
+from ..dynamics.torus import RESOLVED, Torus
 from ..errors import SolveError, StepWarning, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
@@ -194,11 +195,11 @@ def require_room(
 ) -> None:
     """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
     size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
-    # the derivatives, the preconditioner's inverses, both of the former iteration too, and this rank's work
-    derivatives = 8.0 * samples * size**2 * (4 + 3 / comm.size)
-    # of this rank's samples
-    motions = 8.0 * math.ceil(samples / comm.size) * steps * (size + rows)
-    krylov = 8.0 * samples * size * RESTART
+    mine = math.ceil(samples / comm.size)  # of this rank
+    # the derivatives and the preconditioner's factors, both of the former iteration too, and work
+    derivatives = 8.0 * mine * size**2 * 7
+    motions = 8.0 * mine * steps * (size + rows)
+    krylov = 8.0 * mine * size * RESTART
     period = period_memory(reduced, steps, orders)
     require_memory(
         owner,

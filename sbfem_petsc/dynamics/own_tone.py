@@ -13,12 +13,11 @@ import functools
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import linalg
-from scipy.sparse.linalg import LinearOperator, gmres
 
-from ..errors import SolveError
+from ..errors import RefusedOption, SolveError
 from ..petsc import MPI
 from .bifurcations import Bifurcation
+from .curve_system import Border, CurveMaps, CurveSystem
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .torus import RESOLVED, derivatives, exponents, images, spectral_tail
 
@@ -27,8 +26,8 @@ from .torus import RESOLVED, derivatives, exponents, images, spectral_tail
 CLOSED, ITERATIONS, KEPT = 1e-10, 14, 0.05
 # Phases at which a curve is looked for, in distances of its samples.
 PHASES = (0.0, 0.5, 0.25, 0.75)
-# The linear systems: relative residual, and iterations of GMRES.
-LINEAR, RESTART = 1e-10, 150
+# The linear systems: relative residual.
+LINEAR = 1e-10
 # Points of a curve to which distances are taken.
 DENSE = 2001
 # The parameter's unit is this share of its value.
@@ -129,8 +128,17 @@ class OwnTone:
     def _images(self, driven: DrivenPeriod, states: np.ndarray):
         return images(self.comm, lambda _: driven, states)
 
-    def _derivatives(self, driven: DrivenPeriod, motions, parameters: tuple[str, ...] = ()) -> np.ndarray:
+    def _derivatives(self, driven: DrivenPeriod, motions, parameters: tuple[str, ...] = ()) -> CurveMaps:
         return derivatives(self.comm, lambda _: driven, motions, parameters)
+
+    def _system(
+        self, at: Circle, made: CurveMaps, rows: tuple[np.ndarray, np.ndarray], units: tuple[float, float]
+    ) -> CurveSystem:
+        """For the change of a curve, its rotation and its parameter, in their units."""
+        by_rotation = -self.tangents(at.states, at.rotation) / units[0]
+        by_value = made.along(0) * (units[1] / units[0])
+        border = Border(np.array([by_rotation.ravel(), by_value.ravel()]), np.array(rows))
+        return CurveSystem(made, np.exp(2j * np.pi * self.orders * at.rotation), border)
 
     # ------------------------------------------------------------------ scaled unknowns
     def units(self, circle: Circle) -> tuple[float, float]:
@@ -170,7 +178,7 @@ class OwnTone:
         phase /= np.linalg.norm(phase)
         along = phase @ self.packed(reference, units)
         point, residuals = guess, []
-        system: _Bordered | None = None
+        system: CurveSystem | None = None
         for _ in range(ITERATIONS + 1):
             driven = self.driven(point.value)
             ends, motions = self._images(driven, point.states)
@@ -184,8 +192,8 @@ class OwnTone:
                 break
             if system is None or residuals[-1] > KEPT * residuals[-2]:
                 made = self._derivatives(driven, motions, (self.parameter,))
-                system = _Bordered(self, point, made, (phase, plane), units)
-            point = self.unpacked(vector - system.solve(residual), units)
+                system = self._system(point, made, (phase, plane), units)
+            point = self.unpacked(vector - system.solve(residual, LINEAR), units)
         raise SolveError(
             f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
             f"curve misses itself by {residuals[-1]:.1e} of its size, from {residuals[0]:.1e}; take more "
@@ -209,6 +217,8 @@ class OwnTone:
             begin = replace(guess, states=self.turned(guess.states, turns)) if turns else guess
             try:
                 return self.solve(begin, np.append(self.turned(across, turns), plane[-2:]), begin)
+            except RefusedOption:
+                raise
             except SolveError as error:
                 failed = failed or error
         assert failed is not None
@@ -226,14 +236,14 @@ class OwnTone:
         made = self._derivatives(driven, circle.motions, (self.parameter,))
         right = np.zeros(len(near))
         right[-1] = 1.0
-        found = _Bordered(self, circle, made, (phase, near), units).solve(right)
+        found = self._system(circle, made, (phase, near), units).solve(right, LINEAR)
         return found / np.linalg.norm(found)
 
     def exponents(self, circle: Circle, count: int, turns: int) -> np.ndarray:
         """The largest Lyapunov exponents, 1/s, without that along the curve, which is zero."""
         driven = self.driven(circle.value)
         made = self._derivatives(driven, circle.motions)
-        found = exponents(self.comm, made, circle.rotation, count, turns, self.tangents(circle.states))
+        found = exponents(made, circle.rotation, count, turns, self.tangents(circle.states))
         return found / driven.duration
 
     def strays(self, circle: Circle, periods: int) -> float:
@@ -270,68 +280,3 @@ def first_circle(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[
     rotation = float(np.angle(multiplier)) / (2.0 * np.pi)
     plane = np.append(wave.ravel() / np.linalg.norm(wave), [0.0, 0.0])
     return Circle(states, rotation, bifurcation.value), plane
-
-
-class _Bordered:
-    """Newton's linear system by GMRES.
-
-    The preconditioner replaces the derivatives by their mean, which leaves a system for each harmonic of the
-    curve. That of the first one is almost singular where the curve is small, so it is bordered by its own
-    singular vectors, and the two conditions give their amplitude and phase.
-    """
-
-    def __init__(
-        self,
-        own: OwnTone,
-        at: Circle,
-        made: np.ndarray,
-        rows: tuple[np.ndarray, np.ndarray],
-        units: tuple[float, float],
-    ):
-        self.own, self.rows = own, np.array(rows)
-        size = made.shape[1]
-        self.maps, self.root = made[:, :, :size], np.sqrt(own.samples)
-        self.shift = np.exp(2j * np.pi * own.orders * at.rotation)[:, None]
-        self.by_rotation = -own.tangents(at.states, at.rotation) / units[0]
-        self.by_value = made[:, :, size] * (units[1] / units[0])
-        self._prepare()
-
-    def _prepare(self) -> None:
-        mean, half = self.maps.mean(axis=0), self.own.samples // 2 + 1
-        unit = np.eye(len(mean))
-        self.inverses = np.linalg.inv(mean - self.shift[:half, :, None] * unit)
-        first = mean - self.shift[1] * unit
-        left, _, right = linalg.svd(first)
-        bordered = np.zeros((len(mean) + 1, len(mean) + 1), dtype=complex)
-        bordered[:-1, :-1] = first
-        bordered[:-1, -1], bordered[-1, :-1] = left[:, -1], right[-1]
-        self.first = np.linalg.inv(bordered)
-
-    def _apply(self, vector: np.ndarray) -> np.ndarray:
-        states = vector[:-2].reshape(self.own.samples, -1)
-        image = np.matmul(self.maps, states[:, :, None])[:, :, 0]
-        image -= np.fft.ifft(self.shift * np.fft.fft(states, axis=0), axis=0).real
-        image += vector[-2] * self.by_rotation + vector[-1] * self.by_value
-        return np.concatenate([image.ravel(), self.rows @ vector])
-
-    def _precondition(self, vector: np.ndarray) -> np.ndarray:
-        harmonics = self.root * np.fft.rfft(vector[:-2].reshape(self.own.samples, -1), axis=0, norm="forward")
-        found = np.matmul(self.inverses, harmonics[:, :, None])[:, :, 0]
-        first = self.first @ np.append(harmonics[1], complex(vector[-1], vector[-2]))
-        found[1] = first[:-1]
-        states = np.fft.irfft(found / self.root, self.own.samples, axis=0, norm="forward")
-        return np.concatenate([states.ravel(), [first[-1].imag, first[-1].real]])
-
-    def solve(self, right: np.ndarray) -> np.ndarray:
-        length = len(right)
-        product = LinearOperator(
-            (length, length), matvec=lambda v: self._apply(self._precondition(v)), dtype=float
-        )
-        size = np.linalg.norm(right)
-        found, failed = gmres(product, right / size, rtol=LINEAR, atol=0.0, restart=RESTART, maxiter=3)
-        if failed:
-            raise SolveError(
-                f"quasi_periodic: GMRES did not solve Newton's linear system in {3 * RESTART} iterations; "
-                "take more samples"
-            )
-        return size * self._precondition(found)

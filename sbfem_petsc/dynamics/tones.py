@@ -181,9 +181,9 @@ def tone_lines(
     r, p, samples = period.reduced, period, len(motions)
     steps, half = p.steps, samples // 2
     lines = min(LINES, steps // 2 - 1)
-    forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * np.arange(steps) / steps) / steps
-    orders = np.arange(-half, half + 1)
-    found = np.zeros((lines + 1, len(orders), len(r.points.names), 2), dtype=complex)
+    orders, names = np.arange(-half, half + 1), len(r.points.names)
+    # at each instant: the slower tone's lines over the samples, then the faster one's over the instants
+    slow = np.zeros((len(orders), steps, 2 * names), dtype=complex)
     peak = 0.0
     for i, motion in enumerate(motions):
         if motion is None:  # another rank's
@@ -192,10 +192,13 @@ def tone_lines(
         peak = max(peak, float(forces.sum(axis=1).max(initial=0.0)))
         u = np.einsum("pim,nm->npi", r.points.modes, motion.states[:-1], optimize=True)
         u += np.einsum("pic,nc->npi", r.points.contact[..., : p.pairs], forces, optimize=True)
-        theta = i / samples + rotation * np.arange(steps) / steps
-        for j, order in enumerate(orders):
-            turned = np.exp(-2j * np.pi * order * theta)[:, None] * u.reshape(steps, -1)
-            found[:, j] += (forward @ turned).reshape(lines + 1, len(r.points.names), 2) / samples
+        turns = np.exp(-2j * np.pi * orders * i / samples) / samples
+        slow += turns[:, None, None] * u.reshape(steps, -1)
+    instants = np.arange(steps) / steps
+    found = np.empty((lines + 1, len(orders), names, 2), dtype=complex)
+    for j, order in enumerate(orders):
+        turns = instants * (np.arange(lines + 1)[:, None] + order * rotation)
+        found[:, j] = (np.exp(-2j * np.pi * turns) @ slow[j]).reshape(-1, names, 2) / steps
     comm.Allreduce(MPI.IN_PLACE, found)
     peak = comm.allreduce(peak, MPI.MAX)
     found *= 2.0

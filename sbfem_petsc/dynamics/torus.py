@@ -14,18 +14,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse.linalg import LinearOperator, gmres
 
-from ..errors import SolveError
+from ..errors import RefusedOption, SolveError
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
+from .curve_system import CurveMaps, CurveSystem
 from .excitation import Excitation
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
 # Newton's method: closing error relative to the linear response, and iterations.
 CLOSED, ITERATIONS = 1e-11, 15
 # The linear systems need be no better than this, and than the square of what Newton's method has come to.
-LINEAR, RESTART = 1e-11, 120
+LINEAR = 1e-11
 # The derivative is kept for the next iteration where an iteration gains at least this factor.
 KEPT = 0.02
 # Orbits of the curve's own map, after which Newton's method is tried again.
@@ -95,12 +95,12 @@ class Torus:
         # what the second tone adds to the gaps, without its phase
         second = drives[1]
         self.pumped, _ = second.response(reduction, frequencies[1])
-        turns = self.rotation * np.arange(steps + 1)[:, None] / steps * second.orders
-        self.turning = np.exp(2j * np.pi * turns)
+        turns = self.rotation * np.arange(steps + 1) / steps * second.orders[:, None]
         p = self.period
-        self.pump_gaps = (self.pumped @ p.right) @ p.left.T + second.amplitudes @ reduction.gap.loads[
-            : p.pairs
-        ].T
+        gaps = (self.pumped @ p.right) @ p.left.T + second.amplitudes @ reduction.gap.loads[: p.pairs].T
+        turned = np.exp(2j * np.pi * turns)[:, :, None] * gaps[:, None]
+        # by its cosine and its sine with the phase
+        self.pumped_gaps = np.concatenate([turned.real, -turned.imag])
         speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
         self.size = max(
             self.base.oscillation,
@@ -111,8 +111,9 @@ class Torus:
     def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
         result = copy.copy(self.base)
-        phases = self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
-        result.free_gap = self.base.free_gap + (phases @ self.pump_gaps).real
+        phases = 2.0 * np.pi * theta * self.drives[1].orders
+        turned = np.tensordot(np.concatenate([np.cos(phases), np.sin(phases)]), self.pumped_gaps, axes=1)
+        result.free_gap = np.add(turned, self.base.free_gap, out=turned)
         result.linear_state = np.zeros_like(self.base.linear_state)
         return result
 
@@ -125,8 +126,8 @@ class Torus:
         """(N, 2 m): where the map takes each sample, and the motions of this rank's."""
         return images(self.comm, self._at, states)
 
-    def derivatives(self, motions: list) -> np.ndarray:
-        """(N, 2 m, 2 m): of the map at each sample."""
+    def derivatives(self, motions: list) -> CurveMaps:
+        """Of the map at each sample."""
         return derivatives(self.comm, self._at, motions)
 
     def _at(self, i: int) -> DrivenPeriod:
@@ -144,6 +145,8 @@ class Torus:
         states = np.zeros((self.samples, 2 * self.period.modes)) if states is None else states
         try:
             return self._newton(states)
+        except RefusedOption:
+            raise
         except SolveError as error:
             first = error
         done = 0
@@ -159,7 +162,7 @@ class Torus:
 
     def _newton(self, states: np.ndarray) -> Curve:
         residuals: list[float] = []
-        solver: _Linear | None = None
+        system: CurveSystem | None = None
         motions: list[PeriodMotion | None] = []
         for _ in range(ITERATIONS + 1):
             motions.clear()  # those of the former iteration take as much memory as the new ones
@@ -170,19 +173,19 @@ class Torus:
                 return Curve(states, motions, tuple(residuals))
             if not np.isfinite(residuals[-1]) or residuals[-1] > 1e3 * residuals[0]:
                 break
-            if solver is None or len(residuals) < 2 or residuals[-1] > KEPT * residuals[-2]:
-                solver = _Linear(self, self.derivatives(motions))
+            if system is None or len(residuals) < 2 or residuals[-1] > KEPT * residuals[-2]:
+                system = CurveSystem(self.derivatives(motions), self.shift)
             tolerance = max(LINEAR, 1e-2 * min(residuals[-1], 1.0), 0.1 * CLOSED / residuals[-1])
-            states = states - solver.solve(residual, min(tolerance, 1e-3))
+            states = states - system.solve(residual, min(tolerance, 1e-3))
         raise SolveError(
             f"quasi_periodic: Newton's method did not converge in {len(residuals) - 1} iterations: the "
             f"curve misses itself by {residuals[-1]:.1e} of the linear response, from {residuals[0]:.1e}; "
             "take more samples or steps, or smaller loads"
         )
 
-    def exponents(self, derivatives: np.ndarray, count: int, turns: int) -> np.ndarray:
+    def exponents(self, maps: CurveMaps, count: int, turns: int) -> np.ndarray:
         """The largest Lyapunov exponents, 1/s; see `exponents`."""
-        return exponents(self.comm, derivatives, self.rotation, count, turns) * self.frequencies[0]
+        return exponents(maps, self.rotation, count, turns) * self.frequencies[0]
 
 
 def spectral_tail(states: np.ndarray) -> float:
@@ -241,21 +244,20 @@ def derivatives(
     driven: Callable[[int], DrivenPeriod],
     motions: Sequence[PeriodMotion | None],
     parameters: tuple[str, ...] = (),
-) -> np.ndarray:
-    """(N, 2 m, 2 m + p): of the maps at each sample, along the state and named parameters. Collective."""
-    size = 2 * driven(0).period.modes
-    result, unit = np.zeros((len(motions), size, size + len(parameters))), np.eye(size)
-    for i in range(comm.rank, len(motions), comm.size):
+) -> CurveMaps:
+    """Of the maps at each sample, along the state and named parameters."""
+    mine = range(comm.rank, len(motions), comm.size)
+    size = 2 * driven(comm.rank).period.modes
+    result, unit = np.empty((len(mine), size, size + len(parameters))), np.eye(size)
+    for place, i in enumerate(mine):
         motion = motions[i]
         assert motion is not None  # this rank's
-        result[i] = driven(i).carried(motion, unit, parameters)
-    comm.Allreduce(MPI.IN_PLACE, result)
-    return result
+        result[place] = driven(i).carried(motion, unit, parameters)
+    return CurveMaps(comm, len(motions), result)
 
 
 def exponents(
-    comm: MPI.Comm,
-    derivatives: np.ndarray,
+    maps: CurveMaps,
     rotation: float,
     count: int,
     turns: int,
@@ -269,9 +271,8 @@ def exponents(
 
     Parameters
     ----------
-    comm : MPI.Comm
-        Ranks that share the samples.
-    derivatives : (N, 2 m, 2 m) array
+    maps : CurveMaps
+        Derivatives at the samples.
     rotation : float
         Turns of the curve's phase in the map.
     count : int
@@ -282,12 +283,11 @@ def exponents(
         Of a curve whose phase is free: their direction, which neither grows nor decays, is not among the
         exponents.
     """
-    samples, size = derivatives.shape[:2]
+    comm, samples, own = maps.comm, maps.samples, maps.states
+    size = own.shape[1]
     orders = np.fft.fftfreq(samples, 1.0 / samples)
     coefficients = np.fft.fft(np.eye(samples), axis=0) / samples
-    mine = slice(comm.rank, None, comm.size)
-    own = np.ascontiguousarray(derivatives[mine])
-    flat = own.reshape(len(own) * size, size)
+    flat = own.reshape(len(own), size**2)
 
     def weights(theta: float) -> np.ndarray:
         """Of the samples in the interpolant at a phase."""
@@ -295,7 +295,7 @@ def exponents(
 
     # the frame begins where the mean derivative says that disturbances last longest, not at random: with
     # little damping directions part too slowly to be notes apart by their growth
-    values, vectors = np.linalg.eig(derivatives.mean(axis=0))
+    values, vectors = np.linalg.eig(maps.mean())
     longest = np.argsort(-np.abs(values), kind="stable")[:count]
     upper = values[longest].imag >= 0.0
     turning = longest[values[longest].imag > 0.0]
@@ -304,11 +304,11 @@ def exponents(
     if tangents is not None:
         columns.insert(0, (weights(0.0) @ tangents)[:, None])
     frame = np.linalg.qr(np.concatenate(columns, axis=1))[0]
+    frame = comm.bcast(frame)  # ranks may have taken another sign
     growth, counted, theta = np.zeros(frame.shape[1] - known), 0, 0.0
     for turn in range(turns):
-        image = weights(theta)[mine] @ (flat @ frame).reshape(len(own), -1)
+        image = (weights(theta)[maps.mine] @ flat).reshape(size, size) @ frame
         comm.Allreduce(MPI.IN_PLACE, image)
-        image = image.reshape(size, -1)
         theta = (theta + rotation) % 1.0
         if tangents is not None:  # where it leads is known better than what it has been carried to
             image[:, 0] = weights(theta) @ tangents
@@ -318,46 +318,3 @@ def exponents(
             counted += 1
     comm.Bcast(growth)  # ranks may have rounded differently
     return np.sort(growth / counted)[::-1]
-
-
-class _Linear:
-    """Newton's linear system by GMRES, preconditioned by the mean of the derivatives, which leaves a system
-    for each harmonic of the curve.
-    """
-
-    def __init__(self, torus: Torus, derivatives: np.ndarray):
-        self.torus, self.derivatives = torus, derivatives
-        mean, unit = derivatives.mean(axis=0), np.eye(derivatives.shape[1])
-        self.half = torus.samples // 2 + 1
-        self.inverses = np.zeros((self.half, *mean.shape), dtype=complex)
-        mine = slice(torus.comm.rank, None, torus.comm.size)
-        shift = torus.shift[: self.half][mine]
-        self.inverses[mine] = np.linalg.inv(mean - shift[:, None, None] * unit)
-        torus.comm.Allreduce(MPI.IN_PLACE, self.inverses)
-
-    def _apply(self, vector: np.ndarray) -> np.ndarray:
-        states = vector.reshape(self.torus.samples, -1)
-        image = np.matmul(self.derivatives, states[:, :, None])[:, :, 0]
-        return (image - self.torus.shifted(states)).ravel()
-
-    def _precondition(self, vector: np.ndarray) -> np.ndarray:
-        harmonics = np.fft.rfft(vector.reshape(self.torus.samples, -1), axis=0)
-        found = np.matmul(self.inverses, harmonics[:, :, None])[:, :, 0]
-        return np.fft.irfft(found, self.torus.samples, axis=0).ravel()
-
-    def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
-        operator = LinearOperator((right.size, right.size), matvec=self._apply, dtype=float)
-        inverse = LinearOperator((right.size, right.size), matvec=self._precondition, dtype=float)
-        flat = right.ravel()
-        # right preconditioning: the residual is that of the system itself
-        product = LinearOperator(
-            (right.size, right.size), matvec=lambda v: operator @ (inverse @ v), dtype=float
-        )
-        size = np.linalg.norm(flat)
-        found, failed = gmres(product, flat / size, rtol=tolerance, atol=0.0, restart=RESTART, maxiter=3)
-        if failed:
-            raise SolveError(
-                f"quasi_periodic: GMRES did not solve Newton's linear system in {3 * RESTART} iterations; "
-                "take more samples"
-            )
-        return size * (inverse @ found).reshape(right.shape)
