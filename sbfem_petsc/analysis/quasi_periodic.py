@@ -116,7 +116,7 @@ def quasi_periodic(
         loads = loading("quasi_periodic", model, load, _tone)
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
-        drives = _drives(loads.signals, ordered)
+        driven = drives(loads.signals, ordered)
     agree(
         comm,
         "quasi_periodic",
@@ -130,10 +130,10 @@ def quasi_periodic(
     )
     if modes is None and start is not None and isinstance(model, Model):
         modes = start.states.shape[1] // 2
-    reduced = serving("quasi_periodic", model, loads, modes, _highest(drives, ordered))
+    reduced = serving("quasi_periodic", model, loads, modes, _highest(driven, ordered))
     with collective(comm):
         guess = _guess(start, samples, reduced, ordered[1] / ordered[0])
-    contact, fastest = len(reduced.initial_gap) > 0, _highest(drives, ordered)
+    contact, fastest = len(reduced.initial_gap) > 0, _highest(driven, ordered)
     if steps is None:
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
         fast = math.ceil(FAST_STEPS * fastest / ordered[0])
@@ -142,7 +142,7 @@ def quasi_periodic(
         warn_if_coarse(
             "quasi_periodic", steps, ordered[0], fastest, period="period of the faster tone", stacklevel=2
         )
-    slow = int(drives[1].orders.max())
+    slow = int(driven[1].orders.max())
     if contact and samples // 2 < 2 * slow:
         warnings.warn(
             f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of {ordered[1]:g} Hz, "
@@ -151,17 +151,17 @@ def quasi_periodic(
             stacklevel=2,
         )
     require_compiler("quasi_periodic", comm)
-    orders = max(len(drive.orders) for drive in drives)
+    orders = max(len(drive.orders) for drive in driven)
     require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
     try:
-        torus = Torus(reduced, drives, ordered, samples=samples, steps=steps, comm=comm)
+        torus = Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
         curve = torus.solve(guess)
     except SolveError as error:
         raise on_all_ranks(error) from None
     exponents = (
         torus.exponents(torus.derivatives(curve.motions), EXPONENTS, TURNS) if stability else np.zeros(0)
     )
-    linear = tuple(zip(drives, (torus.base.amplitudes, torus.pumped)))
+    linear = tuple(zip(driven, (torus.base.amplitudes, torus.pumped)))
     lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
     found = QuasiPeriodic(
         frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
@@ -310,8 +310,20 @@ def _with_own_tone(
         raise on_all_ranks(error) from None
 
 
-def _drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
-    """Loads at multiples of the faster tone, constants included, and of the slower one."""
+def drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
+    """Loads at multiples of the faster tone, constants included, and of the slower one.
+
+    Parameters
+    ----------
+    signals : sequence of Signal
+    frequencies : (float, float)
+        Of the faster tone and of the slower one, Hz.
+
+    Raises
+    ------
+    ValueError
+        If a signal belongs to neither tone, or a tone has no load.
+    """
     found: tuple[dict, dict] = ({}, {})
     for k, signal in enumerate(signals):
         for part in signal.parts if isinstance(signal, Sum) else (signal,):

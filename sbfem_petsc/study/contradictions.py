@@ -22,14 +22,14 @@ _PERIODIC = ("harmonic", "constant")
 _SIGNALS = {
     "static": (),
     "periodic": _PERIODIC,
-    "frequency_response": _PERIODIC,
+    "frequency_response": ("constant",),
     "load_response": _PERIODIC,
     "locus": ("constant",),
     "basins": _PERIODIC,
     "swept_response": ("constant",),
     "modulation": ("constant",),
     "quasi_periodic": _PERIODIC,
-    "quasi_periodic_response": _PERIODIC,
+    "quasi_periodic_response": ("constant",),
 }
 
 # Kinds with a range from start to stop.

@@ -11,9 +11,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from ..parallel import collective
 from . import parameters
 from .case import Case
 from .solve import Structure, common_period, steps_of_two_tones
+from .tones import check_tones
 
 # Bytes: the program and its libraries, on each rank; of N log2 N of N displacement unknowns, statics with a
 # factor of the stiffness and one of contact, and analyses that rest on modes.
@@ -33,6 +35,8 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
 
     The mesh and the model are made for it; nothing is solved.
     """
+    with collective(comm):
+        check_tones(case)
     structure = Structure(case, comm)
     model = structure.model
     lower, upper = model.extent

@@ -27,6 +27,7 @@ from .problems import CaseError
 from .quantities import Quantity, Tree, plain
 from .solve import Structure, no_locus
 from .storage import read_tree, write_json, write_tree
+from .tones import check_tones
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
@@ -101,6 +102,7 @@ def run_case(
     watch = Watch() if watch is None else watch
     with collective(comm):
         checked = case if isinstance(case, Case) else read_case(case)
+        check_tones(checked)
     path = check_output_folder(os.fspath(output), comm)
     folder: Folder | None = None
     with collective(comm):

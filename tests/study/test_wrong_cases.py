@@ -9,6 +9,8 @@ import sbfem_petsc as sb
 from sbfem_petsc.study import objects, rows
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.problems import CaseError
+from sbfem_petsc.study.run import run_case
+from sbfem_petsc.study.tones import check_tones
 from tests.study.small_case import CASE, SWEEP
 
 NEW = "<new>"  # mark of the line on which the fault stands
@@ -261,6 +263,13 @@ WRONG = [
         "analyses.push.duration = 0.001 s holds 0.055 cycles",
         "give 2 or more",
     ),
+    (
+        "fy = 200.0",
+        'fy = { kind = "harmonic", amplitude = 1.0, frequency = 55.0 }\n\n[analyses.curve]\n'
+        'kind = "frequency_response"\nload = "push"' + NEW + "\nstart = 50.0\nstop = 60.0",
+        "analyses.curve.load",
+        "frequency_response takes numbers and constant",
+    ),
     # the sweep
     ('"geometry.notches[0].depth"', '"geometry.notches[1].depth"', "notches[1].depth", "numbered from 0"),
     ('"geometry.notches[0].depth"', '"geometry.notches[0].depths"', "depths", "did you mean 'depth'?"),
@@ -455,3 +464,49 @@ def test_rows_that_no_sweep_has_written(tmp_path):
         rows.read(str(tmp_path))
     path.write_bytes(rows._HEAD.pack(rows._MARK, 2**63, 0))
     assert rows.count(str(tmp_path)) == 0 and rows.read(str(tmp_path)) == {}
+
+
+TONE = 'fy = { kind = "harmonic", amplitude = 1.0, frequency = 517.3 }'
+TWO = 'probe = "push"\nprobe_frequency = 3000.0\npump = "pump"\npump_frequency = 565.7'
+PUMP = '\n\n[loads.pump]\nkind = "point_force"\npoint = "A"\nfy = 1.0\n'
+# Load "push", a further analysis, item, sentence.
+TONES = [
+    (TONE, 'kind = "periodic"\nfrequency = 400.0\nload = "push"', "load is refused", "517.3 Hz"),
+    (TONE, 'kind = "load_response"\nfrequency = 400.0\nload = "push"\nperiods = 2', "load", "2 periods"),
+    (
+        TONE,
+        'kind = "basins"\nfrequency = 400.0\nload = "push"\nstarts = [{ values = [0.0] }]',
+        "load",
+        "517.3 Hz",
+    ),
+    (
+        "fy = 1.0",
+        'kind = "periodic"\nfrequency = 400.0\nload = "push"\nsteps = 256\nsegments = 7',
+        "segments = 7",
+        "must divide the 256 steps",
+    ),
+    ("fy = 1.0" + PUMP, f'kind = "modulation"\npoint = "A"\n{TWO}', "probe_frequency", "longest"),
+    (TONE + PUMP, f'kind = "quasi_periodic"\n{TWO}', "is refused", "belongs to neither tone"),
+]
+
+
+@pytest.mark.parametrize("fault", TONES, ids=[f"{k}-{w[2]}" for k, w in enumerate(TONES)])
+def test_tones_without_a_common_period(fault, tmp_path):
+    """Refused before the analyses in front of it run, and before there is a folder."""
+    load, analysis, item, sentence = fault
+    text = CASE.replace("fy = 200.0", load, 1).replace(
+        '[analyses.steady]\nkind = "periodic"\nload = "push"',
+        '[analyses.steady]\nkind = "periodic"\nload = "still"',
+    )
+    text = text.replace(
+        "[analyses.frequencies]",
+        '[loads.still]\nkind = "point_force"\npoint = "A"\nfy = 1.0\n\n[analyses.frequencies]',
+        1,
+    )
+    text = text.replace('kind = "static"\nload = "push"', 'kind = "static"\nload = "still"')
+    case = case_from_text(f"{text}\n[analyses.further]\n{analysis}\n", "case.toml")
+    with pytest.raises(CaseError, match=rf"case\.toml, line \d+: analyses\.further.*{item}.*{sentence}"):
+        check_tones(case)
+    with pytest.raises(CaseError):
+        run_case(case, tmp_path / "output")
+    assert not (tmp_path / "output").exists()
