@@ -67,7 +67,9 @@ def test_energies_do_not_hang_on_chunks(monkeypatch):
     one, other = found
     closed = (one.contact_force > 0.0).any(axis=1)[1:].reshape(-1, 3)
     assert closed.any(axis=1).sum() > 20 and (~closed).all(axis=1).sum() > 20
-    np.testing.assert_array_equal(one.displacement("0"), other.displacement("0"))
+    # on some processors a product of matrices is rounded otherwise where it has other rows beside it
+    moved, again = one.displacement("0"), other.displacement("0")
+    np.testing.assert_allclose(again, moved, rtol=0.0, atol=1e-14 * np.abs(moved).max())
     scale = one.energy.total.max()
     for name in ("kinetic", "strain", "external", "damping", "contact"):
         np.testing.assert_allclose(
