@@ -104,7 +104,7 @@ FAILS = (
 import json
 from sbfem_petsc.balance import balanced
 from sbfem_petsc.selement.coefficients import SElementError
-comm = MPI.COMM_WORLD
+comm, MET = MPI.COMM_WORLD, 1
 class Own(RuntimeError):
     def __init__(self, one, other):  # cannot be copied
         super().__init__(f"{one} and {other}")
@@ -112,7 +112,11 @@ def work(item):
     if comm.rank == 0:
         if item == 0:
             until_asked()
+        elif item == 1:  # others have met the item, or this rank might take it back
+            comm.recv(source=MPI.ANY_SOURCE, tag=MET)
     elif item in (50, 70):
+        if item == 50:
+            comm.send(None, dest=0, tag=MET)
         if kind == "result":
             return lambda: None
         raise SElementError(f"item {item}") if kind == "known" else Own("item", item)
