@@ -24,8 +24,10 @@ class OutOfMemory(SolveError):
     """There is not enough memory; other ranks may know nothing of it."""
 
 
-class RefusedOption(SolveError):
-    """PETSc refuses an option of the command line; no other attempt will change that."""
+class PetscFailure(SolveError):
+    """PETSc refuses an option of the command line, or cannot do what it is asked for; no other first guess
+    will change that.
+    """
 
 
 class LoadWarning(UserWarning):

@@ -25,7 +25,7 @@ except ImportError as error:  # pragma: no cover - depends on the machine
     ) from error
 
 from . import abort
-from .errors import OutOfMemory, RefusedOption, SolveError, on_all_ranks
+from .errors import OutOfMemory, PetscFailure, SolveError, on_all_ranks
 from .parallel import alone
 
 # Right-hand sides that MUMPS solves for at a time: a fifth of the time of its own choice.
@@ -142,14 +142,14 @@ def configure(item: Any) -> None:
 
     Raises
     ------
-    RefusedOption
+    PetscFailure
         If PETSc refuses one of them; the sentence has PETSc's reason.
     """
     try:
         item.setFromOptions()
     except PETSc.Error as error:
         raise on_all_ranks(
-            RefusedOption(
+            PetscFailure(
                 f"PETSc refuses an option that begins with -{item.getOptionsPrefix()}: {_said(error)}; give "
                 "it another value or leave it out"
             )
@@ -167,9 +167,9 @@ def solving(what: str) -> Iterator[None]:
                 f"{what}: there is not enough memory for it; use more ranks on more machines, a coarser "
                 "mesh, or for statics an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
             ) from error
-        raise SolveError(
+        raise PetscFailure(
             f"{what}: PETSc gave up with error {error.ierr} ({_said(error)}); are all numbers of the model "
-            "of usual size?"
+            "of usual size, and options for PETSc right for this solve?"
         ) from error
 
 
@@ -228,29 +228,31 @@ def solver_name(ksp: PETSc.KSP) -> str:
     return f"{ksp.getType()} + {pc.getType()}{package}"
 
 
-def check_ksp(ksp: PETSc.KSP, what: str) -> None:
-    """Raise `SolveError` unless the last solve of `ksp` converged."""
+def check_ksp(ksp: PETSc.KSP, what: str, remedy: str | None = None) -> None:
+    """Raise `SolveError` unless the last solve of `ksp` converged; `remedy` is what helps where the iteration
+    is too long.
+    """
     reason = ksp.getConvergedReason()
     if reason > 0:
         return
     names = {value: name for name, value in vars(PETSc.KSP.ConvergedReason).items() if isinstance(value, int)}
     if _memory_failed(ksp):
-        remedy = (
+        told = (
             "the factorisation ran out of memory; use more ranks on more machines, a coarser mesh, or for "
             "statics "
             "an iterative solver (-static_ksp_type cg -static_pc_type gamg)"
         )
     elif reason == PETSc.KSP.ConvergedReason.DIVERGED_PCSETUP_FAILED:
-        remedy = (
+        told = (
             "the factorisation failed: is the structure supported against every rigid-body motion, and is "
             "every part of it connected?"
         )
     else:
-        remedy = f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
+        told = remedy or f"try another solver or more iterations under -{ksp.getOptionsPrefix()}ksp_..."
     raise on_all_ranks(
         SolveError(
             f"{what}: the linear solve did not converge ({names.get(reason, reason)} after "
-            f"{ksp.getIterationNumber()} iterations); {remedy}"
+            f"{ksp.getIterationNumber()} iterations); {told}"
         )
     )
 

@@ -15,7 +15,7 @@ from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
 from ..dynamics.shooting import shoot_along
 from ..dynamics.tones import QuasiPeriodic, own_motion
-from ..errors import SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..parallel import agree, collective
 from .quasi_periodic import require_room, warn_if_unresolved
 
@@ -115,6 +115,8 @@ def _quasi_periodic(
         guess, plane = first_circle(own, bifurcation, share)
         try:
             found.append(own.near(guess, plane))
+        except PetscFailure:
+            raise
         except SolveError as error:
             problem = str(error)
             continue

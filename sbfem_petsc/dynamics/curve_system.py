@@ -14,11 +14,20 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, configure, free
+from ..petsc import MPI, PETSc, check_ksp, configure, free, solving
 
 PREFIX = "torus_"
 # Iterations of GMRES before it starts anew, and in all.
 RESTART, MOST = 150, 450
+# Reciprocal condition of a harmonic's system below which it is singular but for rounding.
+SINGULAR = 1e-14
+
+
+def filtered(states: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """The samples (N, ...) of a real curve whose harmonics, in the order of the discrete Fourier transform,
+    are multiplied by factors (N,).
+    """
+    return np.fft.ifft(factors[:, None] * np.fft.fft(states, axis=0), axis=0).real
 
 
 class CurveMaps:
@@ -34,10 +43,11 @@ class CurveMaps:
     """
 
     def __init__(self, comm: MPI.Comm, samples: int, own: np.ndarray):
-        self.comm, self.samples = comm, samples
+        self.comm, self.samples, self.size = comm, samples, own.shape[1]
         self.mine = slice(comm.rank, None, comm.size)
-        size = own.shape[1]
-        self.states, self.parameters = np.ascontiguousarray(own[:, :, :size]), own[:, :, size:]
+        # copies, lest the whole be kept beside its parts
+        self.states = np.ascontiguousarray(own[:, :, : self.size])
+        self.parameters = own[:, :, self.size :].copy()
 
     def mean(self) -> np.ndarray:
         """(2 m, 2 m) along the state. Collective."""
@@ -47,7 +57,7 @@ class CurveMaps:
 
     def along(self, parameter: int) -> np.ndarray:
         """(N, 2 m) along a parameter, on all ranks. Collective."""
-        result = np.zeros((self.samples, self.states.shape[1]))
+        result = np.zeros((self.samples, self.size))
         result[self.mine] = self.parameters[:, :, parameter]
         self.comm.Allreduce(MPI.IN_PLACE, result)
         return result
@@ -61,7 +71,7 @@ class Border(NamedTuple):
 
 
 class CurveSystem:
-    """The system of a curve, and of its rotation and parameter where there is a border.
+    """The system of a curve, and of its rotation and parameter where there is a border. Collective.
 
     The preconditioner replaces the derivatives by their mean, which leaves a system for each harmonic of the
     curve. With a border that of the first one, almost singular where the curve is small, is bordered by its
@@ -74,115 +84,128 @@ class CurveSystem:
         Factor on each harmonic of the curve, in the order of the discrete Fourier transform, with which it is
         shifted by rho.
     border : Border, optional
+
+    Raises
+    ------
+    SolveError
+        If the system of a harmonic is singular.
     """
 
     def __init__(self, maps: CurveMaps, shift: np.ndarray, border: Border | None = None):
-        self._maps, self._shift, self._border = maps, shift[:, None], border
-        comm, samples, self._modes2 = maps.comm, maps.samples, maps.states.shape[1]
+        self._maps, self._shift, self._border = maps, shift, border
         self._extra = 0 if border is None else 2
-        self._length = samples * self._modes2 + self._extra
-        # the first rank has the numbers behind its samples
-        here = len(range(comm.rank, samples, comm.size)) * self._modes2
-        self._here = here + (self._extra if comm.rank == 0 else 0)
-        mean, unit = maps.mean(), np.eye(self._modes2)
-        self._harmonics = range(comm.rank, samples // 2 + 1, comm.size)
+        self._coordinates = maps.samples * maps.size
+        mean = maps.mean()
+        if not np.isfinite(mean).all():
+            raise on_all_ranks(
+                SolveError("quasi_periodic: the map's derivative is beyond the range of numbers")
+            )
+        self._harmonics = range(maps.comm.rank, maps.samples // 2 + 1, maps.comm.size)
         self._factors = []
+        least = 1.0
         for order in self._harmonics:
-            matrix = mean - shift[order] * unit
+            matrix = mean - shift[order] * np.eye(maps.size)
             if order == 1 and border is not None:
                 left, _, right = linalg.svd(matrix)
                 matrix = np.block([[matrix, left[:, -1:]], [right[-1:], np.zeros((1, 1))]])
             factors, pivots, _ = linalg.lapack.zgetrf(matrix)
-            at = np.flatnonzero(factors.diagonal() == 0.0)
-            factors[at, at] = np.finfo(float).eps * np.abs(factors).max()  # a preconditioner may be inexact
             self._factors.append((factors, pivots))
+            least = min(least, float(linalg.lapack.zgecon(factors, np.linalg.norm(matrix, 1))[0]))
+        if not maps.comm.allreduce(least, MPI.MIN) > SINGULAR:
+            raise on_all_ranks(
+                SolveError(
+                    "quasi_periodic: the motion is not isolated, as where a mode without damping is driven "
+                    "at its own frequency by a combination of the tones; give damping, or other frequencies"
+                )
+            )
 
-    def solve(self, right: np.ndarray, tolerance: float, iterations: int = MOST) -> np.ndarray:
+    def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
         """The unknowns, on all ranks, to a residual relative to that of zero. Collective.
 
         Raises
         ------
         SolveError
-            If the iteration does not converge.
+            If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
         """
         comm, shape = self._maps.comm, right.shape
         right = right.ravel()
         size = float(np.linalg.norm(right))
-        sizes = (self._here, self._length)
-        matrix = PETSc.Mat().createPython([sizes, sizes], context=self, comm=comm)
-        matrix.setUp()
-        given, found = matrix.createVecs()
-        ksp = PETSc.KSP().create(comm)
+        own = self._own(right / size)
+        sizes = (len(own), len(right))
+        items: list = []
         try:
+            matrix = PETSc.Mat().createPython([sizes, sizes], context=self, comm=comm)
+            items.append(matrix)
+            matrix.setUp()
+            given, found = matrix.createVecs()
+            ksp = PETSc.KSP().create(comm)
+            items += [given, found, ksp]
             ksp.setOptionsPrefix(PREFIX)
             ksp.setOperators(matrix)
             ksp.setType(PETSc.KSP.Type.GMRES)
-            ksp.setGMRESRestart(min(self._length, RESTART))
+            ksp.setGMRESRestart(min(len(right), RESTART))
             ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual is that of the system itself
-            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=iterations)
+            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=MOST)
             ksp.getPC().setType(PETSc.PC.Type.PYTHON)
             ksp.getPC().setPythonContext(_Precondition(self))
             configure(ksp)
-            given.array = self._own(right / size)
-            ksp.solve(given, found)
-            if ksp.getConvergedReason() <= 0:
-                raise on_all_ranks(
-                    SolveError(
-                        "quasi_periodic: Newton's linear system was not solved in "
-                        f"{ksp.getIterationNumber()} iterations; take more samples (its solver has options "
-                        f"under -{PREFIX}ksp_...)"
-                    )
-                )
+            given.array = own
+            with solving("quasi_periodic"):
+                ksp.solve(given, found)
+            check_ksp(
+                ksp,
+                "quasi_periodic",
+                f"take more samples, or another solver or more iterations under -{PREFIX}ksp_...",
+            )
             return size * self._everywhere(found.array_r).reshape(shape)
         finally:
-            free(comm, ksp, matrix, given, found)
+            free(comm, *reversed(items))
 
     def _own(self, vector: np.ndarray) -> np.ndarray:
-        """This rank's part of a vector of all unknowns."""
-        count = self._maps.samples * self._modes2
-        own = vector[:count].reshape(-1, self._modes2)[self._maps.mine].ravel()
-        return np.append(own, vector[count:]) if self._maps.comm.rank == 0 else own
+        """This rank's part of a vector of all unknowns; the first rank has the numbers behind its samples."""
+        own = vector[: self._coordinates].reshape(-1, self._maps.size)[self._maps.mine].ravel()
+        return np.append(own, vector[self._coordinates :]) if self._maps.comm.rank == 0 else own
 
     def _everywhere(self, own: np.ndarray) -> np.ndarray:
         """All unknowns, of which this rank has its part."""
-        result, count = np.zeros(self._length), self._maps.samples * self._modes2
+        result = np.zeros(self._coordinates + self._extra)
         behind = self._extra if self._maps.comm.rank == 0 else 0
-        samples = result[:count].reshape(-1, self._modes2)
-        samples[self._maps.mine] = own[: len(own) - behind].reshape(-1, self._modes2)
+        samples, count = result[: self._coordinates].reshape(-1, self._maps.size), len(own) - behind
+        samples[self._maps.mine] = own[:count].reshape(-1, self._maps.size)
         if behind:
-            result[count:] = own[len(own) - behind :]
+            result[self._coordinates :] = own[count:]
         self._maps.comm.Allreduce(MPI.IN_PLACE, result)
         return result
 
     def mult(self, matrix: PETSc.Mat, given: PETSc.Vec, result: PETSc.Vec) -> None:
         """PETSc's product."""
-        vector, mine = self._everywhere(given.array_r), self._maps.mine
-        count = self._maps.samples * self._modes2
-        states = vector[:count].reshape(-1, self._modes2)
-        image = np.matmul(self._maps.states, states[mine, :, None])[:, :, 0]
-        image -= np.fft.ifft(self._shift * np.fft.fft(states, axis=0), axis=0).real[mine]
+        maps, vector = self._maps, self._everywhere(given.array_r)
+        states = vector[: self._coordinates].reshape(-1, maps.size)
+        image = np.matmul(maps.states, states[maps.mine, :, None])[:, :, 0]
+        image -= filtered(states, self._shift)[maps.mine]
         if self._border is None:
             result.array = image.ravel()
             return
-        for column, value in zip(self._border.columns, vector[count:]):
-            image += value * column.reshape(-1, self._modes2)[mine]
-        numbers = self._border.rows @ vector if self._maps.comm.rank == 0 else ()
-        result.array = np.append(image, numbers)
+        for column, value in zip(self._border.columns, vector[self._coordinates :]):
+            image += value * column.reshape(-1, maps.size)[maps.mine]
+        conditions = self._border.rows @ vector if maps.comm.rank == 0 else ()
+        result.array = np.append(image, conditions)
 
     def precondition(self, own: np.ndarray) -> np.ndarray:
         """This rank's part of the preconditioner's product with a vector."""
-        samples, comm = self._maps.samples, self._maps.comm
-        vector, count = self._everywhere(own), samples * self._modes2
+        samples, size = self._maps.samples, self._maps.size
+        vector = self._everywhere(own)
         # an amplitude of the first harmonic is as large in the samples as its two numbers
         root = np.sqrt(samples)
-        harmonics = root * np.fft.rfft(vector[:count].reshape(samples, -1), axis=0, norm="forward")
-        found = np.zeros((len(harmonics), self._modes2 + 1), dtype=complex)
+        states = vector[: self._coordinates].reshape(samples, -1)
+        harmonics = root * np.fft.rfft(states, axis=0, norm="forward")
+        found = np.zeros((len(harmonics), size + 1), dtype=complex)
         for order, (factors, pivots) in zip(self._harmonics, self._factors):
             right = harmonics[order]
-            if len(pivots) > self._modes2:
+            if len(pivots) > size:
                 right = np.append(right, complex(vector[-1], vector[-2]))
             found[order, : len(pivots)] = linalg.lapack.zgetrs(factors, pivots, right)[0]
-        comm.Allreduce(MPI.IN_PLACE, found)
+        self._maps.comm.Allreduce(MPI.IN_PLACE, found)
         states = np.fft.irfft(found[:, :-1] / root, samples, axis=0, norm="forward")
         numbers = [found[1, -1].imag, found[1, -1].real] if self._extra else []
         return self._own(np.append(states, numbers))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Chirp, Custom, Harmonic, Samples, Signal, Step, Sum, ToneBurst
+from ..signals import Chirp, Constant, Harmonic, Samples, Signal, Step, Sum, ToneBurst
 
 # Harmonics of a load below this share of its largest one are rounding.
 ROUND_OFF = 1e-12
@@ -64,24 +65,7 @@ class Excitation:
         ValueError
             If the signals have no common period; the message names neighbouring frequencies that have one.
         """
-        tones = [
-            part.frequency for signal in signals for part in _parts(signal) if isinstance(part, Harmonic)
-        ]
-        for signal in signals:
-            _refuse_passing(signal)
-        if periods is None:
-            periods = next(
-                (n for n in range(1, bound + 1) if all(_whole(n * tone / frequency) for tone in tones)), None
-            )
-            if periods is None:
-                raise ValueError(_no_common_period(tones, frequency, bound))
-        for tone in tones:
-            if not _whole(periods * tone / frequency):
-                raise ValueError(
-                    f"periodic: the tone of {tone:g} Hz makes {periods * tone / frequency:.6g} cycles in "
-                    f"{periods} period{'s' * (periods > 1)} of {frequency:g} Hz; "
-                    f"a steady state needs a whole number: {_neighbours(tone, frequency, (periods,))}"
-                )
+        periods = common_periods(signals, frequency, periods, bound)
         bands = [s.highest_frequency for s in signals]
         highest = UNKNOWN_BAND * frequency if None in bands else max(bands, default=0.0)
         instants = max(128.0, 8.0 * periods * highest / frequency)
@@ -170,6 +154,27 @@ class Excitation:
         return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
 
 
+def common_periods(signals: Sequence[Signal], frequency: float, periods: int | None, bound: int) -> int:
+    """Forcing periods in the common period of signals, by their tones; see `Excitation.of`."""
+    tones = [part.frequency for signal in signals for part in _parts(signal) if isinstance(part, Harmonic)]
+    for signal in signals:
+        _refuse_passing(signal)
+    if periods is None:
+        periods = next(
+            (n for n in range(1, bound + 1) if all(_whole(n * tone / frequency) for tone in tones)), None
+        )
+        if periods is None:
+            raise ValueError(_no_common_period(tones, frequency, bound))
+    for tone in tones:
+        if not _whole(periods * tone / frequency):
+            raise ValueError(
+                f"periodic: the tone of {tone:g} Hz makes {periods * tone / frequency:.6g} cycles in "
+                f"{periods} period{'s' * (periods > 1)} of {frequency:g} Hz; "
+                f"a steady state needs a whole number: {_neighbours(tone, frequency, (periods,))}"
+            )
+    return periods
+
+
 def one_sided(values: np.ndarray) -> np.ndarray:
     """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
     result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
@@ -199,9 +204,7 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
     in the next ones one by one, then ever further apart. Of a signal whose formula is not known only what is
     sampled is known.
     """
-    if not any(
-        isinstance(part, Custom) or type(part).__module__ != Custom.__module__ for part in _parts(signal)
-    ):
+    if all(type(part) in (Constant, Harmonic) for part in _parts(signal)):
         return True
     stride = max(1, len(row) // 64)
     within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)

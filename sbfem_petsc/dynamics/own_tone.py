@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import RefusedOption, SolveError
+from ..errors import PetscFailure, SolveError
 from ..petsc import MPI
 from .bifurcations import Bifurcation
-from .curve_system import Border, CurveMaps, CurveSystem
+from .curve_system import Border, CurveMaps, CurveSystem, filtered
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .torus import RESOLVED, derivatives, exponents, images, spectral_tail
 
@@ -108,14 +108,11 @@ class OwnTone:
 
     def turned(self, states: np.ndarray, turns: float) -> np.ndarray:
         """The curve's samples at phases further on."""
-        return self._filtered(np.exp(2j * np.pi * self.orders * turns), states)
+        return filtered(states, np.exp(2j * np.pi * self.orders * turns))
 
     def tangents(self, states: np.ndarray, turns: float = 0.0) -> np.ndarray:
         """Derivative of the curve with its phase in turns, at phases further on."""
-        return self._filtered(2j * np.pi * self.orders * np.exp(2j * np.pi * self.orders * turns), states)
-
-    def _filtered(self, factor: np.ndarray, states: np.ndarray) -> np.ndarray:
-        return np.fft.ifft(factor[:, None] * np.fft.fft(states, axis=0), axis=0).real
+        return filtered(states, 2j * np.pi * self.orders * np.exp(2j * np.pi * self.orders * turns))
 
     def resampled(self, states: np.ndarray) -> np.ndarray:
         """A curve of another odd number of samples at this one's phases."""
@@ -129,7 +126,7 @@ class OwnTone:
         return images(self.comm, lambda _: driven, states)
 
     def _derivatives(self, driven: DrivenPeriod, motions, parameters: tuple[str, ...] = ()) -> CurveMaps:
-        return derivatives(self.comm, lambda _: driven, motions, parameters)
+        return derivatives(self.comm, lambda _: driven, motions, parameters, modes=self.period.modes)
 
     def _system(
         self, at: Circle, made: CurveMaps, rows: tuple[np.ndarray, np.ndarray], units: tuple[float, float]
@@ -217,7 +214,7 @@ class OwnTone:
             begin = replace(guess, states=self.turned(guess.states, turns)) if turns else guess
             try:
                 return self.solve(begin, np.append(self.turned(across, turns), plane[-2:]), begin)
-            except RefusedOption:
+            except PetscFailure:
                 raise
             except SolveError as error:
                 failed = failed or error

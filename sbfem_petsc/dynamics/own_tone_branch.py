@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..checks import names_of
-from ..errors import SolveError
+from ..errors import PetscFailure, SolveError
 from ..writing import write_table
 from .own_tone import Circle, OwnTone
 from .tones import QuasiPeriodic
@@ -184,6 +184,8 @@ def follow_circles(
                 if not point.resolved and not finer:
                     raise SolveError(unresolved(point))
                 break
+            except PetscFailure:
+                raise
             except SolveError as error:
                 step *= 0.5
                 if step < SMALLEST:
@@ -192,6 +194,8 @@ def follow_circles(
             try:
                 own, found[-1], direction = _resolved(finer, last, direction)
                 since = len(found) - 1
+            except PetscFailure:
+                raise
             except SolveError:  # shorter steps then
                 finer.clear()
             continue
@@ -237,6 +241,8 @@ def _resolved(
                 heading = own.heading(point, plane)
                 return own, point, heading if heading @ plane > 0.0 else -heading
             problem = unresolved(point)
+        except PetscFailure:
+            raise
         except SolveError as error:
             problem = str(error)
     raise SolveError(f"quasi_periodic: the curve at {circle.value:.8g} is not resolved: {problem}")

@@ -19,6 +19,8 @@ from .torus import RESOLVED, spectral_tail
 
 # Multiples of the first tone of which lines are kept.
 LINES = 20
+# Instants at which displacements are looked at together.
+INSTANTS = 512
 # Lyapunov exponents that are followed, and turns of the map they are averaged over.
 EXPONENTS, TURNS = 4, 400
 # A history that strays so far, in its swings, from a curve that is said to attract it refutes the curve: 0.03
@@ -182,23 +184,20 @@ def tone_lines(
     steps, half = p.steps, samples // 2
     lines = min(LINES, steps // 2 - 1)
     orders, names = np.arange(-half, half + 1), len(r.points.names)
-    # at each instant: the slower tone's lines over the samples, then the faster one's over the instants
-    slow = np.zeros((len(orders), steps, 2 * names), dtype=complex)
-    peak = 0.0
-    for i, motion in enumerate(motions):
-        if motion is None:  # another rank's
-            continue
-        forces = motion.forces[:-1]
-        peak = max(peak, float(forces.sum(axis=1).max(initial=0.0)))
-        u = np.einsum("pim,nm->npi", r.points.modes, motion.states[:-1], optimize=True)
-        u += np.einsum("pic,nc->npi", r.points.contact[..., : p.pairs], forces, optimize=True)
-        turns = np.exp(-2j * np.pi * orders * i / samples) / samples
-        slow += turns[:, None, None] * u.reshape(steps, -1)
-    instants = np.arange(steps) / steps
-    found = np.empty((lines + 1, len(orders), names, 2), dtype=complex)
-    for j, order in enumerate(orders):
-        turns = instants * (np.arange(lines + 1)[:, None] + order * rotation)
-        found[:, j] = (np.exp(-2j * np.pi * turns) @ slow[j]).reshape(-1, names, 2) / steps
+    found = np.zeros((lines + 1, len(orders), names, 2), dtype=complex)
+    mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
+    peak = max((float(motion.forces[:-1].sum(axis=1).max(initial=0.0)) for _, motion in mine), default=0.0)
+    over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
+    for begin in range(0, steps if mine else 0, INSTANTS):
+        part = slice(begin, min(begin + INSTANTS, steps))
+        u = np.array([_moved(period, motion, part) for _, motion in mine])
+        # the slower tone's lines over the samples at each instant, then the faster one's over the instants
+        slow = np.tensordot(over_samples, u, axes=1)
+        share = np.arange(part.start, part.stop) / steps
+        forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
+        for j, order in enumerate(orders):
+            turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
+            found[:, j] += (forward @ turned).reshape(-1, names, 2)
     comm.Allreduce(MPI.IN_PLACE, found)
     peak = comm.allreduce(peak, MPI.MAX)
     found *= 2.0
@@ -213,6 +212,14 @@ def tone_lines(
             if place[0] <= lines and place[1] < len(orders):
                 found[place] += value
     return found, peak
+
+
+def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
+    """(n, 2 points): displacements of the named points at some instants, without the linear response."""
+    points = period.reduced.points
+    u = np.einsum("pim,nm->npi", points.modes, motion.states[part], optimize=True)
+    u += np.einsum("pic,nc->npi", points.contact[..., : period.pairs], motion.forces[part], optimize=True)
+    return u.reshape(len(u), -1)
 
 
 def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:

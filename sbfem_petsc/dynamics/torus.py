@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import RefusedOption, SolveError
+from ..errors import PetscFailure, SolveError
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from .curve_system import CurveMaps, CurveSystem
+from .curve_system import CurveMaps, CurveSystem, filtered
 from .excitation import Excitation
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
@@ -95,12 +95,11 @@ class Torus:
         # what the second tone adds to the gaps, without its phase
         second = drives[1]
         self.pumped, _ = second.response(reduction, frequencies[1])
-        turns = self.rotation * np.arange(steps + 1) / steps * second.orders[:, None]
+        turns = self.rotation * np.arange(steps + 1)[:, None] / steps * second.orders
+        self.turning = np.exp(2j * np.pi * turns)
         p = self.period
         gaps = (self.pumped @ p.right) @ p.left.T + second.amplitudes @ reduction.gap.loads[: p.pairs].T
-        turned = np.exp(2j * np.pi * turns)[:, :, None] * gaps[:, None]
-        # by its cosine and its sine with the phase
-        self.pumped_gaps = np.concatenate([turned.real, -turned.imag])
+        self.pump_gaps = np.concatenate([gaps.real, -gaps.imag])
         speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
         self.size = max(
             self.base.oscillation,
@@ -111,16 +110,16 @@ class Torus:
     def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
         result = copy.copy(self.base)
-        phases = 2.0 * np.pi * theta * self.drives[1].orders
-        turned = np.tensordot(np.concatenate([np.cos(phases), np.sin(phases)]), self.pumped_gaps, axes=1)
-        result.free_gap = np.add(turned, self.base.free_gap, out=turned)
+        phases = self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
+        # the real part of a product of complex matrices, by one of real ones
+        moved = np.concatenate([phases.real, phases.imag], axis=1) @ self.pump_gaps
+        result.free_gap = np.add(moved, self.base.free_gap, out=moved)
         result.linear_state = np.zeros_like(self.base.linear_state)
         return result
 
     def shifted(self, states: np.ndarray, sign: int = 1) -> np.ndarray:
         """The curve's samples at phases further on by the rotation, or (sign = -1) back."""
-        factor = self.shift if sign > 0 else np.conj(self.shift)
-        return np.fft.ifft(factor[:, None] * np.fft.fft(states, axis=0), axis=0).real
+        return filtered(states, self.shift if sign > 0 else np.conj(self.shift))
 
     def images(self, states: np.ndarray) -> tuple[np.ndarray, list[PeriodMotion | None]]:
         """(N, 2 m): where the map takes each sample, and the motions of this rank's."""
@@ -128,7 +127,7 @@ class Torus:
 
     def derivatives(self, motions: list) -> CurveMaps:
         """Of the map at each sample."""
-        return derivatives(self.comm, self._at, motions)
+        return derivatives(self.comm, self._at, motions, modes=self.period.modes)
 
     def _at(self, i: int) -> DrivenPeriod:
         return self.driven(i / self.samples)
@@ -145,7 +144,7 @@ class Torus:
         states = np.zeros((self.samples, 2 * self.period.modes)) if states is None else states
         try:
             return self._newton(states)
-        except RefusedOption:
+        except PetscFailure:
             raise
         except SolveError as error:
             first = error
@@ -156,6 +155,8 @@ class Torus:
                 done += 1
             try:
                 return self._newton(states)
+            except PetscFailure:
+                raise
             except SolveError:
                 continue
         raise SolveError(f"{first}; neither from where {done} periods of the first tone take the curve")
@@ -244,10 +245,11 @@ def derivatives(
     driven: Callable[[int], DrivenPeriod],
     motions: Sequence[PeriodMotion | None],
     parameters: tuple[str, ...] = (),
+    *,
+    modes: int,
 ) -> CurveMaps:
-    """Of the maps at each sample, along the state and named parameters."""
-    mine = range(comm.rank, len(motions), comm.size)
-    size = 2 * driven(comm.rank).period.modes
+    """Of the maps of so many modes at each sample, along the state and named parameters."""
+    mine, size = range(comm.rank, len(motions), comm.size), 2 * modes
     result, unit = np.empty((len(mine), size, size + len(parameters))), np.eye(size)
     for place, i in enumerate(mine):
         motion = motions[i]

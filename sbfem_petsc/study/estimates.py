@@ -36,7 +36,7 @@ def estimate(case: Case, comm: Any) -> dict[str, Any]:
     The mesh and the model are made for it; nothing is solved.
     """
     with collective(comm):
-        check_tones(case)
+        check_tones(case, case.tables.sweep.parameters if case.tables.sweep is not None else ())
     structure = Structure(case, comm)
     model = structure.model
     lower, upper = model.extent

@@ -4,11 +4,11 @@ behind the analyses before it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from ..analysis.quasi_periodic import drives
-from ..dynamics.excitation import Excitation
+from ..dynamics.excitation import common_periods
 from ..dynamics.preparation import LONGEST
 from ..loads import separate
 from ..signals import Harmonic, Signal
@@ -16,16 +16,25 @@ from .case import Case
 from .objects import load, located
 
 
-def check_tones(case: Case) -> None:
+def check_tones(case: Case, varied: Iterable[str] = ()) -> None:
     """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.
+
+    Parameters
+    ----------
+    case : Case
+    varied : iterable of str
+        Keys that a sweep gives other values: analyses with tones among them are left to its rows.
 
     Raises
     ------
     CaseError
     """
+    prefixes = {".".join(key.split(".")[:2]) for key in varied}
     for name, table in case.tables.analyses.items():
+        loads = {item for key in ("load", "pump", "probe") for item in getattr(table, key, None) or ()}
+        used = {f"analyses.{name}", *(f"loads.{item}" for item in loads)}
         check = _CHECKS.get(table.kind)
-        if check is not None:
+        if check is not None and not used & prefixes:
             check(case, name, table)
 
 
@@ -37,12 +46,12 @@ def _signals(case: Case, names: Any, factor: float, frequency: float) -> list[Si
 def _periodic(case: Case, name: str, table: Any) -> None:
     signals = _signals(case, table.load, getattr(table, "factor", 1.0), table.frequency)
     with located(case, "analyses", name, "load"):
-        found = Excitation.of(signals, table.frequency, getattr(table, "periods", None), LONGEST)
+        periods = common_periods(signals, table.frequency, getattr(table, "periods", None), LONGEST)
     segments, steps = getattr(table, "segments", 1), table.steps
-    if steps is not None and steps * found.periods % segments:
+    if steps is not None and steps * periods % segments:
         raise case.problem(
             ("analyses", name, "segments"),
-            f"= {segments} must divide the {steps * found.periods} steps of a period of the motion; give "
+            f"= {segments} must divide the {steps * periods} steps of a period of the motion; give "
             "another number of either, or leave steps out",
         )
 
@@ -53,7 +62,7 @@ def _modulation(case: Case, name: str, table: Any) -> None:
         *_signals(case, table.probe, 1.0, table.probe_frequency),
     ]
     with located(case, "analyses", name, "probe_frequency"):
-        Excitation.of(signals, table.pump_frequency, None, table.longest)
+        common_periods(signals, table.pump_frequency, None, table.longest)
 
 
 def _quasi_periodic(case: Case, name: str, table: Any) -> None:

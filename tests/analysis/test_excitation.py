@@ -184,6 +184,12 @@ def test_common_period(signals, frequency, periods, orders):
     np.testing.assert_allclose(values, np.stack([s(time) for s in signals], axis=1), atol=1e-9)
 
 
+def test_a_tone_of_many_cycles_repeats():
+    """640,001 cycles in the common period: rounding of the time in far periods is not held against it."""
+    drive = Excitation.of([sb.Harmonic(1.0, 10.0), sb.Harmonic(1.0, 100000.15625)], 10.0, None, 64)
+    assert drive.periods == 64 and drive.orders.tolist() == [64, 640001]
+
+
 def test_repeated_and_scaled_drives():
     drive = Excitation.of([sb.Harmonic(1.0, 10.0) + 0.5], 10.0, None, 8)
     once, thrice = ((d.phases(60 * d.periods) @ d.amplitudes).real for d in (drive, drive.repeated(3)))

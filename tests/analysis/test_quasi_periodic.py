@@ -2,6 +2,7 @@
 contact, and what is refused.
 """
 
+import re
 import time
 import warnings
 
@@ -447,11 +448,57 @@ sb.quasi_periodic(one_mass(1.0, 0.05), [load], (0.25, 0.07), samples=9)
 """
 
 
-def test_options_of_the_linear_systems():
-    """Under their prefix; one that PETSc refuses is told at once, not tried behind other first guesses."""
-    told = on_ranks(1, OPTIONS, "-torus_ksp_converged_reason").stdout
-    assert "Linear torus_ solve converged" in told
-    refused = on_ranks(1, OPTIONS, "-torus_ksp_type", "nix", check=False)
+@pytest.mark.parametrize(
+    "option", [("-torus_ksp_type", "nix"), ("-torus_ksp_type", "cg"), ("-torus_pc_type", "lu")]
+)
+def test_options_that_petsc_refuses(option):
+    """One sentence at once, not after tries from other first guesses: of a type that does not exist, and of
+    ones that cannot do it.
+    """
+    refused = on_ranks(1, OPTIONS, *option, check=False)
     assert refused.returncode != 0
-    assert "PETSc refuses an option that begins with -torus_" in refused.stderr
+    assert re.search(
+        r"PetscFailure: (PETSc refuses an option that begins with -torus_|quasi_periodic: PETSc gave up)",
+        refused.stderr,
+    )
     assert "neither from where" not in refused.stderr
+
+
+def test_options_of_the_linear_systems():
+    """Under their prefix."""
+    told = on_ranks(1, OPTIONS, "-torus_ksp_converged_reason", "-torus_ksp_type", "fgmres").stdout
+    assert "Linear torus_ solve converged" in told
+
+
+SINGULAR = """
+import dataclasses
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from sbfem_petsc.reduction.reduced_model import ReducedModel
+from tests.systems import one_mass
+ReducedModel.comm = property(lambda self: MPI.COMM_WORLD)
+pump = 0.5 / (2.0 * np.pi)  # the mass, without damping, has twice this frequency
+load = [sb.Harmonic(1.0, 0.25) + sb.Harmonic(0.3, pump)]
+near = sb.quasi_periodic(one_mass(0.5, 0.05), load, (0.25, pump), samples=9, steps=128, stability=False)
+free = one_mass(50.0, 0.0)
+start = dataclasses.replace(near, reduced=free)
+try:
+    sb.quasi_periodic(free, load, (0.25, pump), samples=9, steps=128, start=start, stability=False)
+    told = "found"
+except sb.SolveError as error:
+    told = str(error)
+told = MPI.COMM_WORLD.gather(told)
+if MPI.COMM_WORLD.rank == 0:
+    import json
+    print(json.dumps({"told": told}))
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, pytest.param(3, marks=pytest.mark.long)])
+def test_motions_that_are_not_isolated(ranks):
+    """An undamped mode at twice the slower tone may vibrate freely besides: no motion is as good as another,
+    and none is told.
+    """
+    for told in answer(on_ranks(ranks, SINGULAR))["told"]:
+        assert told.startswith("quasi_periodic: the motion is not isolated")

@@ -510,3 +510,15 @@ def test_tones_without_a_common_period(fault, tmp_path):
     with pytest.raises(CaseError):
         run_case(case, tmp_path / "output")
     assert not (tmp_path / "output").exists()
+
+
+def test_tones_that_a_sweep_gives():
+    """Of an analysis whose tones are varied the values in the case itself stand for nothing."""
+    text = CASE.replace("fy = 200.0", TONE, 1).replace(
+        'kind = "static"\nload = "push"', 'kind = "modal"\ncount = 1'
+    )
+    text += '[sweep]\nmethod = "list"\n[sweep.parameters]\n"loads.push.fy.frequency" = [400.0, 800.0]\n'
+    case = case_from_text(text, "case.toml")
+    check_tones(case, case.tables.sweep.parameters)
+    with pytest.raises(CaseError, match=r"analyses\.steady\.load.*517\.3 Hz"):
+        check_tones(case)
