@@ -75,29 +75,18 @@ class Excitation:
                 f"{highest:g} Hz take {instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods "
                 "or frequencies nearer to each other"
             )
-        count = 2 ** math.ceil(math.log2(instants))
-        apart = periods / frequency / count
-        first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
-        # two periods are compared between the samples: jumps stand on these, and there rounding decides
-        time = (np.arange(2 * count) + _BETWEEN) * apart
-        values = np.array([s(time) for s in signals]).reshape(len(signals), 2, count)
-        changes = np.abs(values[:, 1] - values[:, 0])
-        if changes.max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
-            worst = int(np.argmax(changes.max(axis=1)))
-            raise ValueError(_not_periodic(signals[worst], periods, frequency))
-        for signal, row in zip(signals, first):
-            if not _repeats(signal, row, periods / frequency):
-                raise ValueError(_not_periodic(signal, periods, frequency))
-        found = np.fft.rfft(first, axis=1).T * (2.0 / count)
-        found[0] *= 0.5
+        if all(_known(part) for signal in signals for part in _parts(signal)):
+            orders, found = _by_formula(signals, frequency, periods)
+        else:
+            orders, found = _by_samples(signals, frequency, periods, 2 ** math.ceil(math.log2(instants)))
         if not np.isfinite(found).all():
             raise ValueError("periodic: the loads leave the range of numbers; give them in N and Pa")
         noise = ROUND_OFF * np.abs(found).max(initial=0.0)
         found = np.where(np.abs(found.real) > noise, found.real, 0.0) + 1j * np.where(
             np.abs(found.imag) > noise, found.imag, 0.0
         )
-        orders = np.flatnonzero(np.abs(found).any(axis=1))
-        return cls(orders, found[orders], periods)
+        kept = np.abs(found).any(axis=1)
+        return cls(orders[kept], found[kept], periods)
 
     def repeated(self, times: int) -> Excitation:
         """The same loads with `times` their common period."""
@@ -188,6 +177,47 @@ def _parts(signal: Signal):
     return signal.parts if isinstance(signal, Sum) else (signal,)
 
 
+def _known(part: Signal) -> bool:
+    """Whether a signal's harmonics follow from its formula."""
+    return type(part) in (Constant, Harmonic)
+
+
+def _by_formula(signals: Sequence[Signal], frequency: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
+    """Multiples of the common period's frequency (k,) and amplitudes (k, loads) of tones and constants."""
+    found: dict[int, np.ndarray] = {}
+    for k, signal in enumerate(signals):
+        for part in _parts(signal):
+            order, value = 0, complex(part(0.0))
+            if isinstance(part, Harmonic) and round(periods * part.frequency / frequency):
+                order = round(periods * part.frequency / frequency)
+                value = -1j * part.amplitude * np.exp(1j * part.phase)
+            found.setdefault(order, np.zeros(len(signals), dtype=complex))[k] += value
+    orders = sorted(found)
+    amplitudes = np.array([found[order] for order in orders], dtype=complex)
+    return np.array(orders, dtype=int), amplitudes.reshape(len(orders), len(signals))
+
+
+def _by_samples(
+    signals: Sequence[Signal], frequency: float, periods: int, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same of any signals from so many samples of the common period, which they must repeat."""
+    apart = periods / frequency / count
+    first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
+    # two periods are compared between the samples: jumps stand on these, and there rounding decides
+    time = (np.arange(2 * count) + _BETWEEN) * apart
+    values = np.array([s(time) for s in signals]).reshape(len(signals), 2, count)
+    changes = np.abs(values[:, 1] - values[:, 0])
+    if changes.max(initial=0.0) > 1e-6 * np.abs(values).max(initial=0.0):
+        worst = int(np.argmax(changes.max(axis=1)))
+        raise ValueError(_not_periodic(signals[worst], periods, frequency))
+    for signal, row in zip(signals, first):
+        if not _repeats(signal, row, periods / frequency):
+            raise ValueError(_not_periodic(signal, periods, frequency))
+    found = np.fft.rfft(first, axis=1).T * (2.0 / count)
+    found[0] *= 0.5
+    return np.arange(len(found)), found
+
+
 def _refuse_passing(signal: Signal) -> None:
     """Refuse signals that begin and end, which no period repeats."""
     for part in _parts(signal):
@@ -204,7 +234,7 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
     in the next ones one by one, then ever further apart. Of a signal whose formula is not known only what is
     sampled is known.
     """
-    if all(type(part) in (Constant, Harmonic) for part in _parts(signal)):
+    if all(_known(part) for part in _parts(signal)):
         return True
     stride = max(1, len(row) // 64)
     within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)
