@@ -75,6 +75,15 @@ def seconds(work, repeats: int):
     return best, result
 
 
+def from_the_model(work, repeats: int) -> float:
+    """Least CPU seconds of work on a model that knows nothing yet."""
+    best = np.inf
+    for _ in range(repeats):
+        with model() as fresh:
+            best = min(best, seconds(lambda: work(fresh), 1)[0])
+    return best
+
+
 def line(name: str, spent: float, asked: float, note: str = "") -> None:
     """A row of the table."""
     print(f"{name:38s}{spent:9.3f}{asked:9.2f}   {note}", flush=True)
@@ -155,47 +164,28 @@ def main() -> None:
         note = f"{orbit.iterations} iterations, {alone:.3f} without multipliers, floor {least:.3f}"
         line(f"orbit, 300 N, {frequency:g} Hz", spent, ASKED["orbit"], note)
 
-    def whole():
-        with model() as fresh:
-            began = time.process_time()
-            sb.periodic(fresh, push(300.0), 3000.0)
-            return time.process_time() - began
-
-    line(
-        "the same from the model, 3000 Hz", min(whole() for _ in range(own.repeats)), ASKED["from the model"]
-    )
+    spent = from_the_model(lambda fresh: sb.periodic(fresh, push(300.0), 3000.0), own.repeats)
+    line("the same from the model, 3000 Hz", spent, ASKED["from the model"])
     for force in (300.0, 1500.0):
 
-        def follow(force=force):
-            return sb.frequency_response(reduced, push(force), *RANGE, progress=None)
-
-        def from_the_model(force=force):
-            with model() as fresh:
-                began = time.process_time()
-                sb.frequency_response(fresh, push(force), *RANGE, progress=None)
-                return time.process_time() - began
+        def follow(system=reduced, force=force):
+            return sb.frequency_response(system, push(force), *RANGE, progress=None)
 
         runs = [seconds(follow, 1) for _ in range(5)]
         spent, curve = min(runs, key=lambda run: run[0])
-        note = (
-            f"to {max(run[0] for run in runs):.2f}, {min(from_the_model() for _ in range(5)):.2f} from the "
-        )
-        note += "model, "
+        note = f"to {max(run[0] for run in runs):.2f}, "
+        note += f"{from_the_model(follow, 5):.2f} from the model, "
         note += f"{len(curve.value)} points, {len(curve.bifurcations)} bifurcations, "
         note += f"floor {floor(follow, len(reduced.omega)):.2f}"
         line(f"curve of Fig. 11, {force:g} N", spent, ASKED[force], note)
     load = push(sb.ToneBurst(300.0, 3000.0, 20))
     spent, _ = seconds(lambda: sb.transient(reduced, load, DURATION, step=STEP, progress=None), 3)
 
-    def history():
-        with model() as fresh:
-            began = time.process_time()
-            sb.transient(fresh, load, DURATION, step=STEP, progress=None)
-            return time.process_time() - began
-
     line(
         "33 ms in steps of 1 us, with reduction",
-        min(history() for _ in range(own.repeats)),
+        from_the_model(
+            lambda fresh: sb.transient(fresh, load, DURATION, step=STEP, progress=None), own.repeats
+        ),
         ASKED["history"],
         f"{spent:.3f} from the reduced model, floor {history_floor(load):.3f}",
     )

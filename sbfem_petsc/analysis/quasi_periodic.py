@@ -15,7 +15,7 @@ import numpy as np
 from ..capacity import require_compiler, require_memory
 from ..checks import Bounds, flag, instance, integer, numbers_of, real
 from ..dynamics.curve_system import RESTART
-from ..dynamics.excitation import Excitation
+from ..dynamics.excitation import Excitation, by_formula, parts_of
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
 from ..dynamics.preparation import FAST_STEPS, PeriodSettings, period_memory, prepare
@@ -33,7 +33,7 @@ from ..errors import SolveError, StepWarning, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Constant, Harmonic, Signal, Sum, as_signal
+from ..signals import Constant, Harmonic, Signal, as_signal
 from ..system.model import Model
 
 STEPS, SAMPLES = 512, 21
@@ -324,39 +324,34 @@ def drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple
     ValueError
         If a signal belongs to neither tone, or a tone has no load.
     """
-    found: tuple[dict, dict] = ({}, {})
+    parts: tuple[list[list[Signal]], ...] = tuple([[] for _ in signals] for _ in frequencies)
     for k, signal in enumerate(signals):
-        for part in signal.parts if isinstance(signal, Sum) else (signal,):
-            if isinstance(part, Constant):
-                tone, order, value = 0, 0, part.value
-            elif isinstance(part, Harmonic):
-                tone, order = _belongs(part, frequencies)
-                value = -1j * part.amplitude * np.exp(1j * part.phase)
-            else:
+        for part in parts_of(signal):
+            if not isinstance(part, (Constant, Harmonic)):
                 raise ValueError(
                     f"quasi_periodic: the signal {part!r} is neither a Harmonic nor a Constant; two tones "
                     "are given as Harmonic signals"
                 )
-            found[tone].setdefault(order, np.zeros(len(signals), dtype=complex))[k] += value
-    for tone, frequency in enumerate(frequencies):
-        if not any(found[tone][order].any() for order in found[tone] if order):
+            tone = _belongs(part, frequencies) if isinstance(part, Harmonic) else 0
+            parts[tone][k].append(part)
+    first, second = (
+        Excitation(*by_formula(loads, frequency, 1), 1) for loads, frequency in zip(parts, frequencies)
+    )
+    for drive, frequency in zip((first, second), frequencies):
+        if not drive.oscillating.amplitudes.any():
             raise ValueError(
                 f"quasi_periodic: no load oscillates at {frequency:g} Hz; give Harmonic(amplitude, "
                 f"{frequency:g}), or use periodic for one tone"
             )
-    first, second = (
-        Excitation(np.array(sorted(part)), np.array([part[order] for order in sorted(part)]), 1)
-        for part in found
-    )
     return first, second
 
 
-def _belongs(part: Harmonic, frequencies: tuple[float, float]) -> tuple[int, int]:
-    """Which tone a harmonic is a multiple of, the fundamental first, and the multiple."""
+def _belongs(part: Harmonic, frequencies: tuple[float, float]) -> int:
+    """Which tone a harmonic is a multiple of, the lowest multiple first."""
     for order in range(1, MULTIPLES + 1):
         for tone, frequency in enumerate(frequencies):
             if abs(part.frequency - order * frequency) <= SAME * part.frequency:
-                return tone, order
+                return tone
     raise ValueError(
         f"quasi_periodic: {part!r} belongs to neither tone; its frequency must be {frequencies[0]:.12g} Hz "
         f"or {frequencies[1]:.12g} Hz or a multiple of one of them, up to {MULTIPLES} times"

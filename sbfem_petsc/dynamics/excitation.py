@@ -75,8 +75,8 @@ class Excitation:
                 f"{highest:g} Hz take {instants:.3g} instants, more than {INSTANTS:,d}; give fewer periods "
                 "or frequencies nearer to each other"
             )
-        if all(_known(part) for signal in signals for part in _parts(signal)):
-            orders, found = _by_formula(signals, frequency, periods)
+        if all(_known(part) for signal in signals for part in parts_of(signal)):
+            orders, found = by_formula([parts_of(signal) for signal in signals], frequency, periods)
         else:
             orders, found = _by_samples(signals, frequency, periods, 2 ** math.ceil(math.log2(instants)))
         if not np.isfinite(found).all():
@@ -145,7 +145,7 @@ class Excitation:
 
 def common_periods(signals: Sequence[Signal], frequency: float, periods: int | None, bound: int) -> int:
     """Forcing periods in the common period of signals, by their tones; see `Excitation.of`."""
-    tones = [part.frequency for signal in signals for part in _parts(signal) if isinstance(part, Harmonic)]
+    tones = [part.frequency for signal in signals for part in parts_of(signal) if isinstance(part, Harmonic)]
     for signal in signals:
         _refuse_passing(signal)
     if periods is None:
@@ -164,6 +164,25 @@ def common_periods(signals: Sequence[Signal], frequency: float, periods: int | N
     return periods
 
 
+def by_formula(
+    loads: Sequence[Sequence[Signal]], frequency: float, periods: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Multiples of the common period's frequency (k,) and amplitudes (k, loads) of loads, each of which
+    consists of tones and constants.
+    """
+    found: dict[int, np.ndarray] = {}
+    for k, parts in enumerate(loads):
+        for part in parts:
+            order, value = 0, complex(part(0.0))
+            if isinstance(part, Harmonic) and round(periods * part.frequency / frequency):
+                order = round(periods * part.frequency / frequency)
+                value = -1j * part.amplitude * np.exp(1j * part.phase)
+            found.setdefault(order, np.zeros(len(loads), dtype=complex))[k] += value
+    orders = sorted(found)
+    amplitudes = np.array([found[order] for order in orders], dtype=complex)
+    return np.array(orders, dtype=int), amplitudes.reshape(len(orders), len(loads))
+
+
 def one_sided(values: np.ndarray) -> np.ndarray:
     """Complex amplitudes a_j along the first axis: values = Re sum_j a_j exp(2 pi i j n / N)."""
     result = np.fft.rfft(values, axis=0) * (2.0 / len(values))
@@ -173,28 +192,14 @@ def one_sided(values: np.ndarray) -> np.ndarray:
     return result
 
 
-def _parts(signal: Signal):
+def parts_of(signal: Signal) -> Sequence[Signal]:
+    """The signals that a sum consists of, or the signal itself."""
     return signal.parts if isinstance(signal, Sum) else (signal,)
 
 
 def _known(part: Signal) -> bool:
     """Whether a signal's harmonics follow from its formula."""
     return type(part) in (Constant, Harmonic)
-
-
-def _by_formula(signals: Sequence[Signal], frequency: float, periods: int) -> tuple[np.ndarray, np.ndarray]:
-    """Multiples of the common period's frequency (k,) and amplitudes (k, loads) of tones and constants."""
-    found: dict[int, np.ndarray] = {}
-    for k, signal in enumerate(signals):
-        for part in _parts(signal):
-            order, value = 0, complex(part(0.0))
-            if isinstance(part, Harmonic) and round(periods * part.frequency / frequency):
-                order = round(periods * part.frequency / frequency)
-                value = -1j * part.amplitude * np.exp(1j * part.phase)
-            found.setdefault(order, np.zeros(len(signals), dtype=complex))[k] += value
-    orders = sorted(found)
-    amplitudes = np.array([found[order] for order in orders], dtype=complex)
-    return np.array(orders, dtype=int), amplitudes.reshape(len(orders), len(signals))
 
 
 def _by_samples(
@@ -220,7 +225,7 @@ def _by_samples(
 
 def _refuse_passing(signal: Signal) -> None:
     """Refuse signals that begin and end, which no period repeats."""
-    for part in _parts(signal):
+    for part in parts_of(signal):
         if isinstance(part, (Step, ToneBurst, Chirp, Samples)):
             kind = type(part).__name__
             instead = (
@@ -234,7 +239,7 @@ def _repeats(signal: Signal, row: np.ndarray, period: float) -> bool:
     in the next ones one by one, then ever further apart. Of a signal whose formula is not known only what is
     sampled is known.
     """
-    if all(_known(part) for part in _parts(signal)):
+    if all(_known(part) for part in parts_of(signal)):
         return True
     stride = max(1, len(row) // 64)
     within = (np.arange(0, len(row), stride) + _BETWEEN) / len(row)
