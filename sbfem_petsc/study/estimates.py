@@ -1,9 +1,10 @@
 """What a case will take: sizes from its mesh and model; memory, disk and time by fitted rules.
 
-Times are those of one core of a server with MUMPS, beams of 3,000 to 37,000 unknowns with 16 to 41 contact
-pairs and 46 to 80 modes: the rules meet them within a factor of two or three. Memory is fitted to plates
-with ten cracks of 72,000 to 980,000 unknowns, statics and 20 modes apart, on one and two ranks: the rules are
-above what was measured, by less than a half.
+Times are those of one core of a server with MUMPS, beams of 3,206 to 112,086 unknowns with 43 to 127 contact
+pairs and 30 to 200 modes: the rules for modes, reductions, steady states and histories meet them within a
+factor of three. How many points and lines curves and loci have is not known beforehand. Memory is fitted to
+plates with ten cracks of 72,000 to 980,000 unknowns, statics and 20 modes apart, on one and two ranks: the
+rules are above what was measured, by less than a half.
 """
 
 from __future__ import annotations
@@ -28,6 +29,10 @@ _FEWEST_MODES, _STEPS = 80, 512
 ROW = 3e3
 # Points of a response curve, where the case does not say.
 _CURVE_POINTS = 60
+# Seconds: a step of a history, for each mode and as much again for each so many contact pairs; a step of a
+# steady state without its multipliers, for the square of the modes and for the pairs, and with them.
+_HISTORY, _ALIKE = 1.5e-8, 26.0
+_SQUARE, _PAIR, _MULTIPLIERS = 1.6e-9, 1.5e-7, 2.0
 
 
 def estimate(case: Case, comm: Any) -> dict[str, Any]:
@@ -132,41 +137,42 @@ def demand(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tu
             8.0 * count * (2 * pairs + 4 * points),
         )
     modes = getattr(table, "modes", None) or min(_FEWEST_MODES, max(1, unknowns // 4))
-    reduction = 2.0 * _modal(unknowns, modes) + 3e-6 * unknowns * (pairs + 1)
+    reduction = _modal(unknowns, modes)
+    stepping = _HISTORY * modes * (1.0 + pairs / _ALIKE)
+    shooting = _SQUARE * modes**2 + _PAIR * pairs  # of a step
     if kind == "transient":
         step = table.step or _step(case, table)
         count = max(1, math.ceil(table.duration / step))
         row = 8.0 * (2 * modes + pairs + 6 + 4 * points)
-        seconds = reduction + 6e-8 * count * modes * (1.0 + pairs / 26)
+        seconds = reduction + count * stepping
         if not table.reduced:
             seconds = count * 2.4e-7 * unknowns
         return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
     if kind == "basins":
         starts = math.prod(len(parameters.grid(axis.values)) for axis in table.starts)
         # about a hundred periods a history
-        seconds = 100 * starts * (table.steps or _STEPS) * 6e-8 * modes * (1.0 + pairs / 26)
+        seconds = 100 * starts * (table.steps or _STEPS) * stepping
         return reduction + seconds, 16.0 * starts * modes, 32.0 * starts
     if kind == "swept_response":
         cycles = 0.5 * (table.start + table.stop) * table.duration * (1 + table.back)
         count = cycles * (table.steps or 320) * max(table.start, table.stop) / min(table.start, table.stop)
-        seconds = 6e-8 * count * modes * (1.0 + pairs / 26)
-        return reduction + seconds, 8.0 * count * points, 16.0 * cycles * (points + 2)
+        return reduction + count * stepping, 8.0 * count * points, 16.0 * cycles * (points + 2)
     steps = getattr(table, "steps", None) or _STEPS
     periods = getattr(table, "periods", None) or 1
     if kind == "quasi_periodic":
         steps = table.steps or _STEPS
         # iterations of Newton's method on all samples, each with the derivative of its trajectory
-        seconds = 6 * table.samples * steps * (2e-8 * modes**2 + 1e-6 * pairs)
+        seconds = 4 * table.samples * steps * shooting
         memory = 8.0 * table.samples * (2 * modes * (2 * modes + steps) + steps * pairs)
         return reduction + seconds, memory, 16.0 * points * (2 * table.order + 1) ** 2
     if kind == "modulation":
         steps = table.steps or steps_of_two_tones(table.pump_frequency, table.probe_frequency)
         low = common_period(table.pump_frequency, table.probe_frequency, table.longest)
         periods = max(1, round(low * table.pump_frequency))
-    one = steps * periods * (2e-8 * modes**2 + 1e-6 * pairs)
+    one = steps * periods * shooting
     arrays = 8.0 * steps * periods * (6 * modes + 3 * pairs)
     if getattr(table, "stability", False):
-        one *= 2.5
+        one *= _MULTIPLIERS
     if kind in ("frequency_response", "load_response"):
         if not getattr(table, "contact", True):
             return reduction, 0.0, 1e6
@@ -175,19 +181,23 @@ def demand(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tu
     if kind == "locus":
         # a curve with its multipliers, and three Newton iterations with four sets of them a point of a line
         count, lines = _CURVE_POINTS, 4
-        seconds = 2.5 * one * (count + 12 * lines * min(table.points, 40))
+        seconds = _MULTIPLIERS * one * (count + 12 * lines * min(table.points, 40))
         return reduction + seconds, arrays, 64.0 * lines * table.points
+    if kind == "backbone":
+        # some iterations a point, and each once more with half the step
+        count = min(table.points, _CURVE_POINTS)
+        return reduction + 6 * one * count, arrays, 400.0 * count * (modes + points * 60)
     if kind == "quasi_periodic_response":
         # a curve with its multipliers, and about four iterations on all samples a motion
         count, lines = min(table.points, _CURVE_POINTS), points * (2 * table.order + 1) ** 2
-        seconds = 2.5 * one * (_CURVE_POINTS + 8 * table.samples * count)
+        seconds = _MULTIPLIERS * one * (_CURVE_POINTS + 8 * table.samples * count)
         memory = 8.0 * table.samples * (2 * modes * (2 * modes + steps) + steps * pairs)
         return reduction + seconds, memory, 16.0 * count * (lines + 2 * table.samples * modes)
     return reduction + one, arrays, 8.0 * steps * periods * (3 * modes + pairs + 2 * points)
 
 
 def _modal(unknowns: int, count: int) -> float:
-    return 0.05 + 1.3e-6 * unknowns * count
+    return 0.05 + 6e-7 * unknowns * count
 
 
 def _step(case: Case, table: Any) -> float:
