@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import contextlib
+import sys
+import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -36,6 +38,7 @@ __all__ = [
     "PETSc",
     "SLEPc",
     "block_solve",
+    "calling_back",
     "check_ksp",
     "collect",
     "configure",
@@ -173,6 +176,23 @@ def solving(what: str) -> Iterator[None]:
         ) from error
 
 
+@contextlib.contextmanager
+def calling_back() -> Iterator[None]:
+    """Context of a solve that calls Python. An error in a call keeps, by the frames of its traceback, what
+    PETSc has handed to it; a solver with parts in Python that outlives the interpreter in them crashes the
+    end of PETSc.
+    """
+    before = sys.exc_info()[1]
+    try:
+        yield
+    except BaseException as error:
+        each: BaseException | None = error
+        while each is not None and each is not before:
+            traceback.clear_frames(each.__traceback__)
+            each = each.__context__
+        raise
+
+
 def _said(error: PETSc.Error) -> str:
     """The reason in an error of PETSc, without the places in its source."""
     lines = [line.split("]", 1)[-1].strip() for line in str(error).splitlines()]
@@ -182,12 +202,19 @@ def _said(error: PETSc.Error) -> str:
 
 def free(comm: MPI.Comm, *items: Any) -> None:
     """Destroy PETSc objects, unless an error is on its way that other ranks do not know of: the end of a
-    factorisation is collective, and they would be waited for.
+    factorisation is collective, and they would be waited for. An error on its way is never replaced.
     """
     if alone(comm):
         return
     for item in items:
-        item.destroy()
+        try:
+            item.destroy()
+        except PETSc.Error as error:
+            if error.__context__ is None:
+                raise
+            # SLEPc cannot free a solver that an error has ended within a step: it is kept, for good
+            for _ in range(2):
+                item.incRef()
 
 
 def collect(comm: MPI.Comm) -> None:

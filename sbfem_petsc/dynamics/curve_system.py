@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, check_ksp, configure, free, solving
+from ..petsc import MPI, PETSc, calling_back, check_ksp, configure, free, solving
 
 PREFIX = "torus_"
 # Iterations of GMRES before it starts anew, and in all.
@@ -150,7 +150,7 @@ class CurveSystem:
             ksp.getPC().setPythonContext(_Precondition(self))
             configure(ksp)
             given.array = own
-            with solving("quasi_periodic"):
+            with solving("quasi_periodic"), calling_back():
                 ksp.solve(given, found)
             check_ksp(
                 ksp,

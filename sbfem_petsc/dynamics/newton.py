@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc, configure
+from ..petsc import MPI, PETSc, calling_back, configure, free
 from .fixed_point import FixedPoint, effort
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
@@ -92,7 +92,8 @@ class Newton:
         configure(snes)
         try:
             try:
-                snes.solve(None, x)
+                with calling_back():
+                    snes.solve(None, x)
             except (PETSc.Error, np.linalg.LinAlgError) as error:
                 why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
                 raise on_all_ranks(
@@ -109,8 +110,7 @@ class Newton:
                 self.derivative = matrix.getDenseArray() + np.eye(size)
         finally:
             # also what Python alone still holds: PETSc would only put it aside until all ranks collect
-            for item in (snes, ksp, x, f, matrix):
-                item.destroy()
+            free(MPI.COMM_SELF, snes, ksp, x, f, matrix)
         own = self.derivatives if self.jacobian == "updated" else len(self.residuals) - 1
         return FixedPoint(state, values, driven, motion, tuple(self.residuals), own)
 

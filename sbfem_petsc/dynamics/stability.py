@@ -13,7 +13,7 @@ from numba.extending import get_cython_function_address
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc, SLEPc, configure
+from ..petsc import MPI, PETSc, SLEPc, calling_back, configure, free
 from .fixed_point import FixedPoint
 from .period_map import DrivenPeriod, PeriodMotion
 from .shooting import WHOLE
@@ -164,7 +164,8 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
     solver.setTolerances(tol=1e-10, max_it=10000)
     configure(solver)
     try:
-        solver.solve()
+        with calling_back():
+            solver.solve()
         found = solver.getConverged()
         if found < min(wanted, solver.getDimensions()[0]):
             raise on_all_ranks(
@@ -183,8 +184,7 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
         real.destroy()
         imaginary.destroy()
     finally:
-        solver.destroy()
-        matrix.destroy()
+        free(MPI.COMM_SELF, solver, matrix)
     order = np.argsort(-np.abs(values), kind="stable")
     return Multipliers(values[order], lambda k: vectors[:, order[k]])
 

@@ -16,7 +16,7 @@ from ..capacity import require_compiler, require_memory
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, configure, free, solving, stage
+from ..petsc import PETSc, calling_back, configure, free, solving, stage
 from ..signals import Harmonic
 from ..system.demand import require_steps
 from ..system.model import Model
@@ -229,7 +229,7 @@ class _UnreducedPeriod:
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
         configure(snes)
         try:
-            with solving("periodic"):
+            with solving("periodic"), calling_back():
                 snes.solve(None, x)
             for periods in SETTLING:
                 if snes.getConvergedReason() > 0:
@@ -238,7 +238,7 @@ class _UnreducedPeriod:
                     guess = self.run(guess)[0]
                 x.array, path = guess, "history"
                 self.residuals.clear()
-                with solving("periodic"):
+                with solving("periodic"), calling_back():
                     snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:

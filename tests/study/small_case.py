@@ -118,21 +118,42 @@ def sbfem(*arguments) -> Done:
     return Done(code, out.getvalue(), err.getvalue())
 
 
-def stopped(process: subprocess.Popen, rows_folder: pathlib.Path, number: int) -> str:
-    """Send a signal to a sweep that has written two rows; what it has said as an error."""
-    limit = time.monotonic() + 120
-    while process.poll() is None and time.monotonic() < limit:
-        if rows_folder.is_dir() and rows.count(str(rows_folder)) >= 2:
-            break
+# A sweep that waits for a signal when it has written its second row.
+WAITING = """
+import sys
+from sbfem_petsc.cli import main
+from sbfem_petsc.study import rows
+from tests.parallel import wait_for_a_signal
+append, written = rows.append, 0
+
+def waiting(path, row):
+    global written
+    append(path, row)
+    written += 1
+    if written == 2:
+        wait_for_a_signal()
+
+rows.append = waiting
+main(sys.argv[1:])
+"""
+
+
+def stopped_sweep(number: int, path: pathlib.Path, out: pathlib.Path) -> tuple[int, str]:
+    """Send a signal to a sweep that has written two rows; its exit code, and what it has said as an error."""
+    process = started("sweep", path, "--output", out, "--quiet", program=("-c", WAITING))
+    folder, limit = out / "rows", time.monotonic() + 120
+    while not (folder.is_dir() and rows.count(str(folder)) == 2):
+        assert process.poll() is None and time.monotonic() < limit, process.communicate()[1]
         time.sleep(0.01)
     process.send_signal(number)
-    return process.communicate(timeout=60)[1]
+    errors = process.communicate(timeout=60)[1]
+    return process.returncode, errors
 
 
-def started(*arguments) -> subprocess.Popen:
+def started(*arguments, program: tuple[str, ...] = ("-m", "sbfem_petsc")) -> subprocess.Popen:
     """The command in a process of its own."""
     return subprocess.Popen(
-        [sys.executable, "-m", "sbfem_petsc", *map(str, arguments)],
+        [sys.executable, *program, *map(str, arguments)],
         cwd=ROOT,
         # without a daemon of Open MPI's beside it, which outlives a process that is killed
         env={**os.environ, "OMPI_MCA_ess_singleton_isolated": "1"},

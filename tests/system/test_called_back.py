@@ -1,0 +1,97 @@
+"""Errors and Ctrl-C inside Python that PETSc and SLEPc call: told as they are, and the program then ends."""
+
+import pytest
+
+from tests.parallel import on_ranks
+
+# Errors are kept, with all that their tracebacks hold, until PETSc has ended.
+PROGRAM = """
+import sys, warnings
+import sbfem_petsc as sb
+from meshing import Beam, VNotch
+from petsc4py import PETSc
+from sbfem_petsc.dynamics import curve_system, newton, stability, unreduced_shooting
+from sbfem_petsc.system import dual_contact, krylov_step
+from tests.systems import two_masses
+
+warnings.simplefilter("ignore")
+PETSc.Options().setValue("contact_dual", "true")
+notched = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.0)]).mesh(order=2)
+push = sb.PointForce("A", fy=1000.0)
+
+def body(**given):
+    return sb.Model(notched, sb.Material(70e9, 0.33, 2700), **given)
+
+def shooting(jacobian):
+    sb.periodic(body(damping=0.02), push, 700.0, modes=4, steps=64, jacobian=jacobian)
+
+def unreduced():
+    sb.periodic(body(rayleigh=(1.0, 1e-6)), push, 700.0, modes=4, steps=64, reduction=None, stability=False)
+
+def multipliers():
+    stability.WHOLE = 0
+    sb.periodic(two_masses(), sb.Harmonic(2.0, 0.1), 0.1, steps=64)
+
+def tones():
+    both = sb.Harmonic(2.0, 0.1) + sb.Harmonic(0.5, 0.1317)
+    sb.quasi_periodic(two_masses(), both, frequencies=(0.1, 0.1317), samples=9, steps=64)
+
+CALLS = [
+    (krylov_step.KrylovStep, "apply", 1, lambda: sb.modal(body(), 4)),
+    (krylov_step.KrylovStep, "apply", 8, lambda: sb.modal(body(), 4)),
+    (dual_contact._Operator, "mult", 2, lambda: sb.static(body(), push)),
+    (newton.Newton, "_function", 2, lambda: shooting("auto")),
+    (newton.Newton, "_jacobian", 1, lambda: shooting("dense")),
+    (newton._Products, "mult", 3, lambda: shooting("matrix-free")),
+    (newton._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
+    (unreduced_shooting._UnreducedPeriod, "_function", 2, unreduced),
+    (unreduced_shooting._Products, "mult", 2, unreduced),
+    (unreduced_shooting._Precondition, "apply", 2, unreduced),
+    (curve_system.CurveSystem, "mult", 2, tones),
+    (curve_system._Precondition, "apply", 2, tones),
+    (stability._Monodromy, "mult", 1, multipliers),
+]
+kept = []
+for owner, name, after, solve in CALLS:
+    whole, calls = getattr(owner, name), 0
+
+    def fails(*arguments):
+        global calls
+        calls += 1
+        if calls == after:
+            raise {"Ctrl-C": KeyboardInterrupt, "error": ArithmeticError}[sys.argv[1]]
+        return whole(*arguments)
+
+    setattr(owner, name, fails)
+    try:
+        solve()
+    except BaseException as error:
+        print(owner.__name__, name, after, type(error).__name__, flush=True)
+        kept.append(error)
+    setattr(owner, name, whole)
+"""
+EXPECTED = """\
+KrylovStep apply 1
+KrylovStep apply 8
+_Operator mult 2
+Newton _function 2
+Newton _jacobian 1
+_Products mult 3
+_Uncoupled apply 3
+_UnreducedPeriod _function 2
+_Products mult 2
+_Precondition apply 2
+CurveSystem mult 2
+_Precondition apply 2
+_Monodromy mult 1
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind, name", [("error", "ArithmeticError"), ("Ctrl-C", "KeyboardInterrupt")])
+def test_errors_inside_calls(kind, name):
+    """Nothing replaces the error, and what its traceback keeps does not crash PETSc's end."""
+    done = on_ranks(1, PROGRAM, kind)
+    told = done.stdout.replace("\033[0m", "")
+    assert told.splitlines() == [f"{call} {name}" for call in EXPECTED.splitlines()], done.stderr
+    assert "PETSC ERROR" not in done.stderr
