@@ -35,7 +35,7 @@ warnings.simplefilter("ignore")
 import sbfem_petsc as sb
 from mpi4py import MPI
 from tests.fuzz import examples
-os.chdir(tempfile.mkdtemp())
+os.chdir(tempfile.mkdtemp(dir=sys.argv[-1]))
 owner, call, ready = sys.argv[1], int(sys.argv[2]), sys.argv[3] == "ready"
 if ready:
     examples.model()
@@ -53,7 +53,7 @@ from mpi4py import MPI
 from tests.fuzz import examples
 world = MPI.COMM_WORLD
 half = world.Split(world.rank) if sys.argv[1] == "split" else MPI.COMM_SELF
-os.chdir(tempfile.mkdtemp())
+os.chdir(tempfile.mkdtemp(dir=sys.argv[-1]))
 steel = sb.Material(70e9, 0.33, 2700 * (1 + world.rank))
 model = lambda: sb.Model(examples.mesh(), steel, damping=0.02, comm=half)
 for owner, call in json.loads(sys.argv[2]).items():
@@ -65,11 +65,13 @@ print("fine", flush=True)
 """
 
 
-def test_every_argument_on_one_rank():
+def test_every_argument_on_one_rank(tmp_path):
     """Each with another and a wrong value: both ranks have the same sentence, or the same result."""
     told, mixtures, hangs, first = 0, [], [], 0
     while True:
-        done = on_ranks(2, ROOT / "tests/system/two_ranks.py", str(first), check=False, timeout=600)
+        done = on_ranks(
+            2, ROOT / "tests/system/two_ranks.py", str(first), str(tmp_path), check=False, timeout=600
+        )
         lines = [line for line in done.stdout.replace("\033[0m", "").splitlines() if line.startswith("{")]
         begun = ended = None
         for entry in map(json.loads, lines):
@@ -90,19 +92,19 @@ def test_every_argument_on_one_rank():
 
 @pytest.mark.parametrize("instead", INSTEAD)
 @pytest.mark.parametrize("owner", ANALYSES)
-def test_rank_that_does_not_call(owner, instead):
+def test_rank_that_does_not_call(owner, instead, tmp_path):
     """Both end with a sentence, from the first call of the package on and later."""
     if owner == "modal" and "modal" in instead:
         instead = "sb.static(examples.model(), examples.PUSH)"
     program = PROGRAM.replace("INSTEAD", instead)
     ready = "new" if owner == "Model" else "ready"
-    done = on_ranks(2, program, owner, str(ANALYSES[owner]), ready, check=False, timeout=60)
+    done = on_ranks(2, program, owner, str(ANALYSES[owner]), ready, str(tmp_path), check=False, timeout=60)
     assert done.returncode != 0, done.stdout + done.stderr
     said = INSTEAD.get(instead, "RanksDiffer").split("|")
     assert any(words in done.stderr for words in said), done.stderr
 
 
 @pytest.mark.parametrize("kind", ["split", "self"])
-def test_communicators_of_their_own(kind):
-    done = on_ranks(2, HALVES, kind, json.dumps(ANALYSES), timeout=60)
+def test_communicators_of_their_own(kind, tmp_path):
+    done = on_ranks(2, HALVES, kind, json.dumps(ANALYSES), str(tmp_path), timeout=60)
     assert done.stdout.count("fine") == 2

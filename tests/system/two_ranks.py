@@ -87,10 +87,9 @@ def outcome(owner: str, given: dict[str, Any]) -> str:
 
 
 def main() -> None:
-    first = int(sys.argv[1])
+    first, spare = int(sys.argv[1]), sys.argv[2]
     warnings.simplefilter("ignore")
-    folder = WORLD.bcast(tempfile.mkdtemp() if WORLD.rank == 0 else None)
-    os.chdir(folder)
+    os.chdir(WORLD.bcast(tempfile.mkdtemp(dir=spare) if WORLD.rank == 0 else None))
     for number, (owner, given, name, kind) in enumerate(cases()):
         if number < first:
             continue
