@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import sys
-import traceback
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -38,7 +36,6 @@ __all__ = [
     "PETSc",
     "SLEPc",
     "block_solve",
-    "calling_back",
     "check_ksp",
     "collect",
     "configure",
@@ -46,9 +43,11 @@ __all__ = [
     "direct_solver",
     "free",
     "make_ksp",
+    "scripted",
     "solver_name",
     "solving",
     "stage",
+    "stepping",
     "version_line",
 ]
 
@@ -176,23 +175,6 @@ def solving(what: str) -> Iterator[None]:
         ) from error
 
 
-@contextlib.contextmanager
-def calling_back() -> Iterator[None]:
-    """Context of a solve that calls Python. An error in a call keeps, by the frames of its traceback, what
-    PETSc has handed to it; a solver with parts in Python that outlives the interpreter in them crashes the
-    end of PETSc.
-    """
-    before = sys.exc_info()[1]
-    try:
-        yield
-    except BaseException as error:
-        each: BaseException | None = error
-        while each is not None and each is not before:
-            traceback.clear_frames(each.__traceback__)
-            each = each.__context__
-        raise
-
-
 def _said(error: PETSc.Error) -> str:
     """The reason in an error of PETSc, without the places in its source."""
     lines = [line.split("]", 1)[-1].strip() for line in str(error).splitlines()]
@@ -200,21 +182,42 @@ def _said(error: PETSc.Error) -> str:
     return "; ".join(told) or f"error code {error.ierr}"
 
 
+@contextlib.contextmanager
+def scripted(*items: PETSc.Mat | PETSc.PC) -> Iterator[None]:
+    """Context of a solve with matrices and preconditioners in Python, which have no part in it afterwards: a
+    traceback, or a cycle of references, may keep them until Python has ended, and then PETSc crashes on such
+    parts.
+    """
+    try:
+        yield
+    finally:
+        for item in items:
+            item.setType(PETSc.PC.Type.NONE if isinstance(item, PETSc.PC) else PETSc.Mat.Type.AIJ)
+
+
+@contextlib.contextmanager
+def stepping(eps: SLEPc.EPS) -> Iterator[None]:
+    """Context of a solve by SLEPc that calls Python. A solver that an error ends within a step has parts that
+    cannot be freed, and is kept for good; its vectors are freed if no other rank has to be waited for.
+    """
+    try:
+        yield
+    except BaseException:
+        eps.incRef()
+        if not alone(eps.comm.tompi4py()):
+            with contextlib.suppress(PETSc.Error):
+                eps.reset()
+        raise
+
+
 def free(comm: MPI.Comm, *items: Any) -> None:
     """Destroy PETSc objects, unless an error is on its way that other ranks do not know of: the end of a
-    factorisation is collective, and they would be waited for. An error on its way is never replaced.
+    factorisation is collective, and they would be waited for.
     """
     if alone(comm):
         return
     for item in items:
-        try:
-            item.destroy()
-        except PETSc.Error as error:
-            if error.__context__ is None:
-                raise
-            # SLEPc cannot free a solver that an error has ended within a step: it is kept, for good
-            for _ in range(2):
-                item.incRef()
+        item.destroy()
 
 
 def collect(comm: MPI.Comm) -> None:

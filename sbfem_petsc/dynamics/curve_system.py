@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, calling_back, check_ksp, configure, free, solving
+from ..petsc import MPI, PETSc, check_ksp, configure, free, scripted, solving
 
 PREFIX = "torus_"
 # Iterations of GMRES before it starts anew, and in all.
@@ -146,12 +146,15 @@ class CurveSystem:
             ksp.setGMRESRestart(min(len(right), RESTART))
             ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual is that of the system itself
             ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=MOST)
-            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-            ksp.getPC().setPythonContext(_Precondition(self))
-            configure(ksp)
+            pc = ksp.getPC()
+            items.append(pc)
+            pc.setType(PETSc.PC.Type.PYTHON)
+            pc.setPythonContext(_Precondition(self))
             given.array = own
-            with solving("quasi_periodic"), calling_back():
-                ksp.solve(given, found)
+            with scripted(matrix, pc):
+                configure(ksp)
+                with solving("quasi_periodic"):
+                    ksp.solve(given, found)
             check_ksp(
                 ksp,
                 "quasi_periodic",

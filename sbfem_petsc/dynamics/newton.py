@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, calling_back, configure, free
+from ..petsc import PETSc, configure, scripted
 from .fixed_point import FixedPoint, effort
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
@@ -63,23 +63,27 @@ class Newton:
         x.array = np.concatenate([state, np.zeros(len(values))])
         snes.setFunction(self._function, f)
         ksp = snes.getKSP()
+        pc = ksp.getPC()
+        in_python: tuple[PETSc.Mat | PETSc.PC, ...] = ()
         if self.jacobian == "matrix-free":
             matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
             matrix.setUp()
             ksp.setType(PETSc.KSP.Type.GMRES)
             ksp.setGMRESRestart(min(size, 200))
             ksp.setTolerances(rtol=1e-11, max_it=2 * size)
-            ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-            ksp.getPC().setPythonContext(_Uncoupled(self))
+            pc.setType(PETSc.PC.Type.PYTHON)
+            pc.setPythonContext(_Uncoupled(self))
+            in_python = matrix, pc
         else:
             matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
             matrix.setUp()
             ksp.setType(PETSc.KSP.Type.PREONLY)
             if self.jacobian == "updated":
-                ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-                ksp.getPC().setPythonContext(self.inverse)
+                pc.setType(PETSc.PC.Type.PYTHON)
+                pc.setPythonContext(self.inverse)
+                in_python = (pc,)
             else:
-                ksp.getPC().setType(PETSc.PC.Type.LU)
+                pc.setType(PETSc.PC.Type.LU)
         snes.setJacobian(self._jacobian, matrix)
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
@@ -89,10 +93,10 @@ class Newton:
             max_it=self.iterations,
         )
         snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
-        configure(snes)
         try:
             try:
-                with calling_back():
+                with scripted(*in_python):
+                    configure(snes)
                     snes.solve(None, x)
             except (PETSc.Error, np.linalg.LinAlgError) as error:
                 why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
@@ -110,7 +114,8 @@ class Newton:
                 self.derivative = matrix.getDenseArray() + np.eye(size)
         finally:
             # also what Python alone still holds: PETSc would only put it aside until all ranks collect
-            free(MPI.COMM_SELF, snes, ksp, x, f, matrix)
+            for item in (snes, ksp, pc, x, f, matrix):
+                item.destroy()
         own = self.derivatives if self.jacobian == "updated" else len(self.residuals) - 1
         return FixedPoint(state, values, driven, motion, tuple(self.residuals), own)
 

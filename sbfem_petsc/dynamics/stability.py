@@ -13,7 +13,7 @@ from numba.extending import get_cython_function_address
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, SLEPc, calling_back, configure, free
+from ..petsc import PETSc, SLEPc, configure, scripted, stepping
 from .fixed_point import FixedPoint
 from .period_map import DrivenPeriod, PeriodMotion
 from .shooting import WHOLE
@@ -162,10 +162,11 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
     wanted = min(LARGEST, size)
     solver.setDimensions(wanted, min(size, SUBSPACE))
     solver.setTolerances(tol=1e-10, max_it=10000)
-    configure(solver)
     try:
-        with calling_back():
-            solver.solve()
+        with scripted(matrix):
+            configure(solver)
+            with stepping(solver):
+                solver.solve()
         found = solver.getConverged()
         if found < min(wanted, solver.getDimensions()[0]):
             raise on_all_ranks(
@@ -184,7 +185,8 @@ def _largest(driven: DrivenPeriod, motion: PeriodMotion, size: int) -> Multiplie
         real.destroy()
         imaginary.destroy()
     finally:
-        free(MPI.COMM_SELF, solver, matrix)
+        solver.destroy()
+        matrix.destroy()
     order = np.argsort(-np.abs(values), kind="stable")
     return Multipliers(values[order], lambda k: vectors[:, order[k]])
 

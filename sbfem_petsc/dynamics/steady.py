@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import PetscFailure, SolveError, on_all_ranks
 from .branch_range import ContinuationSettings, ParameterRange
 from .continuation import Continuation, ContinuationPoint
 from .fixed_point import FixedPoint
@@ -105,6 +105,8 @@ def find_steady_state(
     """
     try:
         return shoot(period, guess, frequency, jacobian=jacobian), "Newton"
+    except PetscFailure:
+        raise
     except SolveError as error:
         first = error
     tried = _Attempts(period, frequency, guess, jacobian, multiples, search or Search())

@@ -16,7 +16,7 @@ from ..capacity import require_compiler, require_memory
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, calling_back, configure, free, solving, stage
+from ..petsc import PETSc, configure, free, scripted, solving, stage
 from ..signals import Harmonic
 from ..system.demand import require_steps
 from ..system.model import Model
@@ -221,25 +221,27 @@ class _UnreducedPeriod:
         ksp.setType(PETSc.KSP.Type.FGMRES)
         ksp.setGMRESRestart(RESTART)
         ksp.setTolerances(rtol=LINEAR, max_it=3 * RESTART)
-        ksp.getPC().setType(PETSc.PC.Type.PYTHON)
-        ksp.getPC().setPythonContext(_Precondition(self))
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Precondition(self))
         norm = float(np.sqrt(self.march.summed(np.array([x.array_r @ x.array_r]))[0]))
         guess, path = x.array_r.copy(), "Newton"
         snes.setTolerances(rtol=RELATIVE, atol=ROUND_OFF * max(norm, 1e-300), stol=0.0, max_it=ITERATIONS)
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
-        configure(snes)
         try:
-            with solving("periodic"), calling_back():
-                snes.solve(None, x)
-            for periods in SETTLING:
-                if snes.getConvergedReason() > 0:
-                    break
-                for _ in range(periods):
-                    guess = self.run(guess)[0]
-                x.array, path = guess, "history"
-                self.residuals.clear()
-                with solving("periodic"), calling_back():
+            with scripted(matrix, pc):
+                configure(snes)
+                with solving("periodic"):
                     snes.solve(None, x)
+                for periods in SETTLING:
+                    if snes.getConvergedReason() > 0:
+                        break
+                    for _ in range(periods):
+                        guess = self.run(guess)[0]
+                    x.array, path = guess, "history"
+                    self.residuals.clear()
+                    with solving("periodic"):
+                        snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:
                 raise on_all_ranks(
@@ -254,7 +256,7 @@ class _UnreducedPeriod:
                 )
             state, _, rows = self.run(x.array_r.copy(), record=True)
         finally:
-            free(comm, snes, ksp, x, f, matrix)
+            free(comm, snes, ksp, pc, x, f, matrix)
         march = self.march
         # the last instant is the first one: the rows begin after it
         places, speeds, forces, gaps, intensities = (

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.complementarity import Complementarity
-from ..petsc import PETSc, calling_back, check_ksp, configure, free, stage
+from ..petsc import PETSc, check_ksp, configure, free, stage
 
 # With an iterative solver of the stiffness a solve for each of more rows than this takes longer.
 MANY = 200
@@ -47,6 +47,7 @@ def solve_dual(model, free_gap: np.ndarray) -> Complementarity | None:
     force, seen = np.zeros(len(active)), set()
     system = _ActiveRows(model)
     try:
+        system.configure()
         tolerance = _LOOSE
         for iteration in range(1, _MAXIMUM + 1):
             force, gap = system.closed(active, force, free_gap, tolerance)
@@ -95,6 +96,9 @@ class _ActiveRows:
         self._ksp.setType(PETSc.KSP.Type.CG)
         self._ksp.setInitialGuessNonzero(True)
         self._ksp.getPC().setType(PETSc.PC.Type.NONE)
+
+    def configure(self) -> None:
+        """Apply the options of the command line."""
         configure(self._ksp)
 
     def flexibility(self, force: np.ndarray) -> np.ndarray:
@@ -116,8 +120,7 @@ class _ActiveRows:
             right.array = np.where(active, -free_gap, 0.0)[self._own]
             found.array = np.where(active, start, 0.0)[self._own]
             self._ksp.setTolerances(rtol=tolerance, max_it=2000)
-            with calling_back():
-                self._ksp.solve(right, found)
+            self._ksp.solve(right, found)
             check_ksp(self._ksp, "static contact")
             force = self._everywhere(found)
         finally:
@@ -138,6 +141,7 @@ class _ActiveRows:
 
     def destroy(self) -> None:
         """Free PETSc's objects."""
+        self._matrix.setType(PETSc.Mat.Type.AIJ)
         items = (self._ksp, self._matrix, self._all, self._copy, self._vector)
         free(self._model.comm, *items, self._right, self._solution)
 

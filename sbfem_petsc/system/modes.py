@@ -8,7 +8,7 @@ import numpy as np
 
 from ..capacity import give_back
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, SLEPc, calling_back, configure, free, solver_name, solving, stage
+from ..petsc import MPI, PETSc, SLEPc, configure, free, scripted, solver_name, solving, stage, stepping
 from .demand import require_modes
 from .element_stiffness import NEEDED
 from .krylov_step import KrylovStep
@@ -178,7 +178,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
         inner.setPythonContext(step)
         configure(eps)
         step.watch(eps)
-        with stage("Modes"), solving("modal"), calling_back():
+        with stage("Modes"), solving("modal"), stepping(eps), scripted(inner):
             eps.solve()
         converged = eps.getConverged()
         if converged < count:
@@ -195,9 +195,7 @@ def _solve(pencil: Pencil, count: int, target: float, attempt: int = 0) -> Modal
             pencil, eps, solve, values, f"SLEPc {eps.getType()}, shift-invert by {solver_name(solve.ksp)}"
         )
     finally:
-        # all of them, in an error's case too: a Python preconditioner must not outlive the interpreter
         step.release()
-        inner.setType(PETSc.PC.Type.NONE)
         free(model.comm, inner, outer, st, eps)
         solve.release()
 

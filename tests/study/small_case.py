@@ -143,7 +143,9 @@ def stopped_sweep(number: int, path: pathlib.Path, out: pathlib.Path) -> tuple[i
     process = started("sweep", path, "--output", out, "--quiet", program=("-c", WAITING))
     folder, limit = out / "rows", time.monotonic() + 120
     while not (folder.is_dir() and rows.count(str(folder)) == 2):
-        assert process.poll() is None and time.monotonic() < limit, process.communicate()[1]
+        if process.poll() is not None or time.monotonic() > limit:
+            process.kill()
+            raise AssertionError(process.communicate()[1])
         time.sleep(0.01)
     process.send_signal(number)
     errors = process.communicate(timeout=60)[1]
