@@ -184,12 +184,20 @@ def _said(error: PETSc.Error) -> str:
 
 @contextlib.contextmanager
 def scripted(*items: PETSc.Mat | PETSc.PC) -> Iterator[None]:
-    """Context of a solve with matrices and preconditioners in Python, which have no part in it afterwards: a
-    traceback, or a cycle of references, may keep them until Python has ended, and then PETSc crashes on such
-    parts.
+    """Context of a solve that calls Python, to stand inside `solving`. An error of a call comes out as
+    what it is, also from PETSc 3.26, which makes one of its own of it. Matrices and preconditioners in
+    Python have no part in it afterwards: a traceback, or a cycle of references, may keep them until Python
+    has ended, and then PETSc crashes on such parts.
     """
     try:
         yield
+    except (PETSc.Error, SystemError) as error:
+        first: BaseException = error
+        while isinstance(first, (PETSc.Error, SystemError)) and first.__cause__ is not None:
+            first = first.__cause__
+        if first is error:
+            raise
+        raise first from None
     finally:
         for item in items:
             item.setType(PETSc.PC.Type.NONE if isinstance(item, PETSc.PC) else PETSc.Mat.Type.AIJ)

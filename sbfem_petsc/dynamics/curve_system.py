@@ -151,10 +151,9 @@ class CurveSystem:
             pc.setType(PETSc.PC.Type.PYTHON)
             pc.setPythonContext(_Precondition(self))
             given.array = own
-            with scripted(matrix, pc):
+            with solving("quasi_periodic"), scripted(matrix, pc):
                 configure(ksp)
-                with solving("quasi_periodic"):
-                    ksp.solve(given, found)
+                ksp.solve(given, found)
             check_ksp(
                 ksp,
                 "quasi_periodic",

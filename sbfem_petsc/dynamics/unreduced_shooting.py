@@ -229,10 +229,9 @@ class _UnreducedPeriod:
         snes.setTolerances(rtol=RELATIVE, atol=ROUND_OFF * max(norm, 1e-300), stol=0.0, max_it=ITERATIONS)
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
         try:
-            with scripted(matrix, pc):
+            with solving("periodic"), scripted(matrix, pc):
                 configure(snes)
-                with solving("periodic"):
-                    snes.solve(None, x)
+                snes.solve(None, x)
                 for periods in SETTLING:
                     if snes.getConvergedReason() > 0:
                         break
@@ -240,8 +239,7 @@ class _UnreducedPeriod:
                         guess = self.run(guess)[0]
                     x.array, path = guess, "history"
                     self.residuals.clear()
-                    with solving("periodic"):
-                        snes.solve(None, x)
+                    snes.solve(None, x)
             reason = snes.getConvergedReason()
             if reason <= 0:
                 raise on_all_ranks(

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.complementarity import Complementarity
-from ..petsc import PETSc, check_ksp, configure, free, stage
+from ..petsc import PETSc, check_ksp, configure, free, scripted, stage
 
 # With an iterative solver of the stiffness a solve for each of more rows than this takes longer.
 MANY = 200
@@ -120,7 +120,8 @@ class _ActiveRows:
             right.array = np.where(active, -free_gap, 0.0)[self._own]
             found.array = np.where(active, start, 0.0)[self._own]
             self._ksp.setTolerances(rtol=tolerance, max_it=2000)
-            self._ksp.solve(right, found)
+            with scripted():
+                self._ksp.solve(right, found)
             check_ksp(self._ksp, "static contact")
             force = self._everywhere(found)
         finally:
