@@ -41,6 +41,7 @@ __all__ = [
     "configure",
     "dense_columns",
     "direct_solver",
+    "finite",
     "free",
     "make_ksp",
     "scripted",
@@ -156,6 +157,13 @@ def configure(item: Any) -> None:
                 "it another value or leave it out"
             )
         ) from None
+
+
+def finite(tolerance: float) -> float:
+    """A tolerance that PETSc takes. PETSc 3.26 refuses that of a motion too large for floating point as if it
+    were an option; the motion's first norm tells what is wrong.
+    """
+    return min(tolerance, float(np.finfo(float).max))
 
 
 @contextlib.contextmanager

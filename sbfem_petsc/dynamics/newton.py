@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc, configure, scripted
+from ..petsc import PETSc, configure, finite, scripted
 from .fixed_point import FixedPoint, effort
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
@@ -88,7 +88,7 @@ class Newton:
         size_of_state = float(np.linalg.norm(driven(values).linear_state))
         snes.setTolerances(
             rtol=self.relative,
-            atol=ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300),
+            atol=finite(ROUND_OFF * max(size_of_state, float(np.linalg.norm(state)), 1e-300)),
             stol=self.settled * min(1.0, moving / max(float(np.linalg.norm(state)), 1e-300)),
             max_it=self.iterations,
         )

@@ -16,7 +16,7 @@ from ..capacity import require_compiler, require_memory
 from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
-from ..petsc import PETSc, configure, free, scripted, solving, stage
+from ..petsc import PETSc, configure, finite, free, scripted, solving, stage
 from ..signals import Harmonic
 from ..system.demand import require_steps
 from ..system.model import Model
@@ -226,7 +226,9 @@ class _UnreducedPeriod:
         pc.setPythonContext(_Precondition(self))
         norm = float(np.sqrt(self.march.summed(np.array([x.array_r @ x.array_r]))[0]))
         guess, path = x.array_r.copy(), "Newton"
-        snes.setTolerances(rtol=RELATIVE, atol=ROUND_OFF * max(norm, 1e-300), stol=0.0, max_it=ITERATIONS)
+        snes.setTolerances(
+            rtol=RELATIVE, atol=finite(ROUND_OFF * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
+        )
         snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
         try:
             with solving("periodic"), scripted(matrix, pc):
