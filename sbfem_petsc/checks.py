@@ -94,6 +94,13 @@ def integer(owner: str, name: str, value: Any, *, least: int | None = None, most
     return number
 
 
+def optional_integer(
+    owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None
+) -> int | None:
+    """None, or as `integer`."""
+    return None if value is None else integer(owner, name, value, least=least, most=most)
+
+
 def flag(owner: str, name: str, value: Any) -> bool:
     """`value` as a bool; TypeError for anything else, however true it looks."""
     if not isinstance(value, (bool, np.bool_)):

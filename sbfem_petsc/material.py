@@ -113,16 +113,20 @@ class OrthotropicMaterial:
     poisson_23: float | None = field(default=None, kw_only=True)
 
     def __post_init__(self) -> None:
-        for name in ("young_1", "young_2", "shear_12"):
-            _scale("OrthotropicMaterial", name, getattr(self, name), "Pa")
-        _scale("OrthotropicMaterial", "density", self.density, "kg/m^3")
-        choice("OrthotropicMaterial", "plane", self.plane, PLANES)
+        own = "OrthotropicMaterial"
+        choice(own, "plane", self.plane, PLANES)
+        values = {
+            name: _scale(own, name, getattr(self, name), "Pa") for name in ("young_1", "young_2", "shear_12")
+        }
+        values["density"] = _scale(own, "density", self.density, "kg/m^3")
         if self.young_3 is not None:
-            _scale("OrthotropicMaterial", "young_3", self.young_3, "Pa")
+            values["young_3"] = _scale(own, "young_3", self.young_3, "Pa")
         for name in ("poisson_12", "angle", "poisson_13", "poisson_23"):
             value = getattr(self, name)
             if value is not None or name in ("poisson_12", "angle"):
-                real("OrthotropicMaterial", name, value, "degrees" if name == "angle" else "")
+                values[name] = real(own, name, value, "degrees" if name == "angle" else "")
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
         if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
             raise ValueError(
                 f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..capacity import FEW, require_compiler, require_memory, room
-from ..checks import flag, index_of, integer, positive
+from ..checks import flag, index_of, integer, optional_integer, positive
 from ..dynamics.excitation import one_sided
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
@@ -199,9 +199,8 @@ def backbone(
         attribute `backbone`.
     """
     with collective(communicator(model)):
-        _check_counts(mode, modes, steps, points)
-        _check_range(start, stop, largest_step)
-        start, stop, mode = float(start), float(stop), int(mode)
+        mode, modes, steps, points = _checked_counts(mode, modes, steps, points)
+        start, stop, largest_step = _checked_range(start, stop, largest_step)
         flags = {"damping": damping, "refine": refine, "stability": stability, "interactions": interactions}
         for name, value in flags.items():
             flag("backbone", name, value)
@@ -284,27 +283,21 @@ def backbone(
     return result
 
 
-def _check_counts(mode, modes, steps, points) -> None:
-    for name, value, least in (
-        ("mode", mode, 1),
-        ("modes", modes, 1),
-        ("steps", steps, 48),
-        ("points", points, 2),
-    ):
-        if value is None and name in ("modes", "steps"):
-            continue
-        integer("backbone", name, value, least=least, most=MOST)
+def _checked_counts(mode, modes, steps, points) -> tuple[int, int | None, int | None, int]:
+    return (
+        integer("backbone", "mode", mode, least=1, most=MOST),
+        optional_integer("backbone", "modes", modes, least=1, most=MOST),
+        optional_integer("backbone", "steps", steps, least=48, most=MOST),
+        integer("backbone", "points", points, least=2, most=MOST),
+    )
 
 
-def _check_range(start, stop, largest_step) -> None:
-    for name, value, unit in (
-        ("start", start, "J"),
-        ("stop", stop, "J"),
-        ("largest_step", largest_step, "relative"),
-    ):
-        positive("backbone", name, value, unit)
+def _checked_range(start, stop, largest_step) -> tuple[float, float, float]:
+    start, stop = positive("backbone", "start", start, "J"), positive("backbone", "stop", stop, "J")
+    largest_step = positive("backbone", "largest_step", largest_step, "relative")
     if start == stop:
         raise ValueError(f"backbone: start and stop are both {start:g} J; give a range of energies")
+    return start, stop, largest_step
 
 
 def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> list[FreeMotion]:

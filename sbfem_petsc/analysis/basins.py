@@ -92,9 +92,9 @@ def basins(
     with collective(ranks):
         frequency = check_frequency(what, "frequency", frequency)
         orbits = _checked_orbits(orbits, around, frequency)
-        integer(what, "longest", longest, least=1, most=1000)
+        longest = integer(what, "longest", longest, least=1, most=1000)
         real(what, "tolerance", tolerance, within=Bounds(least=1e-13, most=1e-2))
-        integer(what, "limit", limit, least=1, most=10**7)
+        limit = integer(what, "limit", limit, least=1, most=10**7)
         check_progress(what, progress)
         count = _count(starts)
     given = [*orbits, *([] if around is None else [around])]

@@ -72,7 +72,7 @@ def switch_branch(
         instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if size is not None:
             positive("switch_branch", "size", size, "relative")
-        integer("switch_branch", "samples", samples, least=3)
+        samples = integer("switch_branch", "samples", samples, least=3)
         if samples % 2 == 0:
             raise ValueError(f"switch_branch: samples = {samples} must be odd")
         if bifurcation.kind not in ("period doubling", "Neimark-Sacker"):

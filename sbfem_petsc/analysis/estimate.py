@@ -238,7 +238,7 @@ def refined(
     estimate : Estimate
     """
     accuracy = checked_accuracy(owner, accuracy)
-    integer(owner, "levels", levels, least=2, most=8)
+    levels = integer(owner, "levels", levels, least=2, most=8)
     first = start if isinstance(start, Model) else None
     if isinstance(start, Model):
         make_model, mesh = start.remade, {"order": start.order, **start.mesh_options(owner)}

@@ -100,7 +100,7 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
-        start, stop = _check(what, start, stop, parameter, points, progress)
+        start, stop, points = _check(what, start, stop, parameter, points, progress)
         _require_effect(what, branch, parameter)
         frequency, factor = branch.conditions(bifurcation.value)
         value = factor if parameter == "load" else 1.0
@@ -136,16 +136,16 @@ def locus(
         )
 
 
-def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, float]:
-    """The range as floats, of checked options."""
+def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, float, int]:
+    """The range and the number of points, of checked options."""
     choice(what, "parameter", parameter, PARAMETERS)
-    integer(what, "points", points, least=1)
+    points = integer(what, "points", points, least=1)
     check_progress(what, progress)
     bounds = [
         real(what, name, value, within=Bounds(least=0.0, most=1e15))
         for name, value in (("start", start), ("stop", stop))
     ]
-    return bounds[0], bounds[1]
+    return bounds[0], bounds[1], points
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:
@@ -200,7 +200,7 @@ def loci(
     with collective(branch.reduced.comm):
         if branch.parameter != "frequency":
             raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
-        start, stop = _check(what, start, stop, parameter, points, progress)
+        start, stop, points = _check(what, start, stop, parameter, points, progress)
         _require_effect(what, branch, parameter)
         if start == stop or not min(start, stop) <= 1.0 <= max(start, stop):
             raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")

@@ -98,10 +98,10 @@ def periodic(
         or the frequency (see `dynamics.steady`), or the tolerance is not met.
     """
     with collective(communicator(model)):
-        integer("periodic", "segments", segments, least=1, most=10**4)
+        segments = integer("periodic", "segments", segments, least=1, most=10**4)
         settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
         flag("periodic", "stability", stability)
-        settings.check("periodic")
+        settings = settings.checked("periodic")
         check_reduction("periodic", reduction)
         frequency = check_frequency("periodic", "frequency", frequency)
         if search is not None:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..capacity import require_compiler, require_memory
-from ..checks import Bounds, flag, instance, integer, numbers_of, real
+from ..checks import Bounds, flag, instance, integer, numbers_of, optional_integer, real
 from ..dynamics.curve_system import RESTART
 from ..dynamics.excitation import Excitation, by_formula, parts_of
 from ..dynamics.loading import communicator, loading, serving
@@ -104,7 +104,12 @@ def quasi_periodic(
     """
     comm = communicator(model)
     with collective(comm):
-        asked = _checked(frequencies, samples, steps, modes, start)
+        if start is not None:
+            instance("quasi_periodic", "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
+        samples = integer("quasi_periodic", "samples", samples, least=3, most=MOST)
+        steps = optional_integer("quasi_periodic", "steps", steps, least=48, most=MOST)
+        modes = optional_integer("quasi_periodic", "modes", modes, least=1, most=MOST)
+        asked = _checked(frequencies, samples, start)
         flag("quasi_periodic", "stability", stability)
     if isinstance(asked, float):
         assert start is not None  # checked
@@ -221,15 +226,9 @@ def _tone(value) -> Signal:
     return as_signal(value)
 
 
-def _checked(frequencies, samples, steps, modes, start) -> tuple[float, float] | float:
+def _checked(frequencies, samples: int, start: QuasiPeriodic | None) -> tuple[float, float] | float:
     """Both frequencies, or the first one where the second is the motion's own."""
     what = "quasi_periodic"
-    if start is not None:
-        instance(what, "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
-    for name, value, least in (("samples", samples, 3), ("steps", steps, 48), ("modes", modes, 1)):
-        if value is None and name != "samples":
-            continue
-        integer(what, name, value, least=least, most=MOST)
     if isinstance(frequencies, (list, tuple)) and len(frequencies) == 2 and frequencies[1] is None:
         first = real(what, "frequencies[0]", frequencies[0], within=Bounds(above=0.0))
         if start is None or start.own is None:

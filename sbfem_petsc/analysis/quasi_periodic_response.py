@@ -74,7 +74,7 @@ def quasi_periodic_response(
         )
     with collective(own.comm):
         stop = real(what, "stop", stop, within=Bounds(above=0.0, most=1e15))
-        integer(what, "points", points, least=2)
+        points = integer(what, "points", points, least=2)
         if not (isinstance(largest_step, float) and largest_step == math.inf):
             positive(what, "largest_step", largest_step)
         flag(what, "stability", stability)

@@ -98,7 +98,7 @@ def frequency_response(
     comm = communicator(model)
     with collective(comm):
         start, stop = check_frequency(what, "start", start), check_frequency(what, "stop", stop)
-        PeriodSettings(periods, steps, modes, contact).check(what)
+        PeriodSettings(periods, steps, modes, contact).checked(what)
         if first is not None:
             instance(what, "first", first, Orbit, "an Orbit")
         if start == stop:
@@ -170,7 +170,7 @@ def load_response(
             raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")
         check_progress(what, progress)
         frequency = check_frequency(what, "frequency", frequency)
-        PeriodSettings(periods, steps, modes).check(what)
+        PeriodSettings(periods, steps, modes).checked(what)
         settings = _checked(what, points, largest_step, stability, first, frequency)
         _check_file(what, file, resume)
     agree(comm, what, start=start, stop=stop, settings=settings, file=file, resume=resume)
@@ -256,7 +256,7 @@ def _checked(
     first: Orbit | None,
     frequency: float,
 ) -> ContinuationSettings:
-    integer(what, "points", points, least=2)
+    points = integer(what, "points", points, least=2)
     if not (isinstance(largest_step, float) and largest_step == math.inf):
         positive(what, "largest_step", largest_step)
     flag(what, "stability", stability)

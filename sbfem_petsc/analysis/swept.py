@@ -9,7 +9,7 @@ import numpy as np
 
 from ..capacity import require_memory
 from ..checks import frequency as check_frequency
-from ..checks import instance, integer, positive
+from ..checks import instance, optional_integer, positive
 from ..checks import progress as check_progress
 from ..dynamics.integration import Steps
 from ..dynamics.loading import communicator, loading, serving
@@ -90,10 +90,8 @@ def swept_response(
         if start == stop:
             raise ValueError(f"{what}: start and stop are both {start:g} Hz; give a range, or use periodic")
         duration = positive(what, "duration", duration, "s")
-        if steps is not None:
-            integer(what, "steps", steps, least=48, most=10**7)
-        if modes is not None:
-            integer(what, "modes", modes, least=1)
+        steps = optional_integer(what, "steps", steps, least=48, most=10**7)
+        modes = optional_integer(what, "modes", modes, least=1)
         if first is not None:
             instance(what, "first", first, Orbit, "an Orbit")
             if abs(first.frequency - start) > 1e-9 * start:

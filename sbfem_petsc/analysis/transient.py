@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..capacity import KEPT, require_compiler
-from ..checks import choice, flag, instance, integer, path, positive, real_array, shown
+from ..checks import choice, flag, instance, optional_integer, path, positive, real_array, shown
 from ..checks import progress as check_progress
 from ..dynamics.history import History
 from ..dynamics.initial import modal_start
@@ -117,7 +117,9 @@ def transient(
         loads = loading("transient", model, load)
         duration = positive("transient", "duration", duration, "s")
         step = None if step is None else positive("transient", "step", step, "s")
-        _check(duration, step, modes, contact, scheme, decimation)
+        modes = optional_integer("transient", "modes", modes, least=1)
+        decimation = optional_integer("transient", "decimation", decimation, least=1)
+        _check(duration, step, contact, scheme)
         _check_start(start)
         check_reduction("transient", reduction)
         check_progress("transient", progress)
@@ -272,13 +274,9 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
     return ErrorEstimate(distance(history, halved), distance(halved, richer))
 
 
-def _check(duration, step, modes, contact, scheme, decimation) -> None:
+def _check(duration, step, contact, scheme) -> None:
     if step is not None and step > duration:
         raise ValueError(f"transient: step = {step!r} s is longer than duration = {duration!r} s")
-    if modes is not None:
-        integer("transient", "modes", modes, least=1)
-    if decimation is not None:
-        integer("transient", "decimation", decimation, least=1)
     flag("transient", "contact", contact)
     choice("transient", "scheme", scheme, ("exact", "newmark", "paper"))
 

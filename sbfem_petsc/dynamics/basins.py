@@ -47,7 +47,7 @@ class StartAxis:
             raise ValueError(f"{owner}: values = {shown(self.values)} must be rising numbers, at least one")
         object.__setattr__(self, "values", tuple(values.tolist()))
         choice(owner, "kind", self.kind, KINDS)
-        integer(owner, "mode", self.mode, least=1)
+        object.__setattr__(self, "mode", integer(owner, "mode", self.mode, least=1))
         choice(owner, "direction", self.direction, ("x", "y"))
         if self.point is None:
             return

@@ -151,7 +151,7 @@ def serving(
         return system
     with collective(system.comm):
         if modes is not None:
-            integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
+            modes = integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     assert result.modal is not None

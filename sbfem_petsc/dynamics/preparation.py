@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..capacity import require_compiler, require_memory
-from ..checks import choice, flag, instance, integer, shown
+from ..checks import choice, flag, instance, integer, optional_integer, shown
 from ..checks import frequency as check_frequency
 from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
@@ -60,15 +60,17 @@ class PeriodSettings:
     segments: int = 1
     band: float | None = None
 
-    def check(self, owner: str) -> None:
-        """Raise TypeError or ValueError for values that make no sense."""
-        for name, least in (("periods", 1), ("steps", 48), ("modes", 1)):
-            value = getattr(self, name)
-            if value is not None:
-                integer(owner, name, value, least=least, most=10**7)
-        integer(owner, "longest", self.longest, least=1)
+    def checked(self, owner: str) -> PeriodSettings:
+        """The same in Python's own integers; TypeError or ValueError for values that make no sense."""
         flag(owner, "contact", self.contact)
         choice(owner, "jacobian", self.jacobian, JACOBIANS)
+        return replace(
+            self,
+            periods=optional_integer(owner, "periods", self.periods, least=1, most=10**7),
+            steps=optional_integer(owner, "steps", self.steps, least=48, most=10**7),
+            modes=optional_integer(owner, "modes", self.modes, least=1, most=10**7),
+            longest=integer(owner, "longest", self.longest, least=1),
+        )
 
 
 def prepare(
@@ -91,7 +93,7 @@ def prepare(
     """
     with collective(communicator(system)):
         frequency = check_frequency(owner, "frequency", frequency)
-        settings.check(owner)
+        settings = settings.checked(owner)
         if first is not None:
             instance(owner, "start", first, Orbit, "an Orbit, the motion to start from")
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))

@@ -72,7 +72,7 @@ def animate_crack(
     """
     model = model_with_fields("animate_crack", motion)
     with collective(model.comm):
-        integer("animate_crack", "frames", frames, least=2, most=1000)
+        frames = integer("animate_crack", "frames", frames, least=2, most=1000)
         real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
         if magnification is not None:
             real("animate_crack", "magnification", magnification, within=Bounds(above=0.0))

@@ -58,9 +58,9 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
         if modes is not None and band is not None:
             raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
         if modes is not None:
-            integer("reduce", "modes", modes, least=1, most=most)
+            modes = integer("reduce", "modes", modes, least=1, most=most)
         if band is not None:
-            positive("reduce", "band", band, "Hz")
+            band = positive("reduce", "band", band, "Hz")
     agree(model.comm, "reduce", load=load, modes=modes, band=band)
     model.require_support("the reduction")
     if modes is None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, integer, path, real_array, text
+from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..dynamics.history import Motion, model_with_fields
 from ..parallel import agree, collective
 from .hdf5 import check_output_folder
@@ -65,8 +65,7 @@ def write_animation(
                 f"write_animation: name = {name!r} must be the beginning of a file's name, without a folder"
             )
         flag("write_animation", "stress", stress)
-        if subdivisions is not None:
-            integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
+        subdivisions = optional_integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
         path("write_animation", "folder", folder)
     agree(
         model.comm,

@@ -87,7 +87,7 @@ def write_harmonics(orbits: Mapping[str, Orbit], path: str, point: Point, *, cou
 
 def _harmonics(where: str, orbits: Mapping[str, Orbit], point: Point, count: int) -> dict[str, np.ndarray]:
     """(count + 1,) complex harmonics of each motion."""
-    integer(where, "count", count, least=1)
+    count = integer(where, "count", count, least=1)
     if not isinstance(orbits, Mapping) or not orbits:
         raise TypeError(f"{where}: orbits = {shown(orbits)} must be a dict of motions by name")
     for name, orbit in orbits.items():

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import flag, instance, integer, shown
+from ..checks import flag, instance, integer, optional_integer, shown
 from ..parallel import agree, collective
 from ..system.modal_result import Modal
 from ..system.model import Model
@@ -70,8 +70,7 @@ def write_vtu(
         if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
             raise TypeError(f"write_vtu: fields = {shown(fields)} must be a dict of fields by name")
         flag("write_vtu", "stress", stress)
-        if subdivisions is not None:
-            integer("write_vtu", "subdivisions", subdivisions, least=1, most=100)
+        subdivisions = optional_integer("write_vtu", "subdivisions", subdivisions, least=1, most=100)
     names = tuple(fields)
     agree(model.comm, "write_vtu", path=path, fields=names, stress=stress, subdivisions=subdivisions)
     return _write(path, model, fields, stress, subdivisions, "")

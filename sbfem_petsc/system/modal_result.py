@@ -61,7 +61,7 @@ class Modal:
 
     def nodal(self, mode: int) -> np.ndarray:
         """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
-        integer("nodal", "mode", mode, least=0, most=len(self.frequencies) - 1)
+        mode = integer("nodal", "mode", mode, least=0, most=len(self.frequencies) - 1)
         return self.model.nodal(self.shapes[:, mode])
 
     def to_csv(self, path: str) -> None:

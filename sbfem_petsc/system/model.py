@@ -101,7 +101,7 @@ class Model(Structure):
             self.damping = real("Model", "damping", damping, within=Bounds(least=0.0, below=1.0))
             self.rayleigh = _rayleigh(rayleigh)
             thickness = positive("Model", "thickness", thickness, "m")
-            integer("Model", "tip_modes", tip_modes, least=0, most=12)
+            tip_modes = integer("Model", "tip_modes", tip_modes, least=0, most=12)
             further = as_supports(None if clamped is _DECLARED else clamped, supports)
         agree(
             comm,
@@ -161,7 +161,7 @@ class Model(Structure):
         """The lowest modes by the defaults of `modal`, computed once for the largest count asked for.
         Collective.
         """
-        integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
+        count = integer("Model.modes", "count", count, least=0, most=self.boundary_unknowns // 2)
         if self._modes is None or len(self._modes.frequencies) < count:
             self._modes = lowest_modes(self, max(count, 1))  # none are taken from one
         return self._modes.selected(np.arange(count))

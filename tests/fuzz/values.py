@@ -18,6 +18,14 @@ import numpy as np
 USERS = "a user's own mistake"
 
 
+@numbers.Integral.register
+class Bare:
+    """An integer that can be converted and nothing else, as NumPy's short ones overflow in arithmetic."""
+
+    def __index__(self) -> int:
+        return 2
+
+
 def _fails(*_: Any) -> float:
     raise ZeroDivisionError(USERS)
 
@@ -47,6 +55,7 @@ VALUES: dict[str, Any] = {
     "np.float32(2.5)": np.float32(2.5),
     "np.int64(2)": np.int64(2),
     "np.uint8(3)": np.uint8(3),
+    "bare integer 2": Bare(),
     "np.bool_(True)": np.bool_(True),
     "Fraction(1, 2)": fractions.Fraction(1, 2),
     "''": "",
