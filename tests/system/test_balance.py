@@ -91,10 +91,11 @@ def test_a_slow_rank_is_helped(ranks, slow, most):
     """It gives away 29, 14 and 7 of its sixty items after its first three, each time when it has been asked.
 
     A rank that asks again has done what it had; the last batch, and of several ranks all but an item of each,
-    may come back.
+    may come back. Asked more often, by several ranks or while it waits for a processor, it gives more, but
+    never the next item.
     """
     counts = answer(on_ranks(ranks, SLOW, str(slow)))["counts"]
-    assert sum(counts) == 60 and 3 <= counts[slow] <= most
+    assert sum(counts) == 60 and 1 <= counts[slow] <= most
 
 
 # The slow rank has all the items, and another meets one that fails; then a batch is left over.
