@@ -3,7 +3,6 @@ contact, and what is refused.
 """
 
 import re
-import time
 import warnings
 
 import numpy as np
@@ -13,7 +12,7 @@ import sbfem_petsc as sb
 from sbfem_petsc.dynamics.torus import spectral_tail
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
-from tests.systems import case_p, one_mass
+from tests.systems import one_mass
 
 PROBE, PUMP = 3000.0, 400.0 * np.sqrt(2.0)
 STEPS = 384
@@ -65,20 +64,6 @@ def test_lines_of_a_history(beam, found):
     assert abs(found.line(1, 2, "A")) == pytest.approx(5.81e-9, rel=0.02)
     assert abs(found.line(1, -2, "A")) == pytest.approx(3.97e-9, rel=0.02)
     assert found.stable and len(found.residuals) <= 6
-
-
-@pytest.mark.long
-def test_cost():
-    """The paper's beam on the default mesh, 80 modes, 21 samples, 512 steps, with exponents, from the reduced
-    model: under 1.5 CPU seconds (0.9), the least of three.
-    """
-    reduced = sb.reduce(case_p(0.005), two_tones(), modes=80)
-    seconds = []
-    for _ in range(3):
-        begun = time.process_time()
-        sb.quasi_periodic(reduced, two_tones(), (PROBE, PUMP), samples=21, steps=512)
-        seconds.append(time.process_time() - begun)
-    assert min(seconds) < 1.5
 
 
 @pytest.mark.long
