@@ -115,18 +115,15 @@ class OrthotropicMaterial:
     def __post_init__(self) -> None:
         own = "OrthotropicMaterial"
         choice(own, "plane", self.plane, PLANES)
-        values = {
-            name: _scale(own, name, getattr(self, name), "Pa") for name in ("young_1", "young_2", "shear_12")
-        }
-        values["density"] = _scale(own, "density", self.density, "kg/m^3")
-        if self.young_3 is not None:
-            values["young_3"] = _scale(own, "young_3", self.young_3, "Pa")
+        moduli = dict.fromkeys(("young_1", "young_2", "shear_12", "young_3"), "Pa")
+        for name, unit in {**moduli, "density": "kg/m^3"}.items():
+            value = getattr(self, name)
+            if value is not None or name != "young_3":
+                object.__setattr__(self, name, _scale(own, name, value, unit))
         for name in ("poisson_12", "angle", "poisson_13", "poisson_23"):
             value = getattr(self, name)
             if value is not None or name in ("poisson_12", "angle"):
-                values[name] = real(own, name, value, "degrees" if name == "angle" else "")
-        for name, value in values.items():
-            object.__setattr__(self, name, value)
+                object.__setattr__(self, name, real(own, name, value, "degrees" if name == "angle" else ""))
         if not np.linalg.eigvalsh(self._compliance())[0] > 0.0:
             raise ValueError(
                 f"OrthotropicMaterial: poisson_12 = {self.poisson_12!r} with these moduli gives an "

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import Bounds, flag, integer, numbers_of, optional_integer, real, shown
+from ..checks import Bounds, flag, numbers_of, optional_integer, real, shown
 from ..errors import listed
 from ..parallel import agree, collective
 from ..system.modal_result import Modal
@@ -74,8 +74,8 @@ def modal(
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {shown(model)} is not a Model")
     with collective(model.comm):
-        band = _checked_request(model, count, band, auxiliary_tolerance, verify)
         count = optional_integer("modal", "count", count)
+        band = _checked_request(model, count, band, auxiliary_tolerance, verify)
         if accuracy is not None:
             accuracy = checked_accuracy("modal", accuracy)
     agree(
@@ -123,7 +123,6 @@ def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> 
     if (count is None) == (band is None):
         raise ValueError(f"modal: give either count or band (count = {count!r}, band = {band!r})")
     if count is not None:
-        count = integer("modal", "count", count)
         if not 1 <= count <= model.boundary_unknowns // 2:
             raise ValueError(
                 f"modal: count = {shown(count)} must be between 1 and half the number of boundary unknowns "

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
-from ..checks import integer, real, shown
+from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
 from ..loads import Load, separate
 from ..parallel import collective
@@ -150,8 +150,7 @@ def serving(
             )
         return system
     with collective(system.comm):
-        if modes is not None:
-            modes = integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
+        modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     assert result.modal is not None

@@ -7,7 +7,7 @@ import warnings
 
 import numpy as np
 
-from ..checks import integer, positive, shown
+from ..checks import optional_integer, positive, shown
 from ..errors import BandWarning
 from ..loads import Load, SupportMotion, separate
 from ..parallel import agree, collective
@@ -57,8 +57,7 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
         model.checked_loads(load, constant=False)
         if modes is not None and band is not None:
             raise ValueError(f"reduce: give modes or band, not both (modes = {modes!r}, band = {band!r})")
-        if modes is not None:
-            modes = integer("reduce", "modes", modes, least=1, most=most)
+        modes = optional_integer("reduce", "modes", modes, least=1, most=most)
         if band is not None:
             band = positive("reduce", "band", band, "Hz")
     agree(model.comm, "reduce", load=load, modes=modes, band=band)

@@ -8,7 +8,7 @@ from .pencil import CondensedSolve
 # Gram-Schmidt once leaves a vector as orthogonal to the others as these are to each other, divided by the
 # share of its length that is left: none is made orthogonal only once with a share below SHARE, nor more than
 # ONCE of them one after the other, so that rounding, 1e-15, grows to 1e-15 / SHARE**ONCE = 1.5e-11 at the
-# most. Frequencies are in error by as much (measured: 0.1 to 1 times it, not by its square).
+# most. Frequencies are in error by as much (measured: 0.1 to 2 times it, not by its square).
 SHARE, ONCE = 0.3, 8
 # With two vectors made orthogonal twice where less is left than this share, SLEPc's own, it begins anew.
 TWICE, CAREFUL = 2, 0.7071
