@@ -2,23 +2,35 @@
 cracks and holes, and gmsh models.
 """
 
-from meshing.beam import Beam
-from meshing.boundary_mesh import BoundaryMesh, ContactPairs, Crack, Tip
-from meshing.gmsh.reader import read_gmsh
-from meshing.gmsh.report import GmshWarning
-from meshing.plate import Plate
-from meshing.shapes.features import CrackLine, Hole, VNotch
+from __future__ import annotations
 
-__all__ = [
-    "Beam",
-    "BoundaryMesh",
-    "ContactPairs",
-    "Crack",
-    "CrackLine",
-    "GmshWarning",
-    "Hole",
-    "Plate",
-    "Tip",
-    "VNotch",
-    "read_gmsh",
-]
+import importlib
+from typing import Any
+
+_HOME = {
+    "Beam": "beam",
+    "BoundaryMesh": "boundary_mesh",
+    "ContactPairs": "boundary_mesh",
+    "Crack": "boundary_mesh",
+    "CrackLine": "shapes.features",
+    "GmshWarning": "warnings",
+    "Hole": "shapes.features",
+    "Plate": "plate",
+    "Tip": "boundary_mesh",
+    "VNotch": "shapes.features",
+    "read_gmsh": "gmsh.reader",
+}
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

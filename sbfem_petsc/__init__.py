@@ -26,12 +26,15 @@ _HOME = {
     "Tied": "contact.law",
     "SolveError": "errors",
     "UnknownName": "errors",
-    "LoadWarning": "errors",
-    "BandWarning": "errors",
+    "LoadWarning": "meshing.warnings",
+    "BandWarning": "meshing.warnings",
+    "MeshWarning": "meshing.warnings",
+    "StepWarning": "meshing.warnings",
+    "BranchWarning": "meshing.warnings",
+    "IncompleteHistory": "meshing.warnings",
     "RanksDiffer": "parallel",
     "Model": "system.model",
     "rayleigh_factors": "system.model",
-    "MeshWarning": "system.resolution",
     "modal": "analysis.modal",
     "Modal": "system.modal_result",
     "static": "analysis.static",
@@ -43,13 +46,11 @@ _HOME = {
     "transient": "analysis.transient",
     "History": "dynamics.history",
     "estimate_error": "analysis.transient",
-    "StepWarning": "errors",
     "periodic": "analysis.periodic",
     "Orbit": "dynamics.orbit",
     "frequency_response": "analysis.response",
     "load_response": "analysis.response",
     "Branch": "dynamics.branch",
-    "BranchWarning": "dynamics.branch",
     "backbone": "analysis.backbone",
     "Backbone": "analysis.backbone",
     "switch_branch": "analysis.branching",
@@ -70,7 +71,6 @@ _HOME = {
     "reduce": "reduction.build",
     "reduce_matrices": "reduction.matrices",
     "read_history": "results.history",
-    "IncompleteHistory": "results.history",
     "save_branch": "results.branches",
     "read_branch": "results.branches",
     "save_orbit": "results.orbits",
@@ -78,13 +78,13 @@ _HOME = {
     "save_result": "results.nonlinear",
     "read_result": "results.nonlinear",
     "write_animation": "results.animation",
-    "Harmonic": "signals",
-    "ToneBurst": "signals",
-    "Chirp": "signals",
-    "Step": "signals",
-    "Samples": "signals",
-    "Custom": "signals",
-    "Constant": "signals",
+    "Harmonic": "signals.waves",
+    "ToneBurst": "signals.waves",
+    "Chirp": "signals.waves",
+    "Step": "signals.waves",
+    "Samples": "signals.samples",
+    "Custom": "signals.signal",
+    "Constant": "signals.signal",
     "on_root": "parallel",
     "sweep": "study.sweep",
 }
@@ -95,7 +95,8 @@ __all__ = ["__version__", *_HOME]
 def __getattr__(name: str):
     if name not in _HOME:
         raise AttributeError(f"module 'sbfem_petsc' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    home = _HOME[name] if _HOME[name].startswith("meshing.") else f"{__name__}.{_HOME[name]}"
+    value = getattr(importlib.import_module(home), name)
     globals()[name] = value
     return value
 

@@ -30,28 +30,6 @@ class PetscFailure(SolveError):
     """
 
 
-class LoadWarning(UserWarning):
-    """A load acts on nothing, because a support holds the direction of it."""
-
-
-class BandWarning(UserWarning):
-    """The modes kept, or the mesh behind them, do not reach the band of the loads."""
-
-
-class StepWarning(UserWarning):
-    """The time step is coarse for the load's highest frequency or for contact, the phases of a slower tone
-    are few for its multiples or do not resolve the motion, or not every step is kept.
-    """
-
-
-class RoundOffWarning(UserWarning):
-    """Round-off limits the digits of a result to less than is usual."""
-
-
-class SolverWarning(UserWarning):
-    """Another linear solver suits the size or the shape of the structure better."""
-
-
 def on_all_ranks(error: Exception) -> Exception:
     """Mark an error that every rank raises alike, so that it is printed once."""
     error.on_all_ranks = True  # type: ignore[attr-defined]

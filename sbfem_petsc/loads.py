@@ -11,7 +11,7 @@ import numpy as np
 
 from .checks import real, shown, text
 from .errors import UnknownName, listed
-from .signals import Signal, as_signal
+from .signals.signal import Signal, as_signal
 
 
 class LoadAssembler(Protocol):

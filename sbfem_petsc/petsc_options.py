@@ -10,6 +10,8 @@ import sys
 import warnings
 from typing import Any
 
+from meshing.warnings import OptionWarning
+
 PREFIXES = {
     "modal_": "natural frequencies: -modal_eps_... (SLEPc's eigensolver), -modal_st_ksp_..., "
     "-modal_st_pc_... (its linear solves)",
@@ -34,10 +36,6 @@ WHOLE_RUN = (
 )
 # Share of equal letters from which a prefix is taken for a misspelt one of ours.
 ALIKE = 0.75
-
-
-class OptionWarning(UserWarning):
-    """An option of the command line looks like one of PETSc's with a misspelt prefix."""
 
 
 def start() -> None:

@@ -5,7 +5,9 @@ import math  # noqa: F401 (in CASES)
 import numpy as np
 import pytest
 
-from sbfem_petsc.signals import Chirp, Constant, Custom, Harmonic, Samples, Step, Sum, ToneBurst, as_signal
+from sbfem_petsc.signals.samples import Samples
+from sbfem_petsc.signals.signal import Constant, Custom, Sum, as_signal
+from sbfem_petsc.signals.waves import Chirp, Harmonic, Step, ToneBurst
 
 T = np.linspace(0.0, 0.04, 4001)
 

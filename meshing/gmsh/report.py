@@ -10,15 +10,12 @@ import warnings
 import numpy as np
 
 from meshing.gmsh.model import FileModel
+from meshing.warnings import GmshWarning
 
 _KIND = ("point", "curve", "surface")
 _IDLE = ("not found in the Brep",)  # of boundaries in a .msh file, which are not used
 # Parts that are analysed here are seldom larger; a drawing in mm of anything above 20 mm is.
 LARGEST_IN_METRES = 20.0
-
-
-class GmshWarning(UserWarning):
-    """Something in a user's model that is read, but may not be what the user meant."""
 
 
 def warn(origin: str, sentence: str) -> None:

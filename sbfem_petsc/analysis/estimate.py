@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from meshing.warnings import MeshWarning
+
 from ..checks import Bounds, integer, real, shown
 from ..errors import SolveError, on_all_ranks
 from ..system.model import Model
-from ..system.resolution import MeshWarning
 
 # From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
 # of the edges along faces.

@@ -16,7 +16,7 @@ from ..checks import flag, instance, real_array
 from ..errors import at_point
 from ..loads import Loads
 from ..parallel import agree, collective
-from ..signals import Signal
+from ..signals.signal import Signal
 from ..system.model import Model
 from ..system.places import checked_line
 from .static import Static, static

@@ -7,10 +7,12 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from meshing.warnings import BranchWarning
+
 from ..checks import Bounds, choice, flag, instance, integer, names_of, real
 from ..checks import progress as check_progress
 from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch, BranchWarning
+from ..dynamics.branch import Branch
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
 from ..dynamics.locus import (
     AT_END,

@@ -12,6 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from meshing.warnings import StepWarning
+
 from ..capacity import require_compiler, require_memory
 from ..checks import Bounds, flag, instance, integer, numbers_of, optional_integer, real
 from ..dynamics.curve_system import RESTART
@@ -29,11 +31,12 @@ from ..dynamics.tones import (
     tone_lines,
 )
 from ..dynamics.torus import RESOLVED, Torus
-from ..errors import SolveError, StepWarning, on_all_ranks
+from ..errors import SolveError, on_all_ranks
 from ..parallel import agree, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Constant, Harmonic, Signal, as_signal
+from ..signals.signal import Constant, Signal, as_signal
+from ..signals.waves import Harmonic
 from ..system.model import Model
 
 STEPS, SAMPLES = 512, 21

@@ -28,7 +28,7 @@ from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Constant, Signal
+from ..signals.signal import Constant, Signal
 from ..system.model import Model
 
 # `Orbit.path` of a motion next to a period doubling.

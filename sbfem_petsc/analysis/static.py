@@ -8,15 +8,17 @@ from dataclasses import replace
 
 import numpy as np
 
+from meshing.warnings import MeshWarning, RoundOffWarning
+
 from ..checks import choice, flag, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..errors import RoundOffWarning, SolveError, on_all_ranks
+from ..errors import SolveError, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import agree, collective
 from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.resolution import MeshWarning, warn_of_tips
+from ..system.resolution import warn_of_tips
 from .estimate import Sought, checked_accuracy, refined
 from .static_result import Static
 

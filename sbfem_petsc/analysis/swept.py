@@ -23,7 +23,7 @@ from ..errors import on_all_ranks
 from ..parallel import agree, collective
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Chirp
+from ..signals.waves import Chirp
 from ..system.model import Model
 from .periodic import periodic
 from .response import amplitudes_only

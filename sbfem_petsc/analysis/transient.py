@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from meshing.warnings import StepWarning
+
 from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, instance, optional_integer, path, positive, real_array, shown
 from ..checks import progress as check_progress
@@ -24,7 +26,6 @@ from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..errors import StepWarning
 from ..parallel import agree, collective
 from ..progress import progress_bar
 from ..recording.history_file import HistoryFile

@@ -1,5 +1,12 @@
 """The command `sbfem`."""
 
-from .main import main
+from __future__ import annotations
 
-__all__ = ["main"]
+from typing import NoReturn
+
+
+def main(arguments: list[str] | None = None) -> NoReturn:
+    """Run a command and exit with its code."""
+    from .entry import main as run
+
+    run(arguments)

@@ -17,10 +17,6 @@ from .orbit import FLOOR, Orbit, axis_number, make_orbit
 from .period_map import Period
 
 
-class BranchWarning(UserWarning):
-    """A curve has not come to the end of its range."""
-
-
 @dataclass(frozen=True, eq=False)
 class Branch:
     """A branch of periodic motions, point by point in order of arc length.

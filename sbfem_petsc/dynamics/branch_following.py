@@ -9,9 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
+from meshing.warnings import BranchWarning
+
 from ..errors import SolveError, on_all_ranks
 from .bifurcations import locate
-from .branch import Branch, BranchWarning
+from .branch import Branch
 from .branch_range import ContinuationSettings, ParameterRange
 from .branch_zero import beside, between
 from .continuation import Continuation, ContinuationPoint

@@ -10,7 +10,9 @@ from fractions import Fraction
 import numpy as np
 
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Chirp, Constant, Harmonic, Samples, Signal, Step, Sum, ToneBurst
+from ..signals.samples import Samples
+from ..signals.signal import Constant, Signal, Sum
+from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
 # Harmonics of a load below this share of its largest one are rounding.
 ROUND_OFF = 1e-12

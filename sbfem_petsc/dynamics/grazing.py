@@ -12,12 +12,14 @@ from dataclasses import replace
 import numpy as np
 from scipy.optimize import root_scalar
 
+from meshing.warnings import BranchWarning
+
 from ..contact.law import RowLaws
 from ..errors import SolveError
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
-from .branch import Branch, BranchWarning
+from .branch import Branch
 from .fixed_point import FixedPoint
 from .locus_point import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion

@@ -14,7 +14,7 @@ from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.build import default_modes, reduced
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Constant, Signal, as_signal
+from ..signals.signal import Constant, Signal, as_signal
 from ..system.model import Model
 from ..system.resolution import warn_of_band
 

@@ -10,7 +10,7 @@ from ..checks import choice, flag, instance, integer, optional_integer, shown
 from ..checks import frequency as check_frequency
 from ..parallel import agree, collective
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Harmonic
+from ..signals.waves import Harmonic
 from ..system.model import Model
 from .excitation import Excitation
 from .loading import communicator, loading, serving

@@ -12,7 +12,7 @@ from ..contact.marching import StepConstants, StepHistory, StepLoads, StepState,
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Signal
+from ..signals.signal import Signal
 from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Column, Rows, Steps

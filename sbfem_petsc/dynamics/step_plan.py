@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import warnings
 
+from meshing.warnings import StepWarning
+
 from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
-from ..errors import StepWarning, on_all_ranks
+from ..errors import on_all_ranks
 from ..petsc import MPI
 from ..recording.history_file import FormerRun
 from .integration import Steps

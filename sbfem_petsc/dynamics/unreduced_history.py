@@ -26,7 +26,7 @@ from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..parallel import collective
 from ..petsc import stage
-from ..signals import Signal
+from ..signals.signal import Signal
 from ..system.demand import require_steps
 from ..system.equilibrium import equilibrium
 from ..system.model import Model

@@ -17,7 +17,7 @@ from ..checks import positive
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..petsc import PETSc, configure, finite, free, scripted, solving, stage
-from ..signals import Harmonic
+from ..signals.waves import Harmonic
 from ..system.demand import require_steps
 from ..system.model import Model
 from ..system.modes import lowest_modes

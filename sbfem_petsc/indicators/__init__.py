@@ -5,36 +5,40 @@ Everything works on plain arrays with a uniform time step. Complex amplitudes ar
 given times: u(t) = Re sum c_k exp(i 2 pi f_k t), c_0 the mean.
 """
 
-from .detection import ContactDuty, contact_duty, detection_probability, frequency_shift
-from .lines import (
-    Sidebands,
-    Subharmonics,
-    beta,
-    gamma,
-    harmonic_ratios,
-    harmonics,
-    sidebands,
-    subharmonics,
-    tones,
-)
-from .record import coherent_record
-from .spectra import Spectrum, spectrum
+from __future__ import annotations
 
-__all__ = [
-    "ContactDuty",
-    "Sidebands",
-    "Spectrum",
-    "Subharmonics",
-    "beta",
-    "coherent_record",
-    "contact_duty",
-    "detection_probability",
-    "frequency_shift",
-    "gamma",
-    "harmonic_ratios",
-    "harmonics",
-    "sidebands",
-    "spectrum",
-    "subharmonics",
-    "tones",
-]
+import importlib
+from typing import Any
+
+_HOME = {
+    "ContactDuty": "detection",
+    "Sidebands": "lines",
+    "Spectrum": "spectra",
+    "Subharmonics": "lines",
+    "beta": "lines",
+    "coherent_record": "record",
+    "contact_duty": "detection",
+    "detection_probability": "detection",
+    "frequency_shift": "detection",
+    "gamma": "lines",
+    "harmonic_ratios": "lines",
+    "harmonics": "lines",
+    "sidebands": "lines",
+    "spectrum": "spectra",
+    "subharmonics": "lines",
+    "tones": "lines",
+}
+
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

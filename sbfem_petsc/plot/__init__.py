@@ -1,5 +1,10 @@
 """Pictures of results: every function returns matplotlib's axes, and `save_picture` writes them."""
 
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
 try:
     import matplotlib  # noqa: F401 - the one place that says what is missing
 except ImportError as error:  # pragma: no cover - depends on the machine
@@ -7,44 +12,43 @@ except ImportError as error:  # pragma: no cover - depends on the machine
         f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"
     ) from error
 
-from .animation import animate_crack
-from .basins import plot_basins
-from .branches import plot_branches
-from .crack import plot_crack
-from .detection import plot_detection
-from .drawing import save_picture, save_pictures
-from .fields import plot_contact, plot_modes
-from .histories import Panel, plot_histories, plot_history, plot_load_history, plot_spectra
-from .loci import plot_loci
-from .meshes import plot_discretisation
-from .orbits import plot_harmonics, plot_multipliers, plot_orbit
-from .sweeps import plot_swept
-from .tones import plot_backbone, plot_lines, plot_sidebands
-from .tori import plot_quasi_periodic
+_HOME = {
+    "Panel": "histories",
+    "animate_crack": "animation",
+    "plot_backbone": "tones",
+    "plot_basins": "basins",
+    "plot_branches": "branches",
+    "plot_contact": "fields",
+    "plot_crack": "crack",
+    "plot_detection": "detection",
+    "plot_discretisation": "meshes",
+    "plot_harmonics": "orbits",
+    "plot_histories": "histories",
+    "plot_history": "histories",
+    "plot_lines": "tones",
+    "plot_load_history": "histories",
+    "plot_loci": "loci",
+    "plot_modes": "fields",
+    "plot_multipliers": "orbits",
+    "plot_orbit": "orbits",
+    "plot_quasi_periodic": "tori",
+    "plot_sidebands": "tones",
+    "plot_spectra": "histories",
+    "plot_swept": "sweeps",
+    "save_picture": "drawing",
+    "save_pictures": "drawing",
+}
 
-__all__ = [
-    "Panel",
-    "animate_crack",
-    "plot_backbone",
-    "plot_basins",
-    "plot_branches",
-    "plot_contact",
-    "plot_crack",
-    "plot_detection",
-    "plot_discretisation",
-    "plot_harmonics",
-    "plot_histories",
-    "plot_history",
-    "plot_loci",
-    "plot_lines",
-    "plot_load_history",
-    "plot_modes",
-    "plot_multipliers",
-    "plot_orbit",
-    "plot_quasi_periodic",
-    "plot_sidebands",
-    "plot_spectra",
-    "plot_swept",
-    "save_picture",
-    "save_pictures",
-]
+__all__ = [*_HOME]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f".{_HOME[name]}", __name__), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

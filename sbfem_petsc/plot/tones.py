@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from ..analysis.backbone import Backbone
 from ..dynamics.tones import QuasiPeriodic
-from ..indicators import Sidebands
+from ..indicators.lines import Sidebands
 from ..parallel import on_root
 from ..petsc import MPI
 from .arguments import check

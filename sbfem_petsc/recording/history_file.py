@@ -13,7 +13,7 @@ from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from ..signals import Signal
+from ..signals.signal import Signal
 from ..writing import destination, reason
 from .hdf5 import new_hdf5, opened
 from .history_layout import (

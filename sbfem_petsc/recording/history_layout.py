@@ -27,7 +27,7 @@ import h5py
 import numpy as np
 
 from ..errors import SolveError
-from ..signals import Signal
+from ..signals.signal import Signal
 from ..writing import reason
 from .hdf5 import opened, put, put_texts
 from .sound import number, numbers, text, texts, whole

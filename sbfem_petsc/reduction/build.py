@@ -7,8 +7,9 @@ import warnings
 
 import numpy as np
 
+from meshing.warnings import BandWarning
+
 from ..checks import optional_integer, positive, shown
-from ..errors import BandWarning
 from ..loads import Load, SupportMotion, separate
 from ..parallel import agree, collective
 from ..petsc import MPI

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import warnings
 
+from meshing.warnings import IncompleteBranch
+
 from ..checks import shown
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
@@ -13,10 +15,6 @@ from ..dynamics.period_map import Period
 from ..recording.branch_file import FORM, VERSION, WHAT, read_branch_file, write_branch
 from ..recording.hdf5 import opened
 from ..recording.sound import number, numbers, text, whole
-
-
-class IncompleteBranch(UserWarning):
-    """The run that wrote the file has not reached the end of its range."""
 
 
 def save_branch(branch: Branch, path: str) -> None:

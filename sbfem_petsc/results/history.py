@@ -7,6 +7,8 @@ import warnings
 
 import h5py
 
+from meshing.warnings import IncompleteHistory
+
 from ..capacity import SHARE, available_memory, in_bytes
 from ..checks import flag
 from ..dynamics.history import History
@@ -17,10 +19,6 @@ from ..recording.history_layout import FORM, VERSION, WHAT, Contents, newest, ve
 from ..recording.reduced_models import read_reduced_model
 from ..recording.sound import number, whole
 from ..reduction.reduced_model import ReducedModel
-
-
-class IncompleteHistory(UserWarning):
-    """The run that wrote the file has not ended, or not yet."""
 
 
 def read_history(path: str, *, in_memory: bool = True) -> History:

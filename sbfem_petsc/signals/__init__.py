@@ -4,20 +4,3 @@ A signal is a frozen value: called with times (s) it gives values of the same sh
 drives (N as a component of a force). Signals add with `+`, also with numbers, and are scaled with `*` and
 `/`.
 """
-
-from .samples import Samples
-from .signal import Constant, Custom, Signal, Sum, as_signal
-from .waves import Chirp, Harmonic, Step, ToneBurst
-
-__all__ = [
-    "Chirp",
-    "Constant",
-    "Custom",
-    "Harmonic",
-    "Samples",
-    "Signal",
-    "Step",
-    "Sum",
-    "ToneBurst",
-    "as_signal",
-]

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from .. import indicators
+from ..indicators.detection import contact_duty
+from ..indicators.lines import harmonic_ratios
 from .analysis_tables import Noise
 from .case import Case
 from .load_tables import COMPONENTS
@@ -143,7 +144,7 @@ def _transient(
         "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
     }
     if result.contact_force.shape[1]:
-        values["contact_duty"] = (indicators.contact_duty(result.time, result.contact_force).any, "1")
+        values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
     for point in points:
         u = result.displacement(point)
         values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
@@ -172,7 +173,7 @@ def _periodic(
         values["time"] = (result.time, "s")
     values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
     if result.contact_force.shape[1]:
-        values["contact_duty"] = (indicators.contact_duty(result.time, result.contact_force).any, "1")
+        values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
     values["converged"] = (float(result.converged), "1")
     values["iterations"] = (float(result.iterations), "1")
     values["residual"] = (float(result.residuals[-1]), "1")
@@ -190,7 +191,7 @@ def _add_harmonics(values: Values, ending: str, point: str, u: np.ndarray, perio
     c[1:] *= 2.0
     values[f"harmonics{ending}/{point}"] = (c[:HARMONICS], "m")
     if abs(c[1]) > 0.0:
-        ratio = indicators.harmonic_ratios(c[:HARMONICS])
+        ratio = harmonic_ratios(c[:HARMONICS])
         for n in range(2, RATIOS + 1):
             values[f"A{n}_A1{ending}/{point}"] = (float(ratio[n]), "1")
 

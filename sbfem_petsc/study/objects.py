@@ -7,8 +7,12 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-import meshing
 import sbfem_petsc as sb
+from meshing.beam import Beam
+from meshing.boundary_mesh import BoundaryMesh
+from meshing.gmsh.reader import read_gmsh
+from meshing.plate import Plate
+from meshing.shapes.features import CrackLine, Hole, VNotch
 
 from .case import Case
 from .load_tables import COMPONENTS
@@ -50,14 +54,13 @@ def shape(case: Case) -> Any:
     if table.kind == "gmsh":
         return None
     holes = [
-        _make(case, ("geometry", "holes", k), meshing.Hole, **hole.model_dump())
-        for k, hole in enumerate(table.holes)
+        _make(case, ("geometry", "holes", k), Hole, **hole.model_dump()) for k, hole in enumerate(table.holes)
     ]
     cracks = [
         _make(
             case,
             ("geometry", "cracks", k),
-            meshing.CrackLine,
+            CrackLine,
             **{**crack.model_dump(), "points": [tuple(p) for p in crack.points]},
         )
         for k, crack in enumerate(table.cracks)
@@ -67,16 +70,16 @@ def shape(case: Case) -> Any:
         if table.edge_names is not None:
             features["edge_names"] = table.edge_names
         outline = [tuple(corner) for corner in table.outline]
-        return _make(case, ("geometry",), meshing.Plate, outline=outline, **features)
+        return _make(case, ("geometry",), Plate, outline=outline, **features)
     notches = [
-        _make(case, ("geometry", "notches", k), meshing.VNotch, **notch.model_dump())
+        _make(case, ("geometry", "notches", k), VNotch, **notch.model_dump())
         for k, notch in enumerate(table.notches)
     ]
     size = {"length": table.length, "height": table.height}
-    return _make(case, ("geometry",), meshing.Beam, **size, notches=notches, **features)
+    return _make(case, ("geometry",), Beam, **size, notches=notches, **features)
 
 
-def mesh(case: Case) -> meshing.BoundaryMesh:
+def mesh(case: Case) -> BoundaryMesh:
     """The boundary mesh of a case, with the names that the case uses checked against it. On one rank.
 
     Raises
@@ -90,7 +93,7 @@ def mesh(case: Case) -> meshing.BoundaryMesh:
         if tables.geometry.scale != 1.0:
             options["scale"] = tables.geometry.scale
         with located(case, "geometry", "file"):
-            found = meshing.read_gmsh(case.resolve(tables.geometry.file), **options)
+            found = read_gmsh(case.resolve(tables.geometry.file), **options)
     else:
         body = shape(case)
         points = {name: (x, y) for name, (x, y) in tables.points.items()}
@@ -105,7 +108,7 @@ def mesh(case: Case) -> meshing.BoundaryMesh:
     return found
 
 
-def _check_names(case: Case, found: meshing.BoundaryMesh) -> None:
+def _check_names(case: Case, found: BoundaryMesh) -> None:
     tables, points, sets = case.tables, tuple(found.points), tuple(found.edge_sets)
     places = [("model", "clamped", name) for name in clamped(case)]
     for k, support in enumerate(tables.model.supports):

@@ -5,8 +5,20 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from .. import plot
 from ..parallel import on_root
+from ..plot.animation import animate_crack
+from ..plot.basins import plot_basins
+from ..plot.branches import plot_branches
+from ..plot.crack import plot_crack
+from ..plot.drawing import save_picture
+from ..plot.fields import plot_contact, plot_modes
+from ..plot.histories import plot_history, plot_load_history
+from ..plot.loci import plot_loci
+from ..plot.meshes import plot_discretisation
+from ..plot.orbits import plot_harmonics, plot_multipliers, plot_orbit
+from ..plot.sweeps import plot_swept
+from ..plot.tones import plot_backbone, plot_lines, plot_sidebands
+from ..plot.tori import plot_quasi_periodic
 from ..results.vtu import write_modes, write_vtu
 from .case import Case
 from .solve import modulation
@@ -63,17 +75,17 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
 def animate(motion: Any, stem: str) -> None:
     """Draw the first crack over a motion, where there is one that keeps its fields. Collective."""
     if motion.reduced is not None and motion.reduced.model.cracks:
-        plot.animate_crack(motion, f"{stem}_crack1.gif")
+        animate_crack(motion, f"{stem}_crack1.gif")
 
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
     """Draw a discretisation. Collective; the mesh on rank 0 at least."""
-    _save(plot.plot_discretisation(mesh, comm=comm), path, comm)
+    _save(plot_discretisation(mesh, comm=comm), path, comm)
 
 
 def _save(axes: Any, path: str, comm: Any) -> None:
     """Write a picture on rank 0, where its axes are."""
-    on_root(comm, lambda: plot.save_picture(axes, path))
+    on_root(comm, lambda: save_picture(axes, path))
 
 
 def _communicator(model: Any) -> Any:
@@ -90,16 +102,16 @@ def _point(case: Case, known: Any) -> str | None:
 
 
 def _modal(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
-    _save(plot.plot_modes(result), f"{stem}_modes.png", _communicator(model))
+    _save(plot_modes(result), f"{stem}_modes.png", _communicator(model))
 
 
 def _static(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     model = result.model  # a finer one where an accuracy is asked for
     for crack in range(min(len(model.cracks), MOST_CRACKS)):
-        axes = plot.plot_crack(model, {name: result}, crack)
+        axes = plot_crack(model, {name: result}, crack)
         _save(axes, f"{stem}_crack{crack + 1}.png", model.comm)
         if result.contact_resultant > 0.0:
-            axes = plot.plot_contact({name: result}, crack)
+            axes = plot_contact({name: result}, crack)
             _save(axes, f"{stem}_contact{crack + 1}.png", model.comm)
 
 
@@ -107,7 +119,7 @@ def _load_history(case: Case, name: str, result: Any, model: Any, stem: str) -> 
     point = _point(case, model.points)
     if point is not None:
         _save(
-            plot.plot_load_history(result, point, title=name, comm=model.comm),
+            plot_load_history(result, point, title=name, comm=model.comm),
             f"{stem}_history.png",
             model.comm,
         )
@@ -117,7 +129,7 @@ def _transient(case: Case, name: str, result: Any, model: Any, stem: str) -> Non
     point = _point(case, result.points)
     if point is not None:
         comm = _communicator(model)
-        _save(plot.plot_history(result, point, title=name, comm=comm), f"{stem}_history.png", comm)
+        _save(plot_history(result, point, title=name, comm=comm), f"{stem}_history.png", comm)
 
 
 def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
@@ -125,18 +137,18 @@ def _periodic(case: Case, name: str, result: Any, model: Any, stem: str) -> None
     if point is None:
         return
     comm = _communicator(model)
-    _save(plot.plot_harmonics({name: result}, point, comm=comm), f"{stem}_harmonics.png", comm)
+    _save(plot_harmonics({name: result}, point, comm=comm), f"{stem}_harmonics.png", comm)
     if result.reduced is not None:
-        _save(plot.plot_orbit(result, point, title=name, comm=comm), f"{stem}_orbit.png", comm)
+        _save(plot_orbit(result, point, title=name, comm=comm), f"{stem}_orbit.png", comm)
     if len(result.multipliers):
-        _save(plot.plot_multipliers(result, title=name, comm=comm), f"{stem}_multipliers.png", comm)
+        _save(plot_multipliers(result, title=name, comm=comm), f"{stem}_multipliers.png", comm)
 
 
 def _modulation(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     table, comm = case.tables.analyses[name], _communicator(model)
     found = modulation(table, result)["sidebands"]
     title = f"$u_{table.direction}$({table.point}), modulation index {found.modulation_index:.3g}"
-    _save(plot.plot_sidebands({name: found}, title=title, comm=comm), f"{stem}_sidebands.png", comm)
+    _save(plot_sidebands({name: found}, title=title, comm=comm), f"{stem}_sidebands.png", comm)
     _periodic(case, name, result, model, stem)
 
 
@@ -144,7 +156,7 @@ def _branch(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result.points)
     if point is not None:
         comm = _communicator(model)
-        _save(plot.plot_branches({name: result}, point, comm=comm), f"{stem}_curve.png", comm)
+        _save(plot_branches({name: result}, point, comm=comm), f"{stem}_curve.png", comm)
 
 
 def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
@@ -152,40 +164,40 @@ def _lines(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if point is not None:
         order = case.tables.analyses[name].order
         comm = _communicator(model)
-        _save(plot.plot_lines({name: result}, point, order=order, comm=comm), f"{stem}_lines.png", comm)
+        _save(plot_lines({name: result}, point, order=order, comm=comm), f"{stem}_lines.png", comm)
 
 
 def _own_tones(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result.motions[0].points)
     if point is not None:
         comm = _communicator(model)
-        axes = plot.plot_quasi_periodic(result, point, title=name, comm=comm)
+        axes = plot_quasi_periodic(result, point, title=name, comm=comm)
         _save(axes, f"{stem}_own_tones.png", comm)
 
 
 def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     comm = _communicator(model)
-    _save(plot.plot_backbone({name: result}, comm=comm), f"{stem}_backbone.png", comm)
+    _save(plot_backbone({name: result}, comm=comm), f"{stem}_backbone.png", comm)
 
 
 def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if result:
         comm = _communicator(model)
-        _save(on_root(comm, lambda: plot.plot_loci(result, title=name)), f"{stem}_loci.png", comm)
+        _save(on_root(comm, lambda: plot_loci(result, title=name)), f"{stem}_loci.png", comm)
 
 
 def _swept(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result[0].points)
     if point is not None:
         comm, least = _communicator(model), case.tables.analyses[name].least
-        axes = on_root(comm, lambda: plot.plot_swept(None, result, point, least=least, title=name))
+        axes = on_root(comm, lambda: plot_swept(None, result, point, least=least, title=name))
         _save(axes, f"{stem}_swept.png", comm)
 
 
 def _basins(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if len(result.axes) == 2 and min(result.reached.shape) > 1:
         comm = _communicator(model)
-        _save(on_root(comm, lambda: plot.plot_basins(result, title=name)), f"{stem}_basins.png", comm)
+        _save(on_root(comm, lambda: plot_basins(result, title=name)), f"{stem}_basins.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

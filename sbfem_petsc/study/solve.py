@@ -11,8 +11,8 @@ import numpy as np
 
 import sbfem_petsc as sb
 
-from .. import indicators
 from ..errors import SolveError
+from ..indicators.lines import sidebands
 from . import objects
 from .case import Case
 from .parameters import grid
@@ -330,9 +330,7 @@ def modulation(
         values = noisy(values)
     time = np.arange(len(values)) * (repeats * period / len(values))
     return {
-        "sidebands": indicators.sidebands(
-            time, values, table.probe_frequency, table.pump_frequency, order=table.pairs
-        ),
+        "sidebands": sidebands(time, values, table.probe_frequency, table.pump_frequency, order=table.pairs),
         "common_period": period,
     }
 

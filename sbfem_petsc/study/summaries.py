@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .. import indicators
+from ..indicators.lines import Sidebands
 from .quantities import Quantity, Tree
 
 # Harmonics of a periodic motion that are kept beside its whole waveform.
@@ -197,9 +197,7 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
     return tree
 
 
-def _modulation(
-    result: Any, points: Sequence[str], sidebands: indicators.Sidebands, common_period: float
-) -> Tree:
+def _modulation(result: Any, points: Sequence[str], sidebands: Sidebands, common_period: float) -> Tree:
     tree = _periodic(result, points)
     tree["common_period"] = Quantity(common_period, "s", "common period of both tones")
     tree["sidebands"] = {

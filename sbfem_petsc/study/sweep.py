@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
-from .. import indicators
 from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
+from ..indicators.detection import frequency_shift
 from ..parallel import alone, checked_communicator, collective
 from ..writing import spare_folder
 from . import parameters as paths
@@ -323,7 +323,7 @@ def _shift(cracked: np.ndarray, healthy: np.ndarray) -> np.ndarray:
     """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
     shift = np.full(len(cracked), np.nan)
     both = min(len(cracked), len(healthy))
-    shift[:both] = indicators.frequency_shift(cracked[:both].tolist(), healthy[:both].tolist())
+    shift[:both] = frequency_shift(cracked[:both].tolist(), healthy[:both].tolist())
     return shift
 
 

@@ -11,7 +11,8 @@ from ..analysis.quasi_periodic import drives
 from ..dynamics.excitation import common_periods
 from ..dynamics.preparation import LONGEST
 from ..loads import separate
-from ..signals import Harmonic, Signal
+from ..signals.signal import Signal
+from ..signals.waves import Harmonic
 from .case import Case
 from .objects import load, located
 

@@ -14,7 +14,9 @@ import warnings
 import numpy as np
 from scipy import sparse
 
-from ..errors import RoundOffWarning, SolveError, on_all_ranks
+from meshing.warnings import RoundOffWarning
+
+from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI, PETSc
 from ..selement.rigid_motions import rigid_body_basis
 

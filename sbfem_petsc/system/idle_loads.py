@@ -7,7 +7,9 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ..errors import LoadWarning, listed
+from meshing.warnings import LoadWarning
+
+from ..errors import listed
 from ..loads import Load
 from .model import Model
 

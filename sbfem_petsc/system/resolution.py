@@ -11,6 +11,7 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from meshing.gll import gll_nodes, lagrange_values
+from meshing.warnings import MeshWarning
 
 from ..errors import listed
 from ..selement.sectors import Sectors
@@ -49,10 +50,6 @@ SAFE_MASS = 0.3
 LEFT_OUT = 0.3
 # Modes whose errors are estimated: the highest ones, since modes of several kinds take turns.
 LOOKED_AT = 8
-
-
-class MeshWarning(UserWarning):
-    """Cells are large, or their order or terms low, for the wavelengths of a result."""
 
 
 def frequency_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:

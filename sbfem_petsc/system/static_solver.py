@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SolverWarning
+from meshing.warnings import SolverWarning
+
 from ..petsc import PETSc, free, make_ksp, solver_name, stage
 from .linear_solver import LinearSolver
 from .rows import Rows

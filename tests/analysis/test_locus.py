@@ -8,9 +8,9 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import sbfem_petsc as sb
+from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.dynamics import grazing
-from sbfem_petsc.dynamics.branch import BranchWarning
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses

@@ -10,7 +10,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
-from sbfem_petsc.errors import RoundOffWarning
+from meshing.warnings import RoundOffWarning
 from sbfem_petsc.system import static_solver
 from tests.reference import paper_beam, statics
 

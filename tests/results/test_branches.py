@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing.warnings import IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.recording import branch_file as module
-from sbfem_petsc.results.branches import IncompleteBranch, read_branch, save_branch
+from sbfem_petsc.results.branches import read_branch, save_branch
 
 TURN = 2 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN

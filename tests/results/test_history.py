@@ -19,9 +19,10 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing.warnings import IncompleteHistory
 from sbfem_petsc import capacity
 from sbfem_petsc.dynamics import reduced_history as module
-from sbfem_petsc.results.history import IncompleteHistory, read_history
+from sbfem_petsc.results.history import read_history
 from tests.parallel import ROOT, answer, in_session, interruptible, on_ranks
 
 # 40 chunks of 256 steps; after the seventh the child waits for a signal, if it is to.

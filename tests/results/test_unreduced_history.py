@@ -13,8 +13,9 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing.warnings import IncompleteHistory
 from sbfem_petsc.dynamics import unreduced_history as module
-from sbfem_petsc.results.history import IncompleteHistory, read_history
+from sbfem_petsc.results.history import read_history
 from tests.parallel import answer, in_session, interruptible, on_ranks
 
 PROGRAM = """

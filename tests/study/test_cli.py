@@ -265,7 +265,7 @@ def test_a_signal_while_a_weak_reference_is_cleared():
     """What its handler raises there is dropped by Python; the signal is sent again."""
     script = """
 import os, signal, time, weakref
-from sbfem_petsc.cli.main import _no_signal_lost
+from sbfem_petsc.cli.entry import _no_signal_lost
 
 class Thing:
     pass

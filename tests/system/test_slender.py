@@ -7,7 +7,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.errors import RoundOffWarning
+from meshing.warnings import RoundOffWarning
 from tests.parallel import answer, on_ranks
 
 YOUNG, DENSITY, HEIGHT = 70e9, 2700.0, 0.01

@@ -1,0 +1,59 @@
+"""Warnings of both packages, each told to the user in one sentence.
+
+This module imports nothing: whoever is told of a warning, such as a test runner's other process, may import
+it from any thread.
+"""
+
+
+class GmshWarning(UserWarning):
+    """Something in a user's model that is read, but may not be what the user meant."""
+
+
+class UnitWarning(UserWarning):
+    """A length, or a modulus with its density, is of a size that hints at another unit than SI."""
+
+
+class LargeDisplacementWarning(UserWarning):
+    """Displacements are too large a part of the body for the theory of small displacements."""
+
+
+class MeshWarning(UserWarning):
+    """Cells are large, or their order or terms low, for the wavelengths of a result."""
+
+
+class LoadWarning(UserWarning):
+    """A load acts on nothing, because a support holds the direction of it."""
+
+
+class BandWarning(UserWarning):
+    """The modes kept, or the mesh behind them, do not reach the band of the loads."""
+
+
+class StepWarning(UserWarning):
+    """The time step is coarse for the load's highest frequency or for contact, the phases of a slower tone
+    are few for its multiples or do not resolve the motion, or not every step is kept.
+    """
+
+
+class RoundOffWarning(UserWarning):
+    """Round-off limits the digits of a result to less than is usual."""
+
+
+class SolverWarning(UserWarning):
+    """Another linear solver suits the size or the shape of the structure better."""
+
+
+class OptionWarning(UserWarning):
+    """An option of the command line looks like one of PETSc's with a misspelt prefix."""
+
+
+class BranchWarning(UserWarning):
+    """A curve has not come to the end of its range."""
+
+
+class IncompleteBranch(UserWarning):
+    """The run that wrote the file has not reached the end of its range."""
+
+
+class IncompleteHistory(UserWarning):
+    """The run that wrote the file has not ended, or not yet."""
