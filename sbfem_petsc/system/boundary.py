@@ -111,9 +111,8 @@ class NodalForces:
             forces = np.einsum("q,eq,qa,eqi->eai", weights, length, values, traction(normal))
             self._add(edges, self._model.thickness * forces)
         for faces in self._model.tip_faces:
-            chosen = [edge_set in names for names in self._model.tip_face_sets[faces.number]]
-            if any(chosen):
-                forces = faces.uniform(chosen, traction, self._model.thickness)
+            if edge_set in faces.sets:
+                forces = faces.uniform(edge_set, traction, self._model.thickness)
                 self._add(faces.group.nodes[faces.member], faces.rows.T @ forces)
                 self.tip_forces[faces.number] = self.tip_forces.get(faces.number, 0.0) + forces
 

@@ -27,9 +27,6 @@ class Distribution:
     cracks : tuple of Crack
     tip_elements : tuple of Tip
         Those that have an S-element around them.
-    tip_face_sets : tuple of (tuple of str, tuple of str)
-        Edge sets that the first and the last face of each of these S-elements, of its chain of nodes, belong
-        to.
     material_names, edge_sets : tuple of str
     compositions : tuple of tuple of int
         Materials around S-elements in several of them; `Part.materials` counts on from the names.
@@ -53,7 +50,6 @@ class Distribution:
     elements: int
     cracks: tuple
     tip_elements: tuple
-    tip_face_sets: tuple
     material_names: tuple[str, ...]
     compositions: tuple[tuple[int, ...], ...]
     edge_sets: tuple[str, ...]
@@ -123,13 +119,11 @@ def _handed_out(comm: MPI.Comm, parts: partition.Parts | None) -> partition.Part
 
 def _facts(mesh: BoundaryMesh, numbering: partition.Numbering) -> dict[str, Any]:
     area, perimeter = _measures(mesh)
-    tips = tuple(tip for tip in mesh.tips if tip.element >= 0)
     return {
         "order": mesh.order,
         "elements": mesh.elements,
         "cracks": mesh.cracks,
-        "tip_elements": tips,
-        "tip_face_sets": tuple(_face_sets(mesh, tip) for tip in tips),
+        "tip_elements": tuple(tip for tip in mesh.tips if tip.element >= 0),
         "material_names": tuple(mesh.material_names),
         "compositions": partition.compositions(mesh),
         "edge_sets": tuple(mesh.edge_sets),
@@ -156,18 +150,6 @@ def _body_middles(mesh: BoundaryMesh) -> tuple[tuple[float, float], ...]:
         x, y = 0.5 * (places.min(axis=0) + places.max(axis=0))
         middles.append((float(x), float(y)))
     return tuple(middles)
-
-
-def _face_sets(mesh: BoundaryMesh, tip) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Sets of the tip's crack that meet the first and the last face of its S-element."""
-    chain, crack = mesh.element_nodes(tip.element), mesh.cracks[tip.crack].name
-    nodes = {
-        name: set(mesh.edges[np.asarray(edges, dtype=int)][:, [0, -1]].ravel().tolist())
-        for name, edges in mesh.edge_sets.items()
-        if name.startswith(f"{crack}_")
-    }
-    first, last = (tuple(n for n, ends in nodes.items() if int(chain[k]) in ends) for k in (0, -1))
-    return first, last
 
 
 def _fixed(mesh: BoundaryMesh, supports: tuple[Support, ...]) -> np.ndarray:

@@ -105,7 +105,7 @@ class Structure:
         self.edge_set_names, self.material_names = found.edge_sets, found.material_names
         self.bodies = found.bodies
         self.extent, self.area, self.perimeter = found.extent, found.area, found.perimeter
-        self.tip_elements, self.tip_face_sets = found.tip_elements, found.tip_face_sets
+        self.tip_elements = found.tip_elements
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             materials = named.materials(self.material_names)

@@ -37,6 +37,8 @@ class TipFaces:
     modes : int
     stiffness : float
         E times the thickness, N/m.
+    sets : (str, str)
+        Edge sets to which the first and the last face of the reference shape belong.
     given_gaps : (float, float) or None
         Initial gaps at the tip and on the element's boundary, m, where they are not those of the drawn faces.
     """
@@ -47,6 +49,7 @@ class TipFaces:
     tractions: FaceTractions
     modes: int
     stiffness: float
+    sets: tuple[str, str]
     given_gaps: tuple[float, float] | None = None
 
     @property
@@ -78,17 +81,16 @@ class TipFaces:
         return self.tractions.initial_mean(0.0, _drawn_gap(self.group.shape, self.size))
 
     def uniform(
-        self, faces: list[bool], traction: Callable[[np.ndarray], np.ndarray], thickness: float
+        self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray], thickness: float
     ) -> np.ndarray:
-        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the first and last
-        face.
-        """
+        """(m,): forces (N) of a traction (Pa), a function of the outward normal, on the faces of a set."""
         values = np.zeros(5)
         turn = np.linalg.det(self.rotation)
-        for face, loaded in enumerate(faces):
-            if not loaded:
+        for face, name in enumerate(self.sets):
+            if name != edge_set:
                 continue
-            # along the outline, with the material on the left: out along the first face, back along the last
+            # along the outline, with the material on the left: out along the first face, back along the last,
+            # and the other way round in a reflected shape
             along = (1.0 - 2.0 * face) * turn * (self.group.shape[(0, -1)[face]] @ self.rotation)
             normal = np.array([along[1], -along[0]]) / np.linalg.norm(along)
             values[1 + 2 * face : 3 + 2 * face] = self.rotation @ traction(normal)
@@ -111,8 +113,11 @@ def tip_faces(model) -> list[TipFaces]:
                     raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
             tractions, stiffness = shared[id(group)], material.modulus * model.thickness
             gaps = _given_gaps(model, group, place.member, place.number)
+            sets = model.tip_elements[place.number].faces
+            if np.linalg.det(group.rotations[place.member]) < 0.0:
+                sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
             found.append(
-                TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness, gaps)
+                TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness, sets, gaps)
             )
     return found
 
