@@ -24,8 +24,9 @@ def check_contents(mesh: MeshArrays) -> None:
     ------
     BadMesh
         Arrays of another kind of number; elements that do not lie around their scaling centre; pairs of a
-        node with itself, normals that are no unit vectors, gaps, positions and weights that are negative or
-        not finite; cracks and tips with such numbers, or whose element is none, closed or elsewhere.
+        node with itself, normals that are no unit vectors, gaps and positions that are negative, weights that
+        are not positive, or any of them not finite; cracks and tips with such numbers, or whose element is
+        none, closed or elsewhere.
     """
     _check_kinds(mesh)
     _check_centres(mesh)
@@ -84,13 +85,13 @@ def _check_pairs(mesh: MeshArrays) -> None:
     wrong = np.flatnonzero(~(np.abs(lengths - 1.0) <= _UNIT))
     if len(wrong):
         _fail(f"the normal of contact pair {wrong[0]} has the length {lengths[wrong[0]]:.6g}, not 1")
-    for name, values, most in (
-        ("gap", pairs.gap, np.inf),
-        ("position", pairs.position, 1.0 + _UNIT),
-        ("arc", pairs.arc, np.inf),
-        ("weight", pairs.weight, np.inf),
+    for name, values, least, most in (
+        ("gap", pairs.gap, 0.0, np.inf),
+        ("position", pairs.position, -_UNIT, 1.0 + _UNIT),
+        ("arc", pairs.arc, 0.0, np.inf),
+        ("weight", pairs.weight, np.finfo(float).tiny, np.inf),
     ):
-        wrong = np.flatnonzero(~((values >= -_UNIT * (name == "position")) & (values <= most)))
+        wrong = np.flatnonzero(~((values >= least) & (values <= most)))
         wrong = np.union1d(wrong, np.flatnonzero(~np.isfinite(values)))
         if len(wrong):
             _fail(f"the {name} of contact pair {wrong[0]} is {values[wrong[0]]}")

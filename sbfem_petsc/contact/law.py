@@ -8,7 +8,7 @@ structure onto its rows, gap = W force + free gap, and leave the rest to the law
 statics, equilibrium                    `RowLaws.touched`, `wrong` (`complementarity.solve_complementarity`)
 steps, reduced and not                  `touched`, the mask `tied` of `marching.contact_forces`
 derivative of the steps, their replay   `acting`: the rows that keep their gap
-gaps of a model                         `rest`, `compliance` (`system.gap_operator`)
+gaps of a model                         `rest`, the laws' `compliance` (`system.gap_operator`)
 guard of the energy                     `dissipative` (`dynamics.energy.guard`)
 ======================================  ====================================================================
 
@@ -40,8 +40,8 @@ class ContactLaw:
     Attributes
     ----------
     compliance : float
-        Of an elastic layer between the faces, m/N of each contact row: the faces overlap by so much for each
-        newton.
+        Of an elastic layer between the faces, m^3/N: they overlap by so much for each pascal of pressure, the
+        layer's thickness over its modulus. Each contact row has the share of its own area of face.
     """
 
     compliance: float = 0.0
@@ -51,7 +51,7 @@ class ContactLaw:
     dissipative: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        real(type(self).__name__, "compliance", self.compliance, "m/N", within=Bounds(least=0.0))
+        real(type(self).__name__, "compliance", self.compliance, "m^3/N", within=Bounds(least=0.0))
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Unilateral(ContactLaw):
     Attributes
     ----------
     compliance : float
-        m/N; an elastic stop if it is not zero.
+        m^3/N; an elastic layer on the faces if it is not zero.
     """
 
     tied: ClassVar[bool] = False
@@ -77,7 +77,7 @@ class Tied(ContactLaw):
     Attributes
     ----------
     compliance : float
-        m/N; a spring between the faces if it is not zero.
+        m^3/N; an elastic joint if it is not zero.
     """
 
     tied: ClassVar[bool] = True
@@ -90,14 +90,11 @@ class RowLaws:
     Attributes
     ----------
     tied : (c,) bool array
-    compliance : (c,) array
-        m/N.
     dissipative : bool
         Whether any of them may take energy out of the structure.
     """
 
     tied: np.ndarray
-    compliance: np.ndarray
     dissipative: bool = False
 
     @classmethod
@@ -106,7 +103,6 @@ class RowLaws:
         laws = tuple(laws)
         return cls(
             np.array([law.tied for law in laws], dtype=bool),
-            np.array([law.compliance for law in laws], dtype=float),
             any(law.dissipative for law in laws),
         )
 
@@ -120,7 +116,7 @@ class RowLaws:
 
     def first(self, count: int) -> RowLaws:
         """Those of the first rows."""
-        return RowLaws(self.tied[:count], self.compliance[:count], self.dissipative and count > 0)
+        return RowLaws(self.tied[:count], self.dissipative and count > 0)
 
     def rest(self, gap: np.ndarray) -> np.ndarray:
         """Gaps at rest, from the distances of the undeformed faces: those of tied rows count from there."""
@@ -142,12 +138,12 @@ class RowLaws:
 
 
 def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: str) -> RowLaws:
-    """The laws of so many rows from one for all, one for each, or None: unilateral contact.
+    """The laws of so many rows without faces from one for all, one for each, or None: unilateral contact.
 
     Raises
     ------
     TypeError, ValueError
-        If they are no laws, or not as many as rows.
+        If they are no laws, or not as many as rows, or have a layer, which is one of a face's area.
     """
     if laws is None:
         return RowLaws.unilateral(count)
@@ -158,6 +154,11 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
         )
     for k, law in enumerate(given):
         check_law(owner, f"contact_laws[{k}]", law)
+        if law.compliance:
+            raise ValueError(
+                f"{owner}: contact_laws[{k}] = {law!r} is a layer in m^3/N of a face's area, which a row of "
+                "matrices has not; give compliance = [...] in m/N of each row"
+            )
     if len(given) != count:
         raise ValueError(
             f"{owner}: contact_laws has {len(given)} laws for {count} contact rows; give as many"

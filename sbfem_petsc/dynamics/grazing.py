@@ -98,7 +98,7 @@ def without_row(reduced: ReducedModel, row: int) -> ReducedModel:
         pairs=reduced.pairs - (row < reduced.pairs),
         points=columns(reduced.points),
         tips=columns(reduced.tips),
-        contact_laws=RowLaws(np.delete(laws.tied, row), np.delete(laws.compliance, row), laws.dissipative),
+        contact_laws=RowLaws(np.delete(laws.tied, row), laws.dissipative),
     )
 
 

@@ -47,7 +47,6 @@ def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
             put(part, share, getattr(output, share), "SI", f"{description}, share {of}")
     laws = group.create_group("contact_laws")
     put(laws, "tied", reduced.contact_laws.tied, "1", "whether the force of a contact row may be tension")
-    put(laws, "compliance", reduced.contact_laws.compliance, "m/N", "of the contact rows, part of the gap's")
     laws.attrs["dissipative"] = reduced.contact_laws.dissipative
     group.attrs["pairs"] = reduced.pairs
     put_texts(group, "loads", [repr(load) for load in reduced.loads])
@@ -81,11 +80,7 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
         shares = (numbers(part, share, *first, n) for share, n in zip(_SHARES, (modes, loads, rows)))
         outputs[name] = LinearOutput(names, *shares)
     part = group["contact_laws"]
-    laws = RowLaws(
-        numbers(part, "tied", rows, kinds="b"),
-        numbers(part, "compliance", rows, least=0.0),
-        truth(part, "dissipative"),
-    )
+    laws = RowLaws(numbers(part, "tied", rows, kinds="b"), truth(part, "dissipative"))
     pairs = whole(group, "pairs", most=rows)
     return ReducedModel(pairs=pairs, contact_laws=laws, **arrays, **outputs)  # type: ignore[arg-type]
 

@@ -52,9 +52,9 @@ def reduce_matrices(
     damping : float or (n, n) array
         Modal damping ratio, or a damping matrix that the modes make diagonal, such as a M + b K.
     compliance : (pairs,) array, optional
-        Of elastic stops, m/N.
+        Of elastic stops and joints, m/N of each row.
     contact_laws : ContactLaw or sequence of ContactLaw, optional
-        One for all contact rows, or one for each. Default: `Unilateral`.
+        One for all contact rows, or one for each, without a layer of their own. Default: `Unilateral`.
 
     Raises
     ------
@@ -91,7 +91,6 @@ def reduce_matrices(
     if (idle := np.flatnonzero(~contact_rows.any(axis=1))).size:
         raise ValueError(f"reduce_matrices: contact_rows[{idle[0]}] is zero; no displacement moves its gap")
     laws = row_laws(contact_laws, pairs, "reduce_matrices")
-    stops = stops + laws.compliance
     modes = n if modes is None else integer("reduce_matrices", "modes", modes, least=1, most=n)
     index = _places(sensors, n)
 

@@ -110,6 +110,16 @@ class FaceTractions:
         scaled = split * (self.modes / self.lengths).reshape(-1, *[1] * (split.ndim - 1))
         return np.einsum("lk,dk...->ld...", values, scaled)
 
+    def layer(self) -> np.ndarray:
+        """(modes, modes): what an elastic layer between the faces, of the opening 1 for the pressure 1, adds
+        to the flexibility of the first direction: its modes' pressures, weighted as the openings are; to be
+        divided by size and thickness.
+        """
+        levels, weights = _along_the_face(self.modes)
+        forces = np.eye(len(self.lengths) * self.modes, self.modes)
+        pressures = self.traction(forces, levels)[:, 0]
+        return self.lengths[0] * pressures.T @ (weights[:, None] * pressures)
+
     def uniform_force(self, traction: np.ndarray) -> np.ndarray:
         """(m,): forces of uniform tractions (d,); to be multiplied by size and thickness for Pa to give N."""
         return np.repeat(np.asarray(traction, dtype=float) * self.lengths / self.modes, self.modes)
@@ -122,6 +132,17 @@ class FaceTractions:
     def resultant(self, force: np.ndarray) -> np.ndarray:
         """(d,): sum of the forces (m,) of each direction, in their unit."""
         return np.asarray(force, dtype=float).reshape(len(self.lengths), self.modes).sum(axis=1)
+
+
+def _along_the_face(modes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Levels and weights of integrals of products of two modes.
+
+    The powers of Gauss points integrate polynomials exactly, and a logarithm at the tip to round-off.
+    """
+    power = 8
+    at, weights = np.polynomial.legendre.leggauss(power * modes)
+    at = 0.5 * (at + 1.0)
+    return at**power, 0.5 * weights * power * at ** (power - 1)
 
 
 def bernstein(modes: int, levels: np.ndarray) -> np.ndarray:

@@ -164,7 +164,7 @@ def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tupl
     if not isinstance(crack, str) or crack not in names:
         raise UnknownName(f"crack {shown(crack)} does not exist; the model has {listed(names)}")
     number = names.index(crack)
-    chosen = np.flatnonzero((model.pairs.crack == number) & (model.pairs.weight > 0.0))
+    chosen = np.flatnonzero(model.pairs.crack == number)
     position = [model.pairs.arc[chosen]]
     pressure = [force[chosen] / (model.pairs.weight[chosen] * model.thickness)]
     length = float(model.cracks[number].length)

@@ -32,7 +32,8 @@ class GapOperator:
     initial : (c,) array
         Gaps of the undeformed faces, m; zero for tied rows.
     flexibility : (c, c) sparse array
-        m/N, block-diagonal, the laws' compliance included; for node pairs there is no other.
+        m/N, block-diagonal: of elastic layers, by each row's area of face, and of the faces inside tip
+        elements.
     pairs : int
     laws : RowLaws
     """
@@ -51,7 +52,8 @@ def gap_operator(model) -> GapOperator:
     """The contact rows of a model. Collective."""
     pairs, modes = len(model.pairs), model.tip_modes
     inside = modes * len(model.tip_elements)
-    entries = []
+    laws, entries = list(_laws(model)), []
+    compliance = np.array([law.compliance for law in laws])
     if model.comm.rank == 0:  # known to all: one rank gives them
         entries.append(_entries(np.arange(pairs), model.pair_unknowns.reshape(pairs, 4), _pair_rows(model)))
     initial, blocks = np.zeros(pairs + inside), np.zeros((inside, modes))
@@ -61,11 +63,12 @@ def gap_operator(model) -> GapOperator:
         numbers = pairs + first + np.arange(modes)
         entries.append(_entries(numbers, np.tile(unknowns, (modes, 1)), faces.rows[:modes]))
         initial[numbers] = faces.initial_gap()
-        blocks[first : first + modes] = faces.flexibility[:modes, :modes]
+        layer = compliance[numbers[0]] * faces.layer(model.thickness)
+        blocks[first : first + modes] = faces.flexibility[:modes, :modes] + layer
     for array in (initial, blocks):
         model.comm.Allreduce(MPI.IN_PLACE, array)
     initial[:pairs] = model.pairs.gap
-    laws = RowLaws.of(_laws(model))
+    row_laws = RowLaws.of(laws)
     rows, unknowns, coefficients = (np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries))
     return GapOperator(
         Rows.gathered(
@@ -74,10 +77,10 @@ def gap_operator(model) -> GapOperator:
             (rows, unknowns, coefficients),
             pairs + inside,
         ),
-        laws.rest(initial),
-        _own_flexibility(laws.compliance, pairs, blocks),
+        row_laws.rest(initial),
+        _own_flexibility(compliance[:pairs] / (model.pairs.weight * model.thickness), blocks),
         pairs,
-        laws,
+        row_laws,
     )
 
 
@@ -99,20 +102,18 @@ def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> T
     return np.repeat(numbers, unknowns.shape[1]), unknowns.ravel(), values.ravel()
 
 
-def _own_flexibility(compliance: np.ndarray, pairs: int, blocks: np.ndarray) -> sparse.csr_array:
-    """The laws' compliance on the diagonal and one block (modes, modes) for each tip element behind the
-    pairs.
-    """
-    inside, modes = blocks.shape
+def _own_flexibility(layers: np.ndarray, blocks: np.ndarray) -> sparse.csr_array:
+    """The pairs' layers (m/N) on the diagonal, then one block (modes, modes) for each tip element."""
+    pairs, (inside, modes) = len(layers), blocks.shape
     rows = pairs + np.repeat(np.arange(inside), modes)
     tips = np.repeat(np.arange(inside // max(modes, 1)), modes * modes)
     columns = pairs + modes * tips + np.tile(np.arange(modes), inside)
-    every = np.arange(len(compliance))
+    every = np.arange(pairs)
     entries = (
-        np.concatenate([compliance, blocks.ravel()]),
+        np.concatenate([layers, blocks.ravel()]),
         (np.concatenate([every, rows]), np.concatenate([every, columns])),
     )
-    return sparse.csr_array(sparse.coo_array(entries, shape=(len(compliance),) * 2))
+    return sparse.csr_array(sparse.coo_array(entries, shape=(pairs + inside,) * 2))
 
 
 def _laws(model) -> Iterator[ContactLaw]:

@@ -74,6 +74,10 @@ class TipFaces:
         """(m, m), m/N."""
         return self.tractions.flexibility / self.stiffness
 
+    def layer(self, thickness: float) -> np.ndarray:
+        """(modes, modes): flexibility of an elastic layer of 1 m^3/N between the faces, m/N."""
+        return self.tractions.layer() / (self.size * thickness)
+
     def initial_gap(self) -> np.ndarray:
         """(modes,): mean gaps of the undeformed faces, m."""
         if self.given_gaps is not None:

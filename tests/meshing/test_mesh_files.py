@@ -129,6 +129,7 @@ EDITS = {
     "nan position": (dataset("pairs/position", put(0, nan)), "boundary mesh: pairs.position"),
     "position beyond": (dataset("pairs/position", put(1, 3.0)), "position of contact pair 1 is 3"),
     "negative weight": (dataset("pairs/weight", put(1, -1.0)), "weight of contact pair 1 is -1"),
+    "no weight": (dataset("pairs/weight", put(1, 0.0)), "weight of contact pair 1 is 0"),
     "crack that is none": (dataset("pairs/crack", put(1, 4)), "refers to number 4"),
     "nan centres": (dataset("scaling_centres", lambda v: nan * v), "not finite"),
     "centres elsewhere": (dataset("scaling_centres", lambda v: 9 + 0 * v), "not star-convex"),
