@@ -11,6 +11,8 @@ import sbfem_petsc as sb
 from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.dynamics import grazing
+from sbfem_petsc.dynamics.locus import _closed
+from sbfem_petsc.dynamics.locus_point import LocusPoint
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
@@ -220,6 +222,24 @@ def with_stops():
         compliance=np.ones(2),
     )
     return sb.frequency_response(system, 0.35, 0.8 / TURN, 1.5 / TURN, steps=512)
+
+
+@pytest.mark.parametrize(("end", "closed"), [(2.0 * np.pi, True), (1.9 * np.pi, False)])
+def test_where_a_line_is_closed(end, closed):
+    """A ring that has come round, or nearly; one that comes through its first point from the other side, or
+    passes beside it, is on another strand and goes on.
+    """
+
+    def line(places):
+        return [LocusPoint(np.array(place), -1.0) for place in places]
+
+    around = np.linspace(0.0, end, 21) + 0.01
+    ring = [(np.cos(angle), np.sin(angle)) for angle in around]
+    assert bool(_closed(line([(1.0, 0.0), *ring]))) is closed
+    returning = [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (1.5, 2.0), (1.0, 1.0), (0.5, 0.05)]
+    assert not _closed(line([*returning, (-0.5, -0.05)]))
+    assert not _closed(line([*returning[:-2], (-1.0, 0.0), (-0.6, 0.0)]))  # not there yet
+    assert not _closed(line([*returning[:-1], (-0.5, 0.6), (0.5, 0.4)]))
 
 
 @pytest.mark.slow
