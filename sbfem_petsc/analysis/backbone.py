@@ -53,10 +53,17 @@ class Backbone:
         What half the step changes, Hz, an estimate; nan without refinement, or where half the step leads
         elsewhere, as it may at an interaction with a high mode.
     damping_ratio : (n,) array
-        That of a linear system that loses the same share of its energy in a period; without damping the
-        trace that the steps leave, about 1e-14.
+        By the rate of decay: xi / (4 pi f), of a linear system of the same frequency whose amplitude falls as
+        that of a free vibration does at the moment, by exp(-xi t / 2) (the modal damping ratio of Krack
+        2015); without damping the trace that the steps leave, about 1e-14.
     damping_error : (n,) array
         What half the step changes of it, as `frequency_error`.
+    energy_damping_ratio : (n,) array
+        By the energy: what the dampers take in a period over 4 pi times the energy, that of a linear system
+        which loses the same share of its energy in a period; `damping_ratio` times twice the mean kinetic
+        energy over the energy, and the same where nothing touches.
+    energy_damping_error : (n,) array
+        What half the step changes of it.
     states : (n, 2 m) array
         (Omega q, q') at t = 0.
     multipliers : (n, k) complex array
@@ -82,6 +89,8 @@ class Backbone:
     frequency_error: np.ndarray
     damping_ratio: np.ndarray
     damping_error: np.ndarray
+    energy_damping_ratio: np.ndarray
+    energy_damping_error: np.ndarray
     states: np.ndarray
     multipliers: np.ndarray
     point_harmonics: np.ndarray
@@ -171,7 +180,7 @@ def backbone(
     damping : bool
         False: without damping, the nonlinear normal mode. True: with the model's, under a self-excitation
         proportional to the velocity that makes up for it: the motion a force reaches that is everywhere in
-        phase with the velocity (phase resonance); gives the damping ratio over the energy.
+        phase with the velocity (phase resonance); gives the damping ratios over the energy.
     modes : int, optional
         Modes kept. Default: three for each up to the followed one, and 20.
     steps : int, optional
@@ -186,7 +195,7 @@ def backbone(
         frequency meets that of a higher mode; by default those that can be are passed over, and noted in
         `passed`.
     refine : bool
-        Solve every point once more with half the step and extrapolate frequency and damping ratio.
+        Solve every point once more with half the step and extrapolate frequency and damping ratios.
     stability : bool
         Compute Floquet multipliers.
 
@@ -320,8 +329,8 @@ class _Wanted(NamedTuple):
 
 def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: float) -> Backbone:
     r = system.reduced
-    # frequency and damping ratio, and what half the step changes of them
-    found = np.array([(p.frequency, p.damping_ratio) for p in motions])
+    # frequency and damping ratios, and what half the step changes of them
+    found = np.array([_numbers(p) for p in motions])
     own, changed, alike = found[:, 0].copy(), np.full_like(found, np.nan), not r.initial_gap.any()
     if wanted.refine:
         finer = FreeSystem(r, system.mode, 2 * system.steps)
@@ -333,7 +342,7 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
                 fine = _finer(finer, p, alike)
             except SolveError:  # the point stays as it is, with an error that is not known
                 continue
-            difference = np.array([fine.frequency, fine.damping_ratio]) - found[n]
+            difference = _numbers(fine) - found[n]
             found[n] += 4.0 / 3.0 * difference
             changed[n] = np.abs(difference)
     if alike:  # one motion times a factor
@@ -352,6 +361,8 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
         changed[:, 0].copy(),
         found[:, 1].copy(),
         changed[:, 1].copy(),
+        found[:, 2].copy(),
+        changed[:, 2].copy(),
         np.array([p.state for p in motions]),
         multipliers,
         harmonics,
@@ -364,6 +375,11 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
         np.array([p.excitation for p in motions]),
         own,
     )
+
+
+def _numbers(point: FreeMotion) -> np.ndarray:
+    """(3,): frequency and both damping ratios."""
+    return np.array([point.frequency, point.damping_ratio, point.energy_damping_ratio])
 
 
 def _finer(finer: FreeSystem, point: FreeMotion, alike: bool) -> FreeMotion:

@@ -2,10 +2,9 @@
 
 Unknowns are the state x(0) = (Omega q, q'), the frequency f and a self-excitation xi: every mode is driven by
 xi times its own velocity (Krack's extended periodic motion). A free motion of a system without damping has xi
-= 0 to the precision of the steps; with damping xi is what keeps the motion going, and xi / (4 pi f) its
-equivalent damping ratio. Equations are x(T) = x(0), a vanishing velocity of the followed mode at t = 0 (the
-phase), and the energy or a step along the branch: as many as unknowns, and regular although a conservative
-system conserves its energy.
+= 0 to the precision of the steps; with damping xi is what keeps the motion going. Equations are x(T) = x(0),
+a vanishing velocity of the followed mode at t = 0 (the phase), and the energy or a step along the branch: as
+many as unknowns, and regular although a conservative system conserves its energy.
 """
 
 from __future__ import annotations
@@ -65,7 +64,19 @@ class FreeMotion:
 
     @property
     def damping_ratio(self) -> float:
+        """Of a linear system of this frequency whose motions decay at the rate xi / 2."""
         return self.excitation / (4.0 * math.pi * self.frequency)
+
+    @property
+    def energy_damping_ratio(self) -> float:
+        """What dampers take in a period over 4 pi times the energy: xi gives the motion just that back."""
+        speeds = self.motion.velocities[:-1]
+        return (
+            self.excitation
+            * float(np.vdot(speeds, speeds))
+            * self.driven.step
+            / (4.0 * math.pi * self.energy)
+        )
 
 
 class FreeSystem:

@@ -231,7 +231,7 @@ def _draw_backbones(backbones: Mapping[str, Backbone], title: str) -> Axes:
         axes.plot([], [], color=BLACK, linewidth=1.2, linestyle=DASHED, label="unstable")
     axes.set(ylabel=f"frequency of free vibration ({unit})")
     if damped:
-        panels[1].set(ylabel="damping ratio")
+        panels[1].set(ylabel="damping ratio (decay)")
     panels[-1].set(xscale="log", xlabel="energy (J)")
     panels[-1].tick_params(axis="x", which="minor", labelsize=7)
     axes.set_title(title, fontsize=8, loc="left")

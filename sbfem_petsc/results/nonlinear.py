@@ -31,7 +31,7 @@ from . import orbits
 from .branches import read_branch, save_branch
 from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
 
-WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 1
+WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 2
 # Kinds of which a file may hold several.
 LISTED = ("loci", "swept responses")
 # Most modes, cycles.
@@ -41,8 +41,10 @@ _BACKBONE = {
     "energy": ("J", "energy of the motion"),
     "frequency": ("Hz", "its frequency"),
     "frequency_error": ("Hz", "estimate, nan where there is none"),
-    "damping_ratio": ("1", "its damping ratio"),
+    "damping_ratio": ("1", "its damping ratio by the rate of decay"),
     "damping_error": ("1", "estimate, nan where there is none"),
+    "energy_damping_ratio": ("1", "its damping ratio by the energy"),
+    "energy_damping_error": ("1", "estimate, nan where there is none"),
     "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
     "multipliers": ("1", "Floquet multipliers"),
     "point_harmonics": ("m", "harmonics 0 to 20 of the points' displacements, (n, points, xy, k)"),
@@ -183,6 +185,8 @@ def _backbone_in(group: h5py.Group) -> Backbone:
         frequency_error=numbers(group, "frequency_error", count, finite=False),
         damping_ratio=numbers(group, "damping_ratio", count),
         damping_error=numbers(group, "damping_error", count, finite=False),
+        energy_damping_ratio=numbers(group, "energy_damping_ratio", count),
+        energy_damping_error=numbers(group, "energy_damping_error", count, finite=False),
         states=numbers(group, "states", count, 2 * modes),
         multipliers=numbers(group, "multipliers", count, None, kinds="c"),
         point_harmonics=numbers(group, "point_harmonics", count, points, 2, None, kinds="c"),

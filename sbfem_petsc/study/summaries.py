@@ -328,8 +328,12 @@ def _backbone(result: Any, points: Sequence[str]) -> Tree:
         "energy": Quantity(result.energy, "J", "energy of the motion"),
         "frequency": Quantity(result.frequency, "Hz", "frequency of the motion"),
         "frequency_error": Quantity(result.frequency_error, "Hz", "estimated error of the frequency"),
-        "damping_ratio": Quantity(result.damping_ratio, "1", "damping ratio of the motion"),
-        "damping_error": Quantity(result.damping_error, "1", "estimated error of the damping ratio"),
+        "damping_ratio": Quantity(result.damping_ratio, "1", "damping ratio by the rate of decay"),
+        "damping_error": Quantity(result.damping_error, "1", "estimated error of damping_ratio"),
+        "energy_damping_ratio": Quantity(result.energy_damping_ratio, "1", "damping ratio by the energy"),
+        "energy_damping_error": Quantity(
+            result.energy_damping_error, "1", "estimated error of energy_damping_ratio"
+        ),
         "amplitude": _of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
         "harmonics": _of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
         "stable": Quantity(result.stable, "1", "stability of each point"),

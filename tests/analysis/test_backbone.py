@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
+from scipy.integrate import quad, solve_ivp
 from scipy.interpolate import PchipInterpolator
-from scipy.optimize import minimize_scalar, root
+from scipy.optimize import brentq, minimize_scalar, root
 
 import sbfem_petsc as sb
 from sbfem_petsc.dynamics.free import FreeSystem
@@ -89,6 +89,50 @@ def test_damping_of_one_mass():
     assert found.damping_ratio == pytest.approx(0.01 * own / found.frequency, rel=1e-5)
 
 
+def taken(energy, spring, stop, gap, damper):
+    """What a damper takes of a mass 1 in a period, over 4 pi times the energy: c times the area that the
+    free motion of this energy goes about in its phase plane.
+    """
+
+    def speed(u):
+        return math.sqrt(max(0.0, 2.0 * energy - spring * u * u - stop * max(0.0, u - gap) ** 2))
+
+    lower = -math.sqrt(2.0 * energy / spring)
+    upper = brentq(lambda u: 2.0 * energy - spring * u * u - stop * max(0.0, u - gap) ** 2, 0.0, -lower)
+    area = sum(
+        quad(speed, one, other, epsabs=0.0, epsrel=1e-10)[0] for one, other in ((lower, gap), (gap, upper))
+    )
+    return damper * 2.0 * area / (4.0 * math.pi * energy)
+
+
+def test_both_damping_ratios_beyond_a_stop():
+    """Mass 1, spring 1, damping ratio 0.01, a stop of 8 at a distance of 1, at 0.898 J: by the rate of decay
+    0.01 f1 / f, by the energy 0.0097369, both in closed form.
+    """
+    system = sb.reduce_matrices(
+        np.eye(1),
+        np.eye(1),
+        np.eye(1),
+        np.ones(1),
+        loads=np.ones((1, 1)),
+        sensors={"x": 0},
+        damping=0.01,
+        compliance=np.array([0.125]),
+    )
+    found = sb.backbone(system, 1, 0.4, 0.898, damping=True, stability=False)
+    by_energy = [taken(energy, 1.0, 8.0, 1.0, 0.02) for energy in found.energy[found.energy > 0.5]]
+    assert by_energy[-1] == pytest.approx(0.0097369, abs=5e-8)
+    # within twice what half the step changes: switches inside the steps scatter
+    error = np.abs(found.energy_damping_ratio[found.energy > 0.5] - by_energy)
+    assert (error <= 2.0 * found.energy_damping_error[found.energy > 0.5] + 1e-15).all()
+    assert found.energy_damping_ratio[-1] == pytest.approx(by_energy[-1], rel=1e-5)
+    assert found.damping_ratio[-1] == pytest.approx(0.01 / (2.0 * math.pi * found.frequency[-1]), rel=1e-9)
+    assert found.damping_ratio[-1] == pytest.approx(0.0089685, abs=5e-8)
+    # below, nothing but the mode
+    alone = found.energy < 0.5
+    assert alone.any() and found.energy_damping_ratio[alone] == pytest.approx(0.01, rel=1e-9)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("ratio", [0.05, 1e-4])
 def test_multiplier_of_one_mass(ratio):
@@ -111,6 +155,24 @@ def test_damping_with_coarse_steps():
     assert (error < 1e-5 * expected).all()
     assert (error <= found.damping_error + 1e-15).mean() > 0.9
     assert found.damping_error.max() > 1e-5 * 0.01
+
+
+def test_extrapolation_takes_the_steps_error_away():
+    """Of second order in the step: what half the step leaves of it is gone as well, to some per cent."""
+    coarse, refined = (
+        sb.backbone(one_mass(0.01), 1, 4e-4, 1.0, damping=True, steps=128, stability=False, refine=refine)
+        for refine in (False, True)
+    )
+    expected = np.array([exact(energy) for energy in coarse.energy])
+    beyond = coarse.energy > 0.01
+    for left in (
+        np.abs(np.array([item.frequency for item in (coarse, refined)]) - expected),
+        np.abs(
+            np.array([item.damping_ratio * expected for item in (coarse, refined)])
+            - 0.01 * math.sqrt(SPRING) / (2.0 * math.pi)
+        ),
+    ):
+        assert (left[1] < 0.05 * left[0])[beyond].all() and beyond.sum() > 5
 
 
 @pytest.mark.long

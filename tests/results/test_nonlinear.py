@@ -133,7 +133,7 @@ def test_picture_of_damped_backbones():
     )
     axes = plot_backbone({"undamped": undamped, "damped": damped})
     upper, lower = axes.figure.axes
-    assert axes is upper and lower.get_ylabel() == "damping ratio" and lower.get_xscale() == "log"
+    assert axes is upper and lower.get_ylabel() == "damping ratio (decay)" and lower.get_xscale() == "log"
     assert len(plot_backbone(undamped).figure.axes) == 1
 
     def drawn(panel):
