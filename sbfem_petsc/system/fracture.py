@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import shown
+from ..contact.law import Unilateral
 from ..errors import UnknownName, listed
 from ..material import SectorMaterials
 from ..petsc import MPI
@@ -47,7 +48,8 @@ def unresolved_contact(model, intensities: dict[str, tuple[float, float]]) -> di
     contact they touch over the length ``c = 2 pi (K_I / (E' alpha))^2`` under the pressure ``E' alpha / (4
     pi) ln((1 + s) / (1 - s))``, s^2 = 1 - r / c, whose resultant is ``K_I^2 / (E' alpha)``: dislocations of
     the constant density alpha ahead of a crack that ends at c (Thomson 1986). That holds where c is small
-    against the S-element at the tip, which is what pressure modes do not see.
+    against the S-element at the tip, which is what pressure modes do not see. Faces that are tied close no
+    wedge, and those with a layer between them have a K_I of their own.
     """
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
@@ -55,7 +57,8 @@ def unresolved_contact(model, intensities: dict[str, tuple[float, float]]) -> di
         tip, material = model.tip_elements[number], model.materials[group.material]
         first = factors[number][0]
         crack = abs(model.tips.exponents[number][0] - 0.5) < NEARLY_A_CRACK
-        if not (tip.opening > 0.0 and first < 0.0 and crack and material.isotropic):
+        rigid = model.contact_laws[model.cracks[tip.crack].name] == Unilateral()
+        if not (rigid and tip.opening > 0.0 and first < 0.0 and crack and material.isotropic):
             continue
         shear = material.elasticity[2, 2]
         kappa = 1.0 + 2.0 * shear / (material.elasticity[0, 1] + shear)

@@ -189,6 +189,17 @@ def test_a_layer_up_to_the_tip(face_edges, tip_modes, most):
     assert abs(second) < 3e-4
 
 
+@pytest.mark.parametrize(
+    "law, fy", [(sb.Tied(), -2e3), (sb.Tied(LAYER), 2e3), (sb.Unilateral(LAYER), 2e3), (sb.Unilateral(), 2e3)]
+)
+@pytest.mark.filterwarnings("ignore::sbfem_petsc.MeshWarning")
+def test_what_a_closing_wedge_leaves_is_one_of_rigid_faces_that_come_apart(law, fy):
+    """Tied faces close no wedge, and under a layer a negative K_I is no overlap."""
+    found = sb.static(two_notches(contact_laws=law, tip_modes=1), sb.PointForce("A", fy=fy))
+    assert min(first for first, _ in found.stress_intensity.values()) < 0.0
+    assert any(found.unresolved_contact.values()) == (law == sb.Unilateral())
+
+
 def test_a_layer_on_the_modes_of_a_tip():
     """Integrals of two Bernstein polynomials in closed form: the layer's energy of a tip's pressures."""
     model = two_notches(tip_modes=4, contact_laws={"crack1": sb.Tied(LAYER)}, thickness=0.01)
@@ -425,6 +436,27 @@ def test_guard_and_dissipation():
             guard(chunk(work), Ledger(dissipative), time)
 
 
+class Cubic(ContactLaw):
+    """A law of a user's own: everything that one could be asked, and no solver asks its force."""
+
+    tied, dissipative = False, False
+
+    def force(self, gap):
+        return np.maximum(-gap, 0.0) ** 3
+
+
+class Softer(sb.Unilateral):
+    """A law derived from a known one."""
+
+
+class Untold(ContactLaw):
+    """A law that does not say whether it is tied."""
+
+
+class Foreign:
+    tied, dissipative, compliance = False, False, 0.0
+
+
 def test_bad_laws():
     mesh = Beam(length=0.2, height=0.006, notches=[VNotch(0.04, 0.003, 0.0382)]).mesh(order=2)
     for laws, error, text in (
@@ -433,6 +465,10 @@ def test_bad_laws():
         ("tied", TypeError, "must be a contact law or a dict"),
         (ContactLaw(), TypeError, "must be a contact law, Unilateral"),
         (sb.Tied, TypeError, "must be a contact law or a dict"),
+        (Cubic(), TypeError, "contact_laws is a law of its own class, Cubic, of which no solver asks"),
+        ({"crack1": Softer(1e-9)}, TypeError, r"contact_laws\['crack1'\] is a law of its own class, Softer"),
+        ({"crack1": Untold()}, TypeError, "of its own class, Untold"),
+        ({"crack1": Foreign()}, TypeError, "must be a contact law, Unilateral"),
     ):
         with pytest.raises(error, match=text):
             sb.Model(mesh, ALUMINIUM, contact_laws=laws)
@@ -447,6 +483,8 @@ def test_bad_laws():
         chain([sb.Tied(), sb.Tied(0.2)])
     with pytest.raises(TypeError, match="one for each row"):
         chain("tied")
+    with pytest.raises(TypeError, match=r"contact_laws\[1\] is a law of its own class, Cubic"):
+        chain([sb.Tied(), Cubic()])
 
 
 # ---------------------------------------------------------------------- faces that supports hold
