@@ -108,6 +108,8 @@ def _check_tips(mesh: MeshArrays) -> None:
             _fail(f"the length of crack {crack.name!r} is {crack.length!r}")
     for tip in mesh.tips:
         _check_tip(mesh, f"tip {tip.name!r}", tip.position, tip.axis, tip.opening, tip.element)
+        if not (isinstance(tip.arc, tuple) and len(tip.arc) == 2 and all(_is_number(v) for v in tip.arc)):
+            _fail(f"the arc of tip {tip.name!r} is {tip.arc!r}, two finite numbers were expected")
         for face in tip.faces:
             if face not in mesh.edge_sets:
                 _fail(f"tip {tip.name!r} has the face {face!r}, which is no edge set")

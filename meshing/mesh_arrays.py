@@ -70,6 +70,8 @@ class Tip:
         Edge sets to which these two faces belong, "NAME_left" and "NAME_right", or the other way round at
         the far tip of a crack with two: inside the element the faces carry no edges, what acts on a set acts
         there, too.
+    arc : tuple of float
+        Where the tip and the boundary of its S-element stand in the `arc` of the crack's pairs, m.
     """
 
     name: str
@@ -79,6 +81,7 @@ class Tip:
     opening: float
     element: int
     faces: tuple[str, str]
+    arc: tuple[float, float]
 
     def __repr__(self) -> str:
         x, y = self.position
@@ -89,6 +92,9 @@ class Tip:
 @dataclass(frozen=True, eq=False)
 class ContactPairs:
     """Node-to-node contact pairs of all cracks, in the order of the cracks, from the tip outwards.
+
+    Of a crack with several tips from its first one; of one that branches line by line, in the order of their
+    first tips.
 
     The gap of pair i is ``gap[i] + normal[i] . (u[nodes[i, 0]] - u[nodes[i, 1]])`` >= 0. Where a face has a
     sharp kink, or cracks meet, each side has a pair of its own: two pairs may have the same nodes and
@@ -107,7 +113,8 @@ class ContactPairs:
     crack : (n,) int array
         Index into the mesh's cracks.
     position : (n,) array
-        Fraction of the crack's length: from the tip (0) to the mouth (1), or from tip to tip.
+        Fraction of the crack's length: from the tip (0) to the mouth (1), or from its first tip to the other;
+        of a crack that branches the lengths of its lines follow one another.
     arc : (n,) array
         The same in m.
     weight : (n,) array

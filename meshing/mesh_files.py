@@ -17,7 +17,7 @@ from meshing.whole_file import BadTarget, checked_path, read_whole, write_whole
 Mesh = TypeVar("Mesh", bound=MeshArrays)
 
 _FORMAT = "sbfem boundary mesh"
-_VERSION = 4
+_VERSION = 5
 _BLOCK = 512  # bytes ahead of the HDF5 content; the least that HDF5 knows
 _ARRAYS = {
     "nodes": "coordinates of the nodes, m",
@@ -35,7 +35,7 @@ _PAIRS = {
     "normal": "unit normal of the faces",
     "gap": "initial gap, m",
     "crack": "index of the crack",
-    "position": "fraction of the crack's length from the tip (0) to the mouth (1)",
+    "position": "fraction of the crack's length from the first tip (0) to the mouth or the other (1)",
     "arc": "the same, m",
     "weight": "length of face that the pair stands for, m",
 }
@@ -56,6 +56,7 @@ _TIP = {
     "opening_rad": "opening",
     "element": "element",
     "faces": "faces",
+    "arc_m": "arc",
 }
 
 

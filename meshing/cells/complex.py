@@ -56,12 +56,15 @@ class TipCell:
         Radian.
     cell : int
         Open cell whose scaling centre is the tip, -1 if there is none.
+    arc : (float, float)
+        Where the tip and the boundary of that cell stand along the crack, m; `crack_pairs` finds them.
     """
 
     position: tuple[float, float]
     axis: tuple[float, float]
     opening: float = 0.0
     cell: int = -1
+    arc: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import fields, replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ EdgeNodes = Callable[[tuple[int, int]], np.ndarray]
 def crack_pairs(
     faces: CrackFaces, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, where: str
 ) -> tuple[ContactPairs, float]:
-    """Pairs of all lines of a crack, and its length.
+    """Pairs of all lines of a crack, and its length; its tips are told their `arc`.
 
     Parameters
     ----------
@@ -38,7 +39,8 @@ def crack_pairs(
     Returns
     -------
     ContactPairs
-        Line by line, from the start; a node that both faces share (a tip) is left out.
+        Line by line in the order of their first tips, and from these; a node that both faces share (a tip) is
+        left out.
     length : float
         m.
 
@@ -48,29 +50,27 @@ def crack_pairs(
         The faces carry different numbers of edges, or they overlap.
     """
     parts, arc = [], 0.0
-    for path in faces.paths:
+    for path in sorted(faces.paths, key=lambda path: min(_tips_of(path), default=(np.inf, np.inf))):
         pairs, arc = _path_pairs(path, edge_nodes, nodes, crack, arc, where)
         parts += pairs
     joined = join_pairs(parts)
     length = arc if faces.length is None else faces.length
-    return (
-        ContactPairs(
-            joined.nodes,
-            joined.normal,
-            joined.gap,
-            joined.crack,
-            joined.arc / arc,
-            joined.arc / arc * length,
-            joined.weight,
-        ),
-        length,
-    )
+    for path in faces.paths:
+        for tip in (path.start, path.end):
+            if tip is not None:
+                tip.arc = (tip.arc[0] / arc * length, tip.arc[1] / arc * length)
+    fraction = joined.arc / arc
+    return replace(joined, position=fraction, arc=fraction * length), length
+
+
+def _tips_of(path: FacePath) -> list[tuple[float, float]]:
+    return [tip.position for tip in (path.start, path.end) if tip is not None]
 
 
 def _path_pairs(
     path: FacePath, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, arc: float, where: str
 ) -> tuple[list[ContactPairs], float]:
-    """Pairs of one line, and the arc coordinate at its end."""
+    """Pairs of one line from its first tip, which has the arc coordinate given, and that at its other end."""
     right, left = (np.array([edge_nodes(edge) for edge in face]) for face in (path.right, path.left))
     if right.shape != left.shape:
         raise ValueError(
@@ -82,10 +82,18 @@ def _path_pairs(
         for tip, i, j in ((path.start, 0, 0), (path.end, -1, -1))
     ]
     along = [_distances(face, nodes) for face in (right, left)]
-    places = arc + inside[0] + 0.5 * (along[0] + along[1])
+    from_start = inside[0] + 0.5 * (along[0] + along[1])
+    extent = float(from_start[-1, -1])
+    end = arc + extent + inside[1]
+    backwards = path.end is not None and path.end.position == min(_tips_of(path))
+    places = end - from_start if backwards else arc + from_start
+    first, last = (path.end, path.start) if backwards else (path.start, path.end)
+    if first is not None:
+        first.arc = (arc, arc + inside[backwards])
+    if last is not None:
+        last.arc = (end, end - inside[not backwards])
     normals = _nodal_normals(nodes[right], nodes[left])
     axis = np.array(path.start.axis) if path.start else None
-    extent = float(places[-1, -1]) - arc
     parts = []
     for run in _runs(right, left, nodes):
         one, other = (np.concatenate([face[run, :-1].ravel(), face[run[-1], -1:]]) for face in (right, left))
@@ -114,18 +122,11 @@ def _path_pairs(
         # Faces of a closed crack coincide to round-off; a gap below that is no gap.
         gap = np.where(gap < 1e-12 * extent, 0.0, gap)
         pairs = np.stack([one, other], axis=1)
-        parts.append(
-            ContactPairs(
-                pairs[separate],
-                normal[separate],
-                gap[separate],
-                np.full(int(separate.sum()), crack),
-                at[separate],
-                at[separate],
-                weight[separate],
-            )
-        )
-    return parts, float(places[-1, -1]) + inside[1]
+        found = ContactPairs(pairs, normal, gap, np.full(len(one), crack), at, at, weight)
+        parts.append(chosen(found, separate))
+    if backwards:
+        parts = [chosen(pairs, np.arange(len(pairs))[::-1]) for pairs in reversed(parts)]
+    return parts, end
 
 
 def _distances(face: np.ndarray, nodes: np.ndarray) -> np.ndarray:
@@ -173,6 +174,11 @@ def _turn(first: Sequence[float], second: Sequence[float]) -> float:
     )
 
 
+def chosen(pairs: ContactPairs, rows: np.ndarray) -> ContactPairs:
+    """Some of the pairs."""
+    return ContactPairs(*(getattr(pairs, item.name)[rows] for item in fields(pairs)))
+
+
 def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
     """Pairs of several cracks one after the other."""
     if not parts:
@@ -186,10 +192,7 @@ def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
             np.zeros(0),
         )
     return ContactPairs(
-        *(
-            np.concatenate([getattr(part, name) for part in parts])
-            for name in ("nodes", "normal", "gap", "crack", "position", "arc", "weight")
-        )
+        *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(ContactPairs))
     )
 
 
@@ -213,13 +216,4 @@ def without_doubles(pairs: ContactPairs) -> ContactPairs:
         normal[first], weight[first] = summed / np.hypot(*summed), weight[first] + weight[row]
     if len(kept) == len(pairs):
         return pairs
-    rows = np.array(kept)
-    return ContactPairs(
-        pairs.nodes[rows],
-        (turned * normal)[rows],
-        pairs.gap[rows],
-        pairs.crack[rows],
-        pairs.position[rows],
-        pairs.arc[rows],
-        weight[rows],
-    )
+    return chosen(replace(pairs, normal=turned * normal, weight=weight), np.array(kept))

@@ -136,6 +136,7 @@ def _tips(faces: CrackFaces, index: int, element_of_cell: np.ndarray) -> list[Ti
             tip.opening,
             int(element_of_cell[tip.cell]) if tip.cell >= 0 else -1,
             face_sets,
+            tip.arc,
         )
         for number, (tip, face_sets) in enumerate(found, 1)
     ]

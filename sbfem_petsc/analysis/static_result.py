@@ -137,9 +137,10 @@ class Static:
         return Field.of_forces(self.model, self.field, self.equilibrium.force, loads)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-        """Contact pressure along a crack, the first one by default: positions (m from the tip) and pressure
-        (Pa).
+        """Contact pressure along a crack, the first one by default: positions (m from its tip, of several
+        its first) and pressure (Pa).
 
+        A crack that branches is gone through line by line, as `ContactPairs.arc` of the mesh counts.
         Forces of the pairs over the length of face that each stands for, and the traction on the faces inside
         the tip element.
         """

@@ -107,7 +107,7 @@ def write_mesh(comm: MPI.Comm, file: h5py.File | None, model: Model, path: str) 
                 ("normal", pairs.normal, "1", "unit normal of the crack's axis"),
                 ("gap", pairs.gap, "m", "initial gap"),
                 ("crack", pairs.crack, "1", "number of the crack, from 0"),
-                ("position", pairs.position, "1", "fraction of the face's length from the tip"),
+                ("position", pairs.position, "1", "fraction of the crack's length from its first tip"),
             ):
                 put(group.require_group("pairs"), name, values, unit, text)
             for crack in model.cracks:

@@ -147,7 +147,8 @@ def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
 
 
 def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Positions along a crack (m from its first tip) and contact pressure there (Pa), in order. Collective.
+    """Positions along a crack (m from its first tip, as `arc` of its pairs) and contact pressure there (Pa),
+    in order. Collective.
 
     Parameters
     ----------
@@ -170,33 +171,19 @@ def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tupl
     chosen = np.flatnonzero(model.pairs.crack == number)
     position = [model.pairs.arc[chosen]]
     pressure = [force[chosen] / (model.pairs.weight[chosen] * model.thickness)]
-    length = float(model.cracks[number].length)
-    for tip_number, tip in enumerate(model.tip_elements):
-        if tip.crack != number:
-            continue
-        found = [
-            (faces.size * faces.tractions.lengths[0], _mode_pressure(model, faces, force))
-            for faces in model.tip_faces
-            if faces.number == tip_number
-        ]
-        everywhere = [item for part in model.comm.allgather(found) for item in part]
-        if everywhere:
-            reach, values = everywhere[0]
-            arc = LEVELS * reach
-            near_start = len(chosen) == 0 or tip_is_start(model, tip, chosen)
-            position.append(arc if near_start else length - arc)
+    inside = {
+        faces.number: _mode_pressure(model, faces, force)
+        for faces in model.tip_faces
+        if model.tip_elements[faces.number].crack == number
+    }
+    for part in model.comm.allgather(inside):
+        for tip, values in part.items():
+            at_tip, at_boundary = model.tip_elements[tip].arc
+            position.append(at_tip + LEVELS * (at_boundary - at_tip))
             pressure.append(values)
     where, what = np.concatenate(position), np.concatenate(pressure)
     order = np.argsort(where, kind="stable")
     return where[order], what[order]
-
-
-def tip_is_start(model, tip, chosen: np.ndarray) -> bool:
-    """Whether the arc length of a crack's pairs begins at a tip."""
-    tips = [other for other in model.tip_elements if other.crack == tip.crack]
-    if len(tips) < 2:
-        return True
-    return bool(tip.name.endswith(":1"))
 
 
 def _mode_pressure(model, faces, force: np.ndarray) -> np.ndarray:
