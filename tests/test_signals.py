@@ -79,7 +79,7 @@ def test_step():
         [0.0, 0.0, 2.0 - np.sqrt(2.0), 2.0, 2.0 + np.sqrt(2.0), 4.0, 4.0],
         atol=1e-14,
     )
-    assert (smooth.end, smooth.highest_frequency) == (pytest.approx(0.3), 0.0)
+    assert (smooth.end, smooth.highest_frequency) == (pytest.approx(0.3), 2.5)
 
 
 def test_constant_and_numbers():

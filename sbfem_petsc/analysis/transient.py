@@ -64,8 +64,9 @@ def transient(
     duration : float
         s.
     step : float, optional
-        s. Default: 1/320 of the shortest period of the loads, with contact at most 0.8 of the period of the
-        highest mode; shortened to divide `duration`.
+        s. Default: 1/320 of the shortest period of the loads, with contact or loads that jump at most 0.8 of
+        the period of the highest mode; shortened to divide `duration`. Where a load jumps within a step, the
+        step is taken in two parts.
     modes : int, optional
         Default: all modes up to 8 times the loads' highest frequency, at least 80. Of the unreduced model:
         those that are damped.
@@ -160,7 +161,7 @@ def transient(
         in_memory=in_memory,
     )
     require_compiler("transient", comm)
-    highest = loads.highest_frequency
+    highest, jumps = loads.highest_frequency, loads.jumps(duration)
     with contextlib.ExitStack() as stack:
         record = None
         if file is not None:
@@ -170,14 +171,15 @@ def transient(
             )
         if isinstance(model, Model) and unreduced:
             touching = contact and len(model.gap_operator) > 0
-            needed = bool(model.damping) or (touching and step is None)
-            damped = (modes or default_modes(model, highest)) if needed else 0
-            top = float(model.modes(damped).frequencies[-1]) if touching and step is None else 0.0
+            limited = (touching or jumps) and step is None
+            damped = (modes or default_modes(model, highest)) if model.damping or limited else 0
+            top = float(model.modes(damped).frequencies[-1]) if limited else 0.0
             row = row_size(unreduced_columns(model))
         else:
             reduced = serving("transient", model, loads, modes, highest)
             reduced = reduced if record is None else record.adopt(reduced)
-            top = float(reduced.frequencies[-1]) if contact and len(reduced.initial_gap) else 0.0
+            limited = (contact and len(reduced.initial_gap) > 0) or jumps
+            top = float(reduced.frequencies[-1]) if limited else 0.0
             row = row_size(reduced_columns(reduced))
             if isinstance(start, tuple) and _by_functions(start):
                 start = modal_start(reduced, start)

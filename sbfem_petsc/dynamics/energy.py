@@ -51,10 +51,10 @@ class Energy:
 class Ledger:
     """Energies and work, carried from chunk to chunk."""
 
-    def __init__(self, reduction: ReducedModel, step: float, smooth: bool):
+    def __init__(self, reduction: ReducedModel, smooth: bool):
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
         # work
-        self.r, self.step, self.smooth = reduction, step, smooth
+        self.r, self.smooth = reduction, smooth
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
         self.ones, self._squares = np.ones(len(reduction.omega)), np.empty((0, len(reduction.omega)))
         # of the displacements that loads and contact work on
@@ -73,9 +73,9 @@ class Ledger:
         self.supplied = float(self.last[2].sum())
         return np.concatenate([self.last[2].T, np.zeros((3, 1))])
 
-    def account(self, states, velocities, amplitudes, forces) -> np.ndarray:
-        """(5, n): kinetic, strain, external, damping, contact after each step; `amplitudes` (n + 1, loads)
-        begins with the step before.
+    def account(self, states, velocities, amplitudes, forces, step: float) -> np.ndarray:
+        """(5, n): kinetic, strain, external, damping, contact after each step of a length (s); `amplitudes`
+        (n + 1, loads) begins with the step before.
         """
         # of the loads and rows of contact that act meanwhile: mostly few of them
         loaded = (amplitudes != 0.0).any(axis=0)
@@ -97,11 +97,11 @@ class Ledger:
         means, changes = 0.5 * (drives[1:] + drives[:-1]), np.diff(moves, axis=0)
         external = means[:, :loads] * changes[:, :loads]
         if self.smooth:
-            external += np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (self.step / 12.0)
+            external += np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (step / 12.0)
         steps = np.stack(
             [
                 external.sum(axis=1),
-                0.5 * self.step * (losses[1:] + losses[:-1]),
+                0.5 * step * (losses[1:] + losses[:-1]),
                 np.einsum("ij,ij->i", means[:, loads:], changes[:, loads:]),
             ]
         )
@@ -109,6 +109,14 @@ class Ledger:
         self.work = work[:, -1]
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
+
+    def jump(self, q, v, amplitude, force) -> np.ndarray:
+        """(5,): the same where loads have jumped to `amplitude`: what moves with them has no inertia."""
+        last, now = self.last, self._instants(q[None], v[None], amplitude[None], force[None])
+        loads, means, changes = len(amplitude), 0.5 * (last[0] + now[0])[0], (now[1] - last[1])[0]
+        self.work = self.work + [means[:loads] @ changes[:loads], 0.0, means[loads:] @ changes[loads:]]
+        self.last = now
+        return np.concatenate([now[2][0], self.work])
 
     def _instants(self, q, v, amplitudes, forces, places=np.s_[:]):
         """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,),

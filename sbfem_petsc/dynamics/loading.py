@@ -55,6 +55,10 @@ class Loading:
         """Hz; 0 where no signal has one."""
         return max((s.highest_frequency or 0.0 for s in self.signals), default=0.0)
 
+    def jumps(self, duration: float) -> bool:
+        """Whether a load jumps between t = 0 and `duration` (s)."""
+        return any(0.0 < instant < duration for s in self.signals for instant in s.breaks)
+
 
 def loading(
     owner: str, system: Model | ReducedModel, load, number: Callable[[float], Signal] = as_signal

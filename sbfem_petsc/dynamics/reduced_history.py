@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from ..contact.closed_sets import thin_factors
-from ..contact.complementarity import solve_complementarity
+from ..contact.complementarity import Complementarity, solve_complementarity
 from ..contact.marching import StepConstants, StepHistory, StepLoads, StepState, march, step_constants
 from ..errors import SolveError, on_all_ranks
-from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
+from .drive import Drive
 from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Column, Rows, Steps
@@ -39,27 +39,20 @@ class ReducedIntegrator:
 
     def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, start):
         r = self.reduced = reduced
-        self.comm, self.chunk, self.signals, self.steps = r.comm, CHUNK, signals, steps
+        self.comm, self.chunk, self.steps = r.comm, CHUNK, steps
+        self.drive = Drive(r.comm, signals, steps.step)
         self.size = len(r.initial_gap)
         self.rows = self.size if steps.contact else 0
-        self.constants = _constants(r, steps)
-        self.q, self.v, self.force, self.active = _start(
-            r, self._amplitudes(np.zeros(1))[0], steps.contact, start
-        )
-        self.ledger = Ledger(r, steps.step, smooth=steps.scheme != "newmark")
+        self.constants = _constants(r, steps, steps.step)
+        self.amplitude = self.drive(np.zeros(1))[0]
+        self.q, self.v, self.force, self.active = _start(r, self.amplitude, steps.contact, start)
+        self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
         modes, most = len(self.q), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
         self.columns = reduced_columns(r)
-
-    def _amplitudes(self, time: np.ndarray) -> np.ndarray:
-        if not self.signals:
-            return np.zeros((len(time), 0))
-        with collective(self.comm):  # a user's function may fail on one rank alone
-            values = np.stack([signal(time) for signal in self.signals], axis=-1)
-        return values
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
@@ -78,9 +71,16 @@ class ReducedIntegrator:
 
     def first(self) -> Rows:
         """The row of t = 0."""
-        amplitude, force = self._amplitudes(np.zeros(1)), self._padded(self.force[None].copy())
-        energies = self.ledger.start(self.q, self.v, amplitude[0], force[0])
-        values = (np.zeros(1), self.q[None].copy(), self.v[None].copy(), amplitude, force, energies.T)
+        force = self._padded(self.force[None].copy())
+        energies = self.ledger.start(self.q, self.v, self.amplitude, force[0])
+        values = (
+            np.zeros(1),
+            self.q[None].copy(),
+            self.v[None].copy(),
+            self.amplitude[None],
+            force,
+            energies.T,
+        )
         return dict(zip(self.columns, values))
 
     def advance(self, done: int, steps: int, decimation: int) -> Rows:
@@ -92,28 +92,51 @@ class ReducedIntegrator:
             If a contact problem is not solved, or the energy runs away.
         """
         time = (done + np.arange(steps + 1)) * self.steps.step
-        amplitude = self._amplitudes(time)
+        amplitude, pieces = self.drive.pieces(done, steps)
+        self.amplitude = amplitude[0]
         states, velocities, forces = (room[:steps] for room in self._room[:3])
-        reached, exchanged = march(
-            self.constants,
-            self._driven(amplitude),
-            StepState(self.q, self.v, self.force, self.active),
-            StepHistory(states, velocities, forces),
-        )
-        if reached < steps:
-            raise on_all_ranks(
-                SolveError(
-                    f"transient: the contact problem at t = {time[reached + 1]:.6g} s was not solved; use a "
-                    "smaller step or more pairs of like size"
-                )
+        energies = np.empty((5, steps))
+        for piece in pieces:
+            rows = slice(piece.first, piece.first + piece.steps)
+            self._jump(piece.amplitudes[0])
+            whole = piece.length == self.steps.step
+            reached, exchanged = march(
+                self.constants if whole else _constants(self.reduced, self.steps, piece.length),
+                self._driven(piece.amplitudes),
+                StepState(self.q, self.v, self.force, self.active),
+                StepHistory(states[rows], velocities[rows], forces[rows]),
             )
+            if reached < piece.steps:
+                raise on_all_ranks(
+                    SolveError(
+                        f"transient: the contact problem at t = {time[piece.first + reached + 1]:.6g} s was "
+                        "not solved; use a smaller step or more pairs of like size"
+                    )
+                )
+            self.exchanges += exchanged
+            energies[:, rows] = self.ledger.account(
+                states[rows], velocities[rows], piece.amplitudes, self._padded(forces[rows]), piece.length
+            )
+            self.amplitude = piece.amplitudes[-1]
+            if piece.complete and (energy := self._jump(amplitude[rows.stop])) is not None:
+                forces[rows.stop - 1], energies[:, rows.stop - 1] = self.force, energy
         forces = self._padded(forces)
-        energies = self.ledger.account(states, velocities, amplitude, forces)
         guard(energies, self.ledger, time)
-        self.exchanges += exchanged
         kept = slice(-(done + 1) % decimation, None, decimation)
         values = (time[1:], states, velocities, amplitude[1:], forces, energies.T)
         return {name: value[kept] for name, value in zip(self.columns, values)}
+
+    def _jump(self, amplitude: np.ndarray) -> np.ndarray | None:
+        """Let loads jump, and with them contact and the residual flexibility; the energies then, or None if
+        they do not.
+        """
+        if (amplitude == self.amplitude).all():
+            return None
+        self.amplitude = amplitude
+        if self.rows:
+            found = _contact_at(self.reduced, self.q, amplitude)
+            self.force[:], self.active[:] = found.force, found.active
+        return self.ledger.jump(self.q, self.v, amplitude, self._padded(self.force[None])[0])
 
     def checkpoint(self) -> np.ndarray:
         """State, contact set and the energies' account; the number of exchanges comes first."""
@@ -170,9 +193,9 @@ def reduced_history(
     return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)
 
 
-def _constants(r: ReducedModel, steps: Steps) -> StepConstants:
-    """Of all steps."""
-    coefficients = step_coefficients(r.omega, r.damping, steps.step, steps.scheme)
+def _constants(r: ReducedModel, steps: Steps, length: float) -> StepConstants:
+    """Of steps of a length (s)."""
+    coefficients = step_coefficients(r.omega, r.damping, length, steps.scheme)
     rows = len(r.initial_gap) if steps.contact else 0
     modes, residual = r.gap.modes[:rows], r.gap.contact[:rows, :rows]
     factors = r.thin_gaps if steps.contact else thin_factors(modes)
@@ -198,6 +221,11 @@ def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
     if not contact:
         return q, v, np.zeros(0), np.zeros(0, dtype=bool)
     if found is None:
-        gap = r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
-        found = solve_complementarity(r.gap.contact, gap, r.contact_laws)
+        found = _contact_at(r, q, amplitude)
     return q, v, found.force.copy(), found.active.copy()
+
+
+def _contact_at(r: ReducedModel, q: np.ndarray, amplitude: np.ndarray) -> Complementarity:
+    """Contact of a state to which no step leads."""
+    gap = r.gap.loads @ amplitude + r.gap.modes @ q + r.initial_gap
+    return solve_complementarity(r.gap.contact, gap, r.contact_laws)

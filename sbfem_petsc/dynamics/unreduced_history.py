@@ -24,7 +24,6 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
-from ..parallel import collective
 from ..petsc import stage
 from ..signals.signal import Signal
 from ..system.demand import require_steps
@@ -33,6 +32,7 @@ from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from ..system.resolution import warn_of_tips
+from .drive import Drive
 from .energy import Energy
 from .history import History
 from .initial import unreduced_state
@@ -76,7 +76,8 @@ class UnreducedIntegrator:
     ):
         model.require_support("the transient analysis")
         warn_of_tips("transient", model)
-        self.model, self.signals, self.steps = model, signals, steps
+        self.model, self.steps = model, steps
+        self.drive = Drive(model.comm, signals, steps.step)
         self.comm, self.chunk = model.comm, CHUNK
         require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
         found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
@@ -99,18 +100,12 @@ class UnreducedIntegrator:
     def __exit__(self, *_: object) -> None:
         self._freed.close()
 
-    def _amplitudes(self, time: np.ndarray) -> np.ndarray:
-        if not self.signals:
-            return np.zeros((len(time), 0))
-        with collective(self.comm):  # a user's function may fail on one rank alone
-            values = np.stack([signal(time) for signal in self.signals], axis=-1)
-        return values
-
     def first(self) -> Rows:
         """The row of t = 0."""
         march = self.march
-        march.slope = march.first_slope(self._amplitudes(np.array([0.0, march.step])).sum(axis=0))
-        march.amplitudes = self._amplitudes(np.zeros(1))[0]
+        amplitudes, sums = self.drive.sums(0, 1)
+        march.slope = march.first_slope(sums[0])
+        march.amplitudes = amplitudes[0]
         gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
         gap = gap + march.own_flexibility @ self.force
         return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
@@ -120,10 +115,10 @@ class UnreducedIntegrator:
         """Take some steps, that end with a settled state; the rows of those that are kept."""
         march, kept = self.march, []
         time = (done + np.arange(steps + 1)) * march.step
-        amplitudes = self._amplitudes(time)
+        amplitudes, sums = self.drive.sums(done, steps)
         for k in range(steps):
             slope = march.slope
-            force, gap = march.advance(amplitudes[k], amplitudes[k + 1])
+            force, gap = march.advance(sums[k], amplitudes[k + 1])
             keep = (done + k + 1) % decimation == 0
             if keep or march.scheme == "paper":
                 energies = march.energies()
@@ -211,7 +206,7 @@ class UnreducedIntegrator:
             if start == "rest" or not units:
                 return force
             columns = model.load_columns(units)
-            amplitudes = self._amplitudes(np.zeros(1))[0]
+            amplitudes = self.drive(np.zeros(1))[0]
             found = equilibrium(model, columns.combined(amplitudes), self.steps.contact)
             march.u[: self.pencil.owned] = found.owned
             force = found.force[: march.pairs].copy()

@@ -139,7 +139,7 @@ class _UnreducedPeriod:
         self._set(state)
         march.contact.active[:] = False
         for k in range(self.count):
-            force, gap = march.advance(self.amplitudes[k], self.amplitudes[k + 1])
+            force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
             sets[k] = march.laws.acting(force)
             if record:
                 places, speeds = march.at_points()

@@ -249,10 +249,12 @@ class UnreducedSteps:
         return energies + [0.0, self.stored]
 
     # ------------------------------------------------------------------ steps
-    def advance(self, before: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """One step under load amplitudes at its ends; contact forces and gaps at its end."""
+    def advance(self, drive: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end;
+        contact forces and gaps there.
+        """
         self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
-        solved = self._take(before + after)
+        solved = self._take(drive)
         self.force = solved.force
         stored, self.stored = self.stored, self.stored_in(solved.force)
         self.work[2] += self.stored - stored

@@ -17,6 +17,9 @@ from .signal import ROUND_OFF, Signal
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999
+# Steps a period of `highest_frequency` that a history takes by default, and what a corner between two of them
+# may do to the value, as a share of the largest one, before a step has to end at it.
+STEPS_A_PERIOD, CORNER = 320, 0.01
 # Farthest time (s) and largest value, whose squares a spectrum still holds.
 LATEST, LARGEST = 1e15, 1e140
 
@@ -112,9 +115,21 @@ class Samples(Signal):
     def _spline(self) -> CubicSpline:
         return CubicSpline(self.time, self.value)
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    @cached_property
+    def breaks(self) -> tuple[float, ...]:
+        """The ends if the values there are not zero, and corners of steep lines."""
+        sharp = np.zeros(len(self.time), dtype=bool)
+        if self.interpolation == "linear" and self.highest_frequency > 0.0:
+            turns = np.abs(np.diff(np.diff(self.value) / np.diff(self.time)))
+            step = 1.0 / (STEPS_A_PERIOD * self.highest_frequency)
+            sharp[1:-1] = 0.125 * turns * step > CORNER * np.abs(self.value).max()
+        sharp[[0, -1]] = self.value[[0, -1]] != 0.0
+        return tuple(self.time[sharp].tolist())
+
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         slack = ROUND_OFF * (self.time[-1] - self.time[0]) / (len(self.time) - 1)
-        inside = (t >= self.time[0] - slack) & (t <= self.time[-1] + slack)
+        begin = t >= self.time[0] - slack if side >= 0 else t > self.time[0] + slack
+        inside = begin & (t <= self.time[-1] + slack if side <= 0 else t < self.time[-1] - slack)
         at = np.clip(t, self.time[0], self.time[-1])
         return np.where(
             inside,

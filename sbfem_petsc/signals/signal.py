@@ -10,10 +10,12 @@ from typing import Any, ClassVar, cast
 
 import numpy as np
 
-from ..checks import Bounds, real, shown
+from ..checks import Bounds, real, real_array, shown
 
 # Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
 ROUND_OFF = 1e-9
+# Relative to an instant: how far times that round-off has moved are from it at most.
+JUST = 1e-3 * ROUND_OFF
 
 
 class Signal:
@@ -25,6 +27,9 @@ class Signal:
         Top of the band that matters, Hz; 0 for steps and constants; None if it is not known.
     end : float
         Time after which the signal keeps its value, s; inf if it never does.
+    breaks : tuple of float
+        Instants at which the value jumps, or turns so sharply that no step passes over it, s, rising: a step
+        of a history ends there.
     """
 
     _units: ClassVar[dict[str, str]] = {}
@@ -39,14 +44,30 @@ class Signal:
     def end(self) -> float:
         return math.inf
 
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return ()
+
     def __call__(self, t) -> np.ndarray:
         """Values at the times `t` (s), of the same shape."""
+        return self._checked_values(t, 0)
+
+    def before(self, t) -> np.ndarray:
+        """Limits from the left at the times `t` (s), of the same shape."""
+        return self._checked_values(t, -1)
+
+    def after(self, t) -> np.ndarray:
+        """Limits from the right at the times `t` (s), of the same shape."""
+        return self._checked_values(t, 1)
+
+    def _checked_values(self, t, side: int) -> np.ndarray:
         times = np.asarray(t)
         if times.dtype.kind not in "iuf":
             raise TypeError(f"{type(self).__name__}: t = {shown(t)} must be times, numbers in s")
-        return self._values(times.astype(float))[()]
+        return self._values(times.astype(float), side)[()]
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
+        """Values, where the signal jumps those before (side -1), at (0) or behind it (1)."""
         raise NotImplementedError
 
     def _scaled(self, factor: float) -> Signal:
@@ -110,7 +131,7 @@ class Constant(Signal):
     def __post_init__(self) -> None:
         self._check(value=real)
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         return np.full(t.shape, self.value)
 
     def _scaled(self, factor: float) -> Constant:
@@ -122,13 +143,15 @@ class Custom(Signal):
     """amplitude * function(t), for a function that takes an (n,) array of times (s) and returns one finite
     number for each.
 
-    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known. The function is
-    tried at two times here and checked whenever it is called.
+    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known; `breaks` are the
+    instants at which the function jumps, s. The function is tried at two times here and checked whenever it
+    is called.
     """
 
     function: Callable[[np.ndarray], np.ndarray]
     highest_frequency: float | None = None
     amplitude: float = 1.0
+    breaks: tuple[float, ...] = ()
 
     _units = {"highest_frequency": "Hz"}
 
@@ -142,14 +165,18 @@ class Custom(Signal):
         self._check(amplitude=real)
         if self.highest_frequency is not None:
             self._check(highest_frequency=not_negative)
+        breaks = real_array("Custom", "breaks", self.breaks, 1)
+        object.__setattr__(self, "breaks", tuple(np.unique(breaks).tolist()))
         self._values(np.array([0.0, 1e-6]))
 
     @property
     def _name(self) -> str:
         return getattr(self.function, "__name__", None) or type(self.function).__name__
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         times = t.ravel()
+        if side:
+            times = times + side * JUST * np.abs(times)
         try:
             result = np.asarray(self.function(times))
         except Exception as error:
@@ -202,8 +229,12 @@ class Sum(Signal):
         known = [band for band in bands if band is not None]
         return max(known) if len(known) == len(bands) else None
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
-        return np.sum([part._values(t) for part in self.parts], axis=0)
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return tuple(sorted({instant for part in self.parts for instant in part.breaks}))
+
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
+        return np.sum([part._values(t, side) for part in self.parts], axis=0)
 
     def _scaled(self, factor: float) -> Sum:
         return Sum(tuple(part._scaled(factor) for part in self.parts))

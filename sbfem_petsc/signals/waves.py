@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..checks import positive, real
-from .signal import ROUND_OFF, Signal, not_negative
+from .signal import JUST, Signal, not_negative
 
 
 @dataclass(frozen=True, repr=False)
@@ -27,7 +27,7 @@ class Harmonic(Signal):
     def highest_frequency(self) -> float:
         return self.frequency
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         return self.amplitude * np.sin(2.0 * np.pi * self.frequency * t + self.phase)
 
 
@@ -57,7 +57,7 @@ class ToneBurst(Signal):
         """Upper zero of the spectrum's main lobe, fc (1 + 2 / n), Hz."""
         return self.frequency * (1.0 + 2.0 / self.cycles)
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         phase = 2.0 * np.pi * self.frequency * t
         return np.where(
             (t >= 0.0) & (t <= self.end),
@@ -111,11 +111,21 @@ class Chirp(Signal):
     def highest_frequency(self) -> float:
         return max(self.start, self.stop)
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return () if self.taper else (0.0, self.duration)
+
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         cycles = (self.start + 0.5 * (self.stop - self.start) * t / self.duration) * t
         edge = np.minimum(t, self.duration - t)
-        envelope = (edge >= 0.0) * _smooth(edge, self.taper)
+        inside = _from(t, 0.0, side) & ~_from(t, self.duration, 1 if side > 0 else -1)
+        envelope = inside * _smooth(edge, self.taper)
         return self.amplitude * envelope * np.sin(2.0 * np.pi * cycles + self.phase)
+
+
+def _from(t: np.ndarray, begin: float, side: int) -> np.ndarray:
+    """Whether times are at `begin` or later; at it only for a side that is not negative."""
+    return t >= begin - JUST * abs(begin) if side >= 0 else t > begin + JUST * abs(begin)
 
 
 def _smooth(t: np.ndarray, rise: float) -> np.ndarray:
@@ -142,9 +152,14 @@ class Step(Signal):
     def end(self) -> float:
         return self.time + self.rise
 
-    def _values(self, t: np.ndarray) -> np.ndarray:
-        return (
-            self.amplitude
-            * (t >= self.time - 1e-3 * ROUND_OFF * abs(self.time))
-            * _smooth(t - self.time, self.rise)
-        )
+    @property
+    def highest_frequency(self) -> float:
+        """That of the half cosine, 1 / (2 rise), Hz; 0 for a jump, which has no highest one."""
+        return 0.5 / self.rise if self.rise else 0.0
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        return () if self.rise else (self.time,)
+
+    def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
+        return self.amplitude * _from(t, self.time, side) * _smooth(t - self.time, self.rise)
