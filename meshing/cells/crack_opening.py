@@ -132,10 +132,13 @@ def _along_edge(
 
 
 def _follow(cells: CellComplex, moved: Mapping[int, np.ndarray]) -> None:
-    """Move the other vertices inside by the mean of their neighbours' moves; the outline stays."""
+    """Move the other vertices inside by the mean of their neighbours' moves; the outline and named points
+    stay.
+    """
     uses = cells.edge_uses()
     count = len(cells.vertices)
     held = np.zeros(count, bool)
+    held[list(cells.points.values())] = True
     first, second = np.array(list(uses)).T
     for (a, b), times in uses.items():
         if times == 1:

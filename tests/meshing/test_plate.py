@@ -1,12 +1,13 @@
 """Plates: outlines, holes and cracks of any path; what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from mesh_checks import check_mesh, distinct_shapes
 
-from meshing import BoundaryMesh, CrackLine, Hole, Plate
+from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate
 
 SIDE = 0.1
 SQUARE = [(0, 0), (SIDE, 0), (SIDE, SIDE), (0, SIDE)]
@@ -291,6 +292,28 @@ def test_refused_options(options, says):
     with pytest.raises((ValueError, TypeError)) as caught:
         Plate(SQUARE, cracks=[EDGE]).mesh(**options)
     assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("opening", [0.05, 5.0, 20.0])
+@pytest.mark.parametrize("body", [Plate([(0, 0), (1, 0), (1, 1), (0, 1)]), Beam(1.0, 1.0)])
+def test_named_points_stay_where_they_are(body, opening):
+    """A crack that opens moves what lies around it, but not what is named."""
+    lines = [CrackLine([(0.3, 1.0), (0.3, 0.7)], opening), CrackLine([(0.6, 0.3), (0.7, 0.7)], opening)]
+    points = {"P": (0.35, 0.8), "Q": (0.25, 0.91), "R": (0.3, 0.68), "S": (0.71, 0.5)}
+    mesh = replace(body, cracks=lines).mesh(points=points)
+    for name, place in points.items():
+        assert mesh.nodes[mesh.points[name]].tolist() == list(place)
+
+
+def test_points_in_an_opening_are_refused():
+    between = {"P": (0.01, 0.06)}  # m, the faces stand 21 mm apart there
+    on = {"P": (0.01, 0.05)}
+    line = [(0.0, 0.05), (0.07, 0.05)]
+    for opening in (0.0, 20.0):
+        with pytest.raises(ValueError, match="'P' at .* is on or next to crack"):
+            Plate(SQUARE, cracks=[CrackLine(line, opening)]).mesh(points=on)
+    with pytest.raises(ValueError, match="opens by up to 20 degrees run into the cells near"):
+        Plate(SQUARE, cracks=[CrackLine(line, 20.0)]).mesh(points=between)
 
 
 def test_opening_is_refused():
