@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterable
 
 from .checks import shown
+
+# Modules between a line that warns and the user's: this package, and wrappers of its functions.
+INSIDE = (__package__, "contextlib", "functools")
 
 
 class UnknownName(KeyError):
@@ -28,6 +32,14 @@ class PetscFailure(SolveError):
     """PETSc refuses an option of the command line, or cannot do what it is asked for; no other first guess
     will change that.
     """
+
+
+def caller_level() -> int:
+    """`stacklevel` of the line outside of this package, for a function that warns itself."""
+    level, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in INSIDE:
+        level, frame = level + 1, frame.f_back
+    return level
 
 
 def on_all_ranks(error: Exception) -> Exception:

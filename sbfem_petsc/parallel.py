@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
+import inspect
 import pickle
 import sys
 import time
-from collections.abc import Callable
-from typing import Any, Literal, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, Literal, ParamSpec, TypeVar
 
 import numpy as np
 from mpi4py import MPI
@@ -27,7 +29,13 @@ WIDTH = 17  # bytes of an exchange: its kind and a digest
 TAG = 29_875  # of its messages
 FINE, FAILED, AGREE = b"\0", b"\1", b"\2"
 
+# Arguments that each rank may have of its own: what is told to a person.
+OWN = {"progress", "watch"}
+# Attributes by which a result leads to the ranks that share it, and entries of a sequence that are asked.
+SHARED, MOST = ("comm", "reduced", "model", "own", "states", "fields", "motions"), 10
+
 Result = TypeVar("Result")
+Parameters = ParamSpec("Parameters")
 
 
 class RanksDiffer(ValueError):
@@ -82,7 +90,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], Result]) -> Result | None:
     return result
 
 
-def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
+def agree(comm: MPI.Comm, owner: str, arguments: Mapping[str, Any]) -> None:
     """Refuse arguments that differ between the ranks of `comm`, which would mix into a wrong result.
     Collective.
 
@@ -93,7 +101,7 @@ def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
     comm : Comm
     owner : str
         The function, for messages.
-    arguments
+    arguments : dict by name
         What every rank was given.
 
     Raises
@@ -130,6 +138,85 @@ def agree(comm: MPI.Comm, owner: str, **arguments: Any) -> None:
                         f"{texts[name]} on rank {rank}; give every rank the same"
                     )
                 )
+
+
+def agreed(*own: str) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
+    """Decorator of what all ranks call together: before it begins, its arguments are compared by `agree` over
+    the ranks of every communicator among them, those that share a model or a result included.
+
+    Every public function that communicates has it; a test finds those that have not. On one rank it costs
+    nothing.
+
+    Parameters
+    ----------
+    own : str
+        Arguments that each rank may have of its own, beside those of `OWN`.
+    """
+
+    def decorated(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+        signature = inspect.signature(function)
+        apart = {*own, *OWN} | ({"self"} if function.__name__ == "__init__" else set())
+        owner = function.__qualname__.removesuffix(".__init__").replace("._", ".")
+
+        @functools.wraps(function)
+        def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            if MPI.COMM_WORLD.size > 1:
+                _compare(owner, _given(signature, args, kwargs, apart), "comm" in signature.parameters)
+            return function(*args, **kwargs)
+
+        call.own = apart  # type: ignore[attr-defined]
+        return call
+
+    return decorated
+
+
+def _given(
+    signature: inspect.Signature, args: tuple, kwargs: dict[str, Any], apart: set[str]
+) -> dict[str, Any] | None:
+    """Arguments of a call by name, defaults included; None for one that Python refuses."""
+    try:
+        bound = signature.bind(*args, **kwargs)
+    except TypeError:
+        return None
+    bound.apply_defaults()
+    given = {name: value for name, value in bound.arguments.items() if name not in apart}
+    for name, parameter in signature.parameters.items():
+        if parameter.kind is parameter.VAR_KEYWORD:
+            given |= given.pop(name)
+    return given
+
+
+def _compare(owner: str, given: dict[str, Any] | None, everywhere: bool) -> None:
+    """`agree` on the arguments of a call over every communicator among them, or over COMM_WORLD where there
+    is none and that is the default.
+    """
+    if given is None:
+        return
+    found: list[MPI.Comm] = []
+    for value in given.values():
+        comm = _ranks_of(value)
+        if comm is not None and comm not in found:
+            found.append(comm)
+    if not found and everywhere and given["comm"] is None:
+        found.append(MPI.COMM_WORLD)
+    for comm in found:
+        agree(comm, owner, given)
+
+
+def _ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
+    """Ranks that share a model or a result, or the first of several; None for what is a rank's own."""
+    if isinstance(value, MPI.Comm):
+        return value if isinstance(value, MPI.Intracomm) and value != MPI.COMM_NULL else None
+    if depth > 4:
+        return None
+    parts: Any = ()
+    if isinstance(value, (list, tuple)):
+        parts = value[:MOST]
+    elif isinstance(value, Mapping):
+        parts = list(value.values())[:MOST]
+    elif type(value).__module__.startswith(f"{__package__}."):
+        parts = (getattr(value, name, None) for name in SHARED)
+    return next((comm for comm in (_ranks_of(part, depth + 1) for part in parts) if comm is not None), None)
 
 
 def checked_communicator(owner: str, comm: Any) -> MPI.Comm:

@@ -21,7 +21,7 @@ from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import period_memory
 from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -153,6 +153,7 @@ class Backbone:
         )
 
 
+@agreed()
 def backbone(
     model: Model | ReducedModel,
     mode: int,
@@ -222,21 +223,6 @@ def backbone(
                 f"backbone: {modes or 3 * mode + MODES} modes are more than half of the "
                 f"{model.boundary_unknowns} unknowns; give fewer modes, or refine the mesh"
             )
-    agree(
-        communicator(model),
-        "backbone",
-        mode=mode,
-        start=start,
-        stop=stop,
-        damping=damping,
-        modes=modes,
-        steps=steps,
-        points=points,
-        largest_step=largest_step,
-        refine=refine,
-        stability=stability,
-        interactions=interactions,
-    )
     reduction = model if isinstance(model, ReducedModel) else reduced(model, (), modes or 3 * mode + MODES)
     with collective(communicator(model)):
         if mode > len(reduction.omega) or reduction.omega[mode - 1] == 0.0:

@@ -17,13 +17,14 @@ from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.preparation import PeriodSettings, check_first, prepare
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agree, checked_communicator, collective
+from ..parallel import agreed, checked_communicator, collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 
 
+@agreed()
 def basins(
     model: Model | ReducedModel,
     load,
@@ -122,18 +123,6 @@ def basins(
         for orbit in orbits:
             _state(orbit, period.modes)
             attraction.add(orbit)
-    agree(
-        ranks,
-        what,
-        load=load,
-        frequency=frequency,
-        steps=period.steps,
-        orbits=[orbit.state for orbit in attraction.orbits],
-        states=states,
-        longest=longest,
-        tolerance=tolerance,
-        limit=limit,
-    )
     flat = states.reshape(-1, states.shape[-1])
     with progress_bar(ranks, "basins", progress) as report:
         try:

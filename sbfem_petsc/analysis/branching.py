@@ -16,7 +16,7 @@ from ..dynamics.period_map import Period
 from ..dynamics.shooting import shoot_along
 from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from .quasi_periodic import require_room, warn_if_unresolved
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
@@ -29,6 +29,7 @@ QUASI_PERIODIC_SIZES = (0.05, 0.1, 0.02, 0.2, 0.01)
 SAMPLES = 21
 
 
+@agreed()
 def switch_branch(
     branch: Branch, bifurcation: Bifurcation, *, size: float | None = None, samples: int = SAMPLES
 ) -> Orbit | QuasiPeriodic:
@@ -80,14 +81,6 @@ def switch_branch(
                 f"switch_branch: {bifurcation!r} is no period doubling and no Neimark-Sacker point; motions "
                 "of another period leave a branch only there"
             )
-    agree(
-        comm,
-        "switch_branch",
-        branch=branch.value,
-        bifurcation=bifurcation.value,
-        size=size,
-        samples=samples,
-    )
     if bifurcation.kind == "Neimark-Sacker":
         sizes = QUASI_PERIODIC_SIZES if size is None else (size,)
         found = _quasi_periodic(branch, bifurcation, sizes, samples)

@@ -13,7 +13,8 @@ import numpy as np
 from meshing.warnings import MeshWarning
 
 from ..checks import Bounds, integer, real, shown
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, caller_level, on_all_ranks
+from ..parallel import agreed
 from ..system.model import Model
 
 # From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
@@ -93,6 +94,7 @@ def checked_accuracy(owner: str, accuracy: float) -> float:
     return real(owner, "accuracy", accuracy, within=Bounds(least=FINEST, most=COARSEST))
 
 
+@agreed()
 def estimate(
     model: Model | Callable[..., Model],
     quantity: Callable[[Model], Any],
@@ -291,7 +293,7 @@ def refined(
             "quantity without a limit, such as a stress at a corner or a displacement under a point force, "
             "has none",
             MeshWarning,
-            stacklevel=3,
+            stacklevel=caller_level(),
         )
     return model, result, found
 

@@ -15,7 +15,7 @@ from ..capacity import require_memory
 from ..checks import flag, instance, real_array
 from ..errors import at_point
 from ..loads import Loads
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..signals.signal import Signal
 from ..system.model import Model
 from ..system.places import checked_line
@@ -41,10 +41,12 @@ class LoadHistory:
         """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
         return np.array([state.displacement(point) for state in self.states])
 
+    @agreed()
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(n, 3): stress xx, yy, xy at a named point or at any point (x, y) in m, Pa. Collective."""
         return np.array([state.stress(place) for state in self.states])
 
+    @agreed()
     def along(
         self, start: tuple[float, float], end: tuple[float, float], count: int = 101
     ) -> tuple[np.ndarray, ...]:
@@ -94,6 +96,7 @@ class LoadHistory:
         )
 
 
+@agreed()
 def load_history(
     model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
 ) -> LoadHistory:
@@ -123,7 +126,6 @@ def load_history(
         times = _checked(time)
         loads = model.checked_loads(load, constant=False)
         flag("load_history", "contact", contact)
-    agree(model.comm, "load_history", load=load, time=times, contact=contact)
     require_memory(
         "load_history",
         model.comm,

@@ -24,8 +24,8 @@ from ..dynamics.locus import (
     follow_locus,
 )
 from ..dynamics.locus_point import Family
-from ..errors import SolveError
-from ..parallel import agree, collective
+from ..errors import SolveError, caller_level
+from ..parallel import agreed, collective
 from ..progress import progress_bar
 
 # A multiplier further than this from 1 is that of a corner, not of a smooth fold.
@@ -38,6 +38,7 @@ ONE = 0.03
 AT = 1e-6
 
 
+@agreed()
 def locus(
     branch: Branch,
     bifurcation: Bifurcation,
@@ -111,16 +112,6 @@ def locus(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
                 f"between start = {start:g} and stop = {stop:g}"
             )
-    agree(
-        comm,
-        what,
-        branch=branch.value,
-        bifurcation=(bifurcation.kind, bifurcation.value),
-        start=start,
-        stop=stop,
-        parameter=parameter,
-        points=points,
-    )
     family = Family(branch.period, parameter, factor)
     if bifurcation.kind == "grazing":
         row = bifurcation.row
@@ -161,6 +152,7 @@ def _require_effect(what: str, branch: Branch, parameter: str) -> None:
         )
 
 
+@agreed()
 def loci(
     branch: Branch,
     start: float,
@@ -210,16 +202,6 @@ def loci(
             choice(what, "kinds", kind, KINDS)
         if not kinds:
             raise ValueError(f"{what}: kinds is empty; name one of {', '.join(KINDS)} at least")
-    agree(
-        branch.reduced.comm,
-        what,
-        branch=branch.value,
-        start=start,
-        stop=stop,
-        parameter=parameter,
-        kinds=tuple(kinds),
-        points=points,
-    )
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
     if "grazing" in kinds:
@@ -231,7 +213,9 @@ def loci(
         try:
             line = locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
         except SolveError as error:
-            warnings.warn(f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=2)
+            warnings.warn(
+                f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=caller_level()
+            )
             continue
         result.append(line)
         for k, reason in zip((0, -1), line.reasons):
@@ -240,7 +224,7 @@ def loci(
                     f"{what}: the line of {item!r} ends inside the range, at {line.frequency[k]:.8g} Hz and "
                     f"the factor {line.value[k]:.6g}: {reason}",
                     BranchWarning,
-                    stacklevel=2,
+                    stacklevel=caller_level(),
                 )
     return tuple(result)
 
@@ -261,6 +245,7 @@ def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
     return False
 
 
+@agreed()
 def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation, ...]:
     """Find where a motion of a branch begins or ceases to touch: the least gap over the period is zero there.
 
@@ -292,5 +277,4 @@ def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation,
     instance(what, "branch", branch, Branch, "a Branch")
     with collective(branch.reduced.comm):
         flag(what, "every", every)
-    agree(branch.reduced.comm, what, branch=branch.value, every=bool(every))
     return tuple(find_grazing(branch, bool(every)))

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import Bounds, flag, numbers_of, optional_integer, real, shown
-from ..errors import listed
-from ..parallel import agree, collective
+from ..errors import caller_level, listed
+from ..parallel import agreed, collective
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.modes import TOLERANCE, lowest_modes, modes_in_band
@@ -22,6 +22,7 @@ HIGHEST = 1e30
 RIGID = 1e-5
 
 
+@agreed()
 def modal(
     model: Model,
     count: int | None = None,
@@ -78,22 +79,13 @@ def modal(
         band = _checked_request(model, count, band, auxiliary_tolerance, verify)
         if accuracy is not None:
             accuracy = checked_accuracy("modal", accuracy)
-    agree(
-        model.comm,
-        "modal",
-        count=count,
-        band=band,
-        auxiliary_tolerance=auxiliary_tolerance,
-        verify=verify,
-        accuracy=accuracy,
-    )
     tied = [name for name, law in model.contact_laws.items() if law.tied]
     if tied:
         warnings.warn(
             f"modal: the cracks {listed(tied)} are tied, but modes are those of open cracks; for a body "
             "without them leave them out of the geometry",
             UserWarning,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
 
     def solve(level: Model) -> Modal:

@@ -19,7 +19,7 @@ from ..dynamics.states import ModalStates
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 
@@ -27,6 +27,7 @@ from ..system.model import Model
 DOUBLINGS = 7
 
 
+@agreed()
 def periodic(
     model: Model | ReducedModel,
     load,
@@ -114,15 +115,6 @@ def periodic(
             )
         if reduction is None:
             _check_unreduced(model, settings, start, tolerance)
-    agree(
-        communicator(model),
-        "periodic",
-        reduction=reduction,
-        stability=stability,
-        tolerance=tolerance,
-        search=search,
-        segments=segments,
-    )
     if reduction is None:
         assert isinstance(model, Model)
         return unreduced_periodic(model, load, frequency, settings=settings)

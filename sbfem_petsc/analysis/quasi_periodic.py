@@ -31,8 +31,8 @@ from ..dynamics.tones import (
     tone_lines,
 )
 from ..dynamics.torus import RESOLVED, Torus
-from ..errors import SolveError, on_all_ranks
-from ..parallel import agree, collective
+from ..errors import SolveError, caller_level, on_all_ranks
+from ..parallel import agreed, collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant, Signal, as_signal
@@ -50,6 +50,7 @@ _OTHER = (
 MULTIPLES, SAME = 16, 1e-9
 
 
+@agreed()
 def quasi_periodic(
     model: Model | ReducedModel,
     load,
@@ -125,17 +126,6 @@ def quasi_periodic(
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
-    agree(
-        comm,
-        "quasi_periodic",
-        load=load,
-        frequencies=frequencies,
-        samples=samples,
-        steps=steps,
-        modes=modes,
-        start=None if start is None else (start.frequencies, start.samples),
-        stability=stability,
-    )
     if modes is None and start is not None and isinstance(model, Model):
         modes = start.states.shape[1] // 2
     reduced = serving("quasi_periodic", model, loads, modes, _highest(driven, ordered))
@@ -147,16 +137,14 @@ def quasi_periodic(
         fast = math.ceil(FAST_STEPS * fastest / ordered[0])
         steps = max(STEPS, shortest, fast) if contact else STEPS
     elif contact:
-        warn_if_coarse(
-            "quasi_periodic", steps, ordered[0], fastest, period="period of the faster tone", stacklevel=2
-        )
+        warn_if_coarse("quasi_periodic", steps, ordered[0], fastest, period="period of the faster tone")
     slow = int(driven[1].orders.max())
     if contact and samples // 2 < 2 * slow:
         warnings.warn(
             f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of {ordered[1]:g} Hz, "
             f"of which the loads have multiple {slow}; at least {4 * slow + 1} are advisable",
             StepWarning,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
     require_compiler("quasi_periodic", comm)
     orders = max(len(drive.orders) for drive in driven)
@@ -195,7 +183,7 @@ def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
     )
     if found.own is not None:
         text += "; if that does not help the tone locks, see periodic(..., periods=n)"
-    warnings.warn(text, StepWarning, stacklevel=3)
+    warnings.warn(text, StepWarning, stacklevel=caller_level())
 
 
 def require_room(
@@ -281,14 +269,6 @@ def _with_own_tone(
     samples, steps, modes, stability = wanted
     comm, old = communicator(model), start.own.period
     periods = old.excitation.periods
-    agree(
-        comm,
-        "quasi_periodic",
-        first=first,
-        samples=samples,
-        start=(start.frequencies, start.samples),
-        stability=stability,
-    )
     if modes is None and isinstance(model, Model):
         modes = start.states.shape[1] // 2
     settings = PeriodSettings(periods, old.steps // periods if steps is None else steps, modes)

@@ -14,7 +14,7 @@ from ..dynamics.own_tone import OwnTone
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
 from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..progress import progress_bar
 from .quasi_periodic import require_room
 
@@ -24,6 +24,7 @@ SAME = 1e-12
 DOUBLINGS = 2
 
 
+@agreed()
 def quasi_periodic_response(
     first: QuasiPeriodic,
     stop: float,
@@ -82,7 +83,6 @@ def quasi_periodic_response(
         known = own_circle(first)
         if abs(stop - known.value) <= SAME * stop:
             raise ValueError(f"{what}: stop = {stop:g} is where the first motion is; give another end")
-    agree(own.comm, what, first=first.frequencies, stop=stop, points=points, largest_step=largest_step)
     plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
     try:
         begin = own.near(known, plane)

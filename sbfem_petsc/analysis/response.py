@@ -23,7 +23,7 @@ from ..dynamics.preparation import PeriodSettings, prepare
 from ..dynamics.shooting import shoot
 from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.branch_file import BranchFile
@@ -37,6 +37,7 @@ DOUBLED = "period doubling"
 INSTANTS = 256
 
 
+@agreed()
 def frequency_response(
     model: Model | ReducedModel,
     load,
@@ -112,7 +113,6 @@ def frequency_response(
         amplitudes_only(what, load)
         if first is not None and periods not in (None, first.periods):
             raise ValueError(f"{what}: first takes {first.periods} forcing periods, not periods = {periods}")
-    agree(comm, what, start=start, stop=stop, contact=contact, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)
     highest = max(start, stop)
     shooting = PeriodSettings(periods, steps, modes, contact)
@@ -130,6 +130,7 @@ def frequency_response(
         return _follow(period, ParameterRange("frequency", start, stop), begin, settings, record, progress)
 
 
+@agreed()
 def load_response(
     model: Model | ReducedModel,
     load,
@@ -173,7 +174,6 @@ def load_response(
         PeriodSettings(periods, steps, modes).checked(what)
         settings = _checked(what, points, largest_step, stability, first, frequency)
         _check_file(what, file, resume)
-    agree(comm, what, start=start, stop=stop, settings=settings, file=file, resume=resume)
     steps, periods = _of_first(first, steps, periods)
     shooting = PeriodSettings(periods, steps, modes)
 

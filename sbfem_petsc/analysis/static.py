@@ -12,9 +12,9 @@ from meshing.warnings import MeshWarning, RoundOffWarning
 
 from ..checks import choice, flag, shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
@@ -36,6 +36,7 @@ DIGITS, LOST = 2e-13, 1e-4
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
+@agreed()
 def static(
     model: Model,
     load,
@@ -86,7 +87,6 @@ def static(
         model.checked_loads(load)
         if accuracy is not None:
             accuracy = checked_accuracy("static", accuracy)
-    agree(model.comm, "static", load=load, contact=contact, method=method, accuracy=accuracy)
     model.require_support("static")
     warn_of_idle_loads("static", model, separate(load)[0])
     if accuracy is None:
@@ -146,7 +146,7 @@ def _warn_of_contact(found: Static) -> None:
         f"contact resultant of {found.contact_resultant:.4g} N misses about {sum(missed.values()):.4g} N, "
         "see unresolved_contact; give a smaller tip_size",
         MeshWarning,
-        stacklevel=3,
+        stacklevel=caller_level(),
     )
 
 
@@ -193,7 +193,7 @@ def _warn_of_springs(found: Static) -> None:
             f"more than its faces do, and contact pressures may be off by {min(lost, 1.0):.0e} of "
             "themselves; make the springs that hold it stiffer",
             RoundOffWarning,
-            stacklevel=3,
+            stacklevel=caller_level(),
         )
 
 
@@ -218,5 +218,5 @@ def _judge(relative: float) -> None:
             f"static: the forces are in balance to {relative:.2g} of the load; displacements of a structure "
             "as slender or as softly held as this one may be wrong by ten times as much",
             RoundOffWarning,
-            stacklevel=3,
+            stacklevel=caller_level(),
         )

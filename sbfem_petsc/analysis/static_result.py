@@ -11,7 +11,7 @@ import numpy as np
 
 from ..errors import at_point
 from ..loads import Loads
-from ..parallel import agree
+from ..parallel import agreed
 from ..system.boundary import LoadColumns
 from ..system.equilibrium import Equilibrium
 from ..system.fracture import (
@@ -82,6 +82,10 @@ class Static:
     equilibrium: Equilibrium = attribute(repr=False)
     estimate: Any = attribute(default=None, repr=False)
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.model, self.load, self.point_displacements, self.contact_force, self.residual
+
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
         """(2,): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y).
 
@@ -89,8 +93,14 @@ class Static:
         """
         if isinstance(point, str):
             return at_point(self.point_displacements, point)
-        return self._at(self._places([checked_place("displacement", point)]).displacement, 2)[0]
+        return self._displacement_at(checked_place("displacement", point))
 
+    @agreed()
+    def _displacement_at(self, place: tuple[float, float]) -> np.ndarray:
+        """(2,): displacement at a place, m. Collective."""
+        return self._at(self._places([place]).displacement, 2)[0]
+
+    @agreed()
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
 
@@ -100,6 +110,7 @@ class Static:
             place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
         return self._at(self._places([checked_place("stress", place)]).stress, 3)[0]
 
+    @agreed()
     def along(
         self, start: tuple[float, float], end: tuple[float, float], count: int = 101
     ) -> tuple[np.ndarray, ...]:
@@ -147,17 +158,17 @@ class Static:
         return contact_pressure(self.model, self.equilibrium.force, crack)
 
     @functools.cached_property
+    @agreed()
     def reactions(self) -> dict[str, np.ndarray]:
         """Force of each support on the structure, (2,), N. Collective."""
         model = self.model
-        agree(model.comm, "reactions")
         nodal = self.columns.nodal[..., 0] + contact_nodal_forces(model, self.equilibrium.force)
         return reactions(model, self.field, nodal)
 
     @functools.cached_property
+    @agreed()
     def strain_energy(self) -> float:
         """J, that of elastic supports included. Collective."""
-        agree(self.model.comm, "strain_energy")
         found, columns, gap = self.equilibrium, self.columns, self.model.gap_operator
         # the forces on the free unknowns are in balance with K u
         by_loads = self.model.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
@@ -166,27 +177,27 @@ class Static:
         return 0.5 * (by_loads + by_contact + inside) + float(found.force @ columns.gaps[:, 0])
 
     @functools.cached_property
+    @agreed()
     def energy_release_rate(self) -> dict[str, float]:
         """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and at cracks that end at
         an interface. Collective.
         """
-        agree(self.model.comm, "energy_release_rate")
         return energy_release_rates(self.model, self.stress_intensity)
 
     @functools.cached_property
+    @agreed()
     def unresolved_contact(self) -> dict[str, float]:
         """Contact next to the tip of each V-notch that neither pairs nor pressure modes carry, N; in closed
         form from the K_I < 0 that they leave. `contact_resultant` is too small by their sum. Collective.
         """
-        agree(self.model.comm, "unresolved_contact")
         return unresolved_contact(self.model, self.stress_intensity)
 
     @functools.cached_property
+    @agreed()
     def t_stress(self) -> dict[str, float]:
         """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches and
         interfaces. Collective.
         """
-        agree(self.model.comm, "t_stress")
         return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
 
     def to_csv(self, path: str) -> None:

@@ -20,7 +20,7 @@ from ..dynamics.states import ModalStates
 from ..dynamics.step_plan import CONTACT_STEP
 from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles
 from ..errors import on_all_ranks
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
@@ -36,6 +36,7 @@ SAME = 1e-6
 MOST = 10**9
 
 
+@agreed()
 def swept_response(
     model: Model | ReducedModel,
     load,
@@ -106,17 +107,6 @@ def swept_response(
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
-    agree(
-        comm,
-        what,
-        load=load,
-        start=start,
-        stop=stop,
-        duration=duration,
-        first=None if first is None else first.state,
-        steps=steps,
-        modes=modes,
-    )
     highest = max(start, stop)
     reduced = serving(what, model, loads, modes, highest)
     if steps is None:

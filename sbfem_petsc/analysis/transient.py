@@ -26,7 +26,8 @@ from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..parallel import agree, collective
+from ..errors import caller_level
+from ..parallel import agreed, collective
 from ..progress import progress_bar
 from ..recording.history_file import HistoryFile
 from ..reduction.build import default_modes
@@ -34,6 +35,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 
 
+@agreed()
 def transient(
     model: Model | ReducedModel,
     load,
@@ -144,22 +146,6 @@ def transient(
             raise ValueError(
                 "transient: start in modal coordinates is for the reduced model; give functions of x and y"
             )
-    agree(
-        comm,
-        "transient",
-        load=load,
-        duration=duration,
-        step=step,
-        modes=modes,
-        contact=contact,
-        scheme=scheme,
-        start=start,
-        decimation=decimation,
-        reduction=reduction,
-        file=file,
-        restart=restart,
-        in_memory=in_memory,
-    )
     require_compiler("transient", comm)
     highest, jumps = loads.highest_frequency, loads.jumps(duration)
     with contextlib.ExitStack() as stack:
@@ -192,7 +178,7 @@ def transient(
                 f"transient: of {count:,d} steps every {every} are kept, for all of them would take more "
                 f"than {KEPT / 1e9:g} GB; decimation = 1 keeps all",
                 StepWarning,
-                stacklevel=2,
+                stacklevel=caller_level(),
             )
         steps = Steps(count, step, contact, "implicit" if unreduced and scheme != "paper" else scheme, every)
         require_room(comm, steps, row, file, in_memory=in_memory, former=former)
@@ -214,7 +200,7 @@ def transient(
             "pairs closed: errors of 1e-3 in displacements and 1e-2 in contact forces, and false spectral "
             f"lines, are likely; use a step of {CONTACT_STEP / top:.2g} s, the default, or fewer modes",
             StepWarning,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
     return history
 
@@ -235,6 +221,7 @@ class ErrorEstimate:
     modes: float
 
 
+@agreed()
 def estimate_error(model: Model, load, history: History, **options) -> ErrorEstimate:
     """Estimate a history's errors by integrating it again, with half of the step and with half as many modes
     again.
@@ -346,5 +333,5 @@ def _warn_if_coarse(highest: float, step: float) -> None:
             f"the step of {step:.3g} s takes {1.0 / (highest * step):.1f} steps a period of the highest load "
             f"frequency {highest:g} Hz; at least {COARSE} are advisable",
             StepWarning,
-            stacklevel=3,
+            stacklevel=caller_level(),
         )

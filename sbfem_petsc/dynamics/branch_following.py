@@ -11,7 +11,7 @@ import numpy as np
 
 from meshing.warnings import BranchWarning
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, caller_level, on_all_ranks
 from .bifurcations import locate
 from .branch import Branch
 from .branch_range import ContinuationSettings, ParameterRange
@@ -127,10 +127,10 @@ def follow(
             f"{what}: the curve ends at {result.value[-1]:.8g} after {settings.points} points, before "
             f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
             BranchWarning,
-            stacklevel=4,
+            stacklevel=caller_level(),
         )
     elif continuation.reason.startswith("back"):
-        warnings.warn(f"{what}: the curve is {continuation.reason}", BranchWarning, stacklevel=4)
+        warnings.warn(f"{what}: the curve is {continuation.reason}", BranchWarning, stacklevel=caller_level())
     elif parameter.holds(float(result.value[-1])) or len(result.value) == 1:
         error = SolveError(
             f"{what}: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "

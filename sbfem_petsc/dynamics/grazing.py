@@ -15,7 +15,7 @@ from scipy.optimize import root_scalar
 from meshing.warnings import BranchWarning
 
 from ..contact.law import RowLaws
-from ..errors import SolveError
+from ..errors import SolveError, caller_level
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
@@ -149,7 +149,7 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
             try:
                 found.append(_grazing(branch, k, int(row), bool(touching[k, row])))
             except SolveError as error:
-                warnings.warn(str(error), BranchWarning, stacklevel=3)
+                warnings.warn(str(error), BranchWarning, stacklevel=caller_level())
         if found and not every:  # of several rows the first that touches
             opened = not touching[k].any()
             open_end = float(branch.value[k if opened else k - 1])

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..checks import Bounds, names_of, real, shown
 from ..errors import SolveError, UnknownName, on_all_ranks
+from ..parallel import agreed
 from ..system.model import Model
 from ..system.places import checked_line
 from ..system.sampling import Field
@@ -60,7 +61,12 @@ class Motion:
 
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
-        return self.states.displacement(point)
+        return self.states.displacement(point) if isinstance(point, str) else self._displacement_at(point)
+
+    @agreed()
+    def _displacement_at(self, place: tuple[float, float]) -> np.ndarray:
+        """(n, 2): displacement at a place, m. Collective."""
+        return self.states.displacement(place)
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2): velocity of a named point, m/s; that of a reduced model's modes."""
@@ -70,10 +76,12 @@ class Motion:
         """(n, 2): acceleration of a named point, m/s^2; that of a reduced model's modes."""
         return self.states.acceleration(point)
 
+    @agreed()
     def stress(self, place: Point) -> np.ndarray:
         """(n, 3): stress xx, yy, xy at a named point or at any point (x, y) in m, Pa. Collective."""
         return self.states.stress(place)
 
+    @agreed()
     def along(
         self, start: tuple[float, float], end: tuple[float, float], count: int = 101
     ) -> tuple[np.ndarray, ...]:
@@ -100,6 +108,7 @@ class Motion:
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
 
+    @agreed()
     def field(self, time: float) -> Field:
         """The displacement field at the kept instant next to a time (s), for `plot_crack`, `write_vtu`, or,
         as an array (nodes, 2), m, that of this rank's nodes. Collective.

@@ -79,6 +79,10 @@ class Period:
         self._load(excitation)
         self._lengths: dict[float, _Length] = {}
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.reduced, self.excitation, self.steps, self.pairs
+
     def under(self, excitation: Excitation) -> Period:
         """The same period under other loads, over as many forcing periods."""
         result = copy.copy(self)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from ..capacity import require_compiler, require_memory
 from ..checks import choice, flag, instance, integer, optional_integer, shown
 from ..checks import frequency as check_frequency
-from ..parallel import agree, collective
+from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
@@ -98,14 +98,6 @@ def prepare(
             instance(owner, "start", first, Orbit, "an Orbit, the motion to start from")
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
-    agree(
-        communicator(system),
-        owner,
-        load=load,
-        frequency=frequency,
-        settings=settings,
-        first=None if first is None else (first.frequency, first.periods),
-    )
     require_compiler(owner, communicator(system))
     highest = float(excitation.orders.max(initial=0)) / excitation.periods * (settings.band or frequency)
     modes = settings.modes
@@ -125,7 +117,7 @@ def prepare(
         multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
         steps = multiple * math.ceil(steps / multiple)
     elif contact:
-        warn_if_coarse(owner, steps, frequency, fastest, period="forcing period", stacklevel=3)
+        warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 

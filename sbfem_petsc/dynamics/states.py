@@ -189,6 +189,10 @@ class SampledStates:
     intensities: dict[str, np.ndarray]
     fields: KeptFields | None = None
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.displacements, self.contact, self.gap
+
     def __getstate__(self) -> dict[str, Any]:
         """What is pickled or copied: without the fields, which are those of a model in this process."""
         return {**self.__dict__, "fields": None}

@@ -8,7 +8,7 @@ import warnings
 from meshing.warnings import StepWarning
 
 from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
-from ..errors import on_all_ranks
+from ..errors import caller_level, on_all_ranks
 from ..petsc import MPI
 from ..recording.history_file import FormerRun
 from .integration import Steps
@@ -33,16 +33,14 @@ def default_step(duration: float, highest: float, top: float) -> float:
     return min(step, CONTACT_STEP / top) if top > 0.0 else step
 
 
-def warn_if_coarse(
-    owner: str, steps: int, frequency: float, fastest: float, *, period: str, stacklevel: int
-) -> None:
+def warn_if_coarse(owner: str, steps: int, frequency: float, fastest: float, *, period: str) -> None:
     """Warn of few steps a period of the loads' highest frequency, of so many in one of `frequency`, Hz."""
     if steps * frequency < COARSE * fastest * (1.0 - 1e-9):  # a frequency that rounding has moved is no other
         warnings.warn(
             f"{owner}: {steps} steps a {period} are {steps * frequency / fastest:.1f} a period of the "
             f"highest load frequency {fastest:g} Hz; at least {COARSE} are advisable",
             StepWarning,
-            stacklevel=stacklevel + 1,
+            stacklevel=caller_level(),
         )
 
 

@@ -15,7 +15,7 @@ from ..checks import Bounds, choice, integer, real, shown
 from ..dynamics.history import Motion, model_with_fields
 from ..dynamics.orbit import Orbit
 from ..errors import SolveError
-from ..parallel import agree, collective, on_root
+from ..parallel import agreed, collective, on_root
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
 from .drawing import BLUE, VERMILION, crack_title, figure, style
@@ -25,6 +25,7 @@ from .units import force_unit, length_unit, time_unit
 DOTS = 100  # per inch
 
 
+@agreed()
 def animate_crack(
     motion: Motion,
     path: str,
@@ -83,16 +84,6 @@ def animate_crack(
         choice("animate_crack", "colour", colour, ("von_mises", "displacement"))
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
-    agree(
-        model.comm,
-        "animate_crack",
-        path=path,
-        crack=crack,
-        instants=instants,
-        seconds=seconds,
-        magnification=magnification,
-        colour=colour,
-    )
     facts = model.cracks[crack]
     fields = [motion.field(float(motion.time[instant])) for instant in instants]
     half = 1.1 * facts.length

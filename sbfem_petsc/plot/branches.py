@@ -16,7 +16,7 @@ from ..analysis.backbone import Backbone
 from ..checks import instance
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
-from ..parallel import collective, on_root
+from ..parallel import agreed, collective, on_root
 from ..petsc import MPI
 from .arguments import check
 from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, by_name, figure, style
@@ -29,6 +29,7 @@ DASHED = (0, (3.0, 1.6))
 BETWEEN = 12
 
 
+@agreed("branches", "backbone")
 def plot_branches(
     branches: Branch | Mapping[str, Branch],
     point: str = "A",

@@ -17,7 +17,7 @@ from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
 from ..checks import Bounds, choice, instance, real, shown
-from ..parallel import agree, collective, on_root
+from ..parallel import agreed, collective, on_root
 from ..system.model import Model
 from .arguments import check
 from .drawing import BLACK, figure, style
@@ -25,6 +25,7 @@ from .outlines import Piece, Region, gather_outline, gather_region
 from .units import length_unit, place_unit, stress_unit
 
 
+@agreed()
 def plot_crack(
     model: Model,
     fields: Mapping[str, Any],
@@ -70,14 +71,6 @@ def plot_crack(
         if crack >= len(model.cracks):
             raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
         choice("plot_crack", "colour", colour, ("von_mises", "displacement"))
-    agree(
-        model.comm,
-        "plot_crack",
-        fields=tuple(fields),
-        crack=crack,
-        colour=colour,
-        magnification=magnification,
-    )
     facts = model.cracks[crack]
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
 from ..checks import instance, integer, shown
-from ..parallel import agree, collective, on_root
+from ..parallel import agreed, collective, on_root
 from ..system.modal_result import Modal
 from ..system.model import Model
 from .arguments import check
@@ -23,6 +23,7 @@ from .units import frequency_unit, length_unit, place_unit, stress_unit
 
 
 # ---------------------------------------------------------------------- mode shapes
+@agreed()
 def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int = 2) -> list[Axes] | None:
     """Mode shapes on the structure's outline, the frequency in each title. Collective.
 
@@ -44,7 +45,6 @@ def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int
     with collective(model.comm):
         check("plot_modes", columns=columns)
         chosen = _chosen(modes, len(modal.frequencies))
-    agree(model.comm, "plot_modes", modes=chosen, columns=columns)
     pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
     return on_root(model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
 
@@ -143,6 +143,7 @@ def _opening(pieces: list[Piece], field: int) -> float:
 
 
 # ---------------------------------------------------------------------- contact along the crack
+@agreed()
 def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[Axes] | None:
     """Contact pressure and gap along a crack for several static cases. Collective.
 
@@ -171,7 +172,6 @@ def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[A
             raise ValueError(
                 f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}"
             )
-    agree(model.comm, "plot_contact", cases=tuple(cases), crack=crack)
     lengths = contact_lengths(model)
     return on_root(model.comm, lambda: _draw_contact(model, cases, lengths, crack))
 

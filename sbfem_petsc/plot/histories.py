@@ -12,7 +12,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 from ..analysis.load_history import LoadHistory
 from ..checks import flag, instance, real, shown, text
 from ..dynamics.history import Motion
-from ..parallel import on_root
+from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check, curve
 from .drawing import BLACK, CYCLE, figure, style
@@ -64,6 +64,7 @@ class Panel:
                 raise ValueError(f"Panel: curves[{name!r}] has no instant in window = {self.window!r}")
 
 
+@agreed("panels")
 def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
 
@@ -86,6 +87,7 @@ def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> 
     return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw_histories(list(panels)))
 
 
+@agreed("motion")
 def plot_history(
     motion: Motion,
     point: str = "A",
@@ -129,6 +131,7 @@ def plot_history(
     return on_root(MPI.COMM_WORLD if comm is None else comm, draw)
 
 
+@agreed("history")
 def plot_load_history(
     history: LoadHistory,
     point: str = "A",
@@ -236,6 +239,7 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x[chosen], y[chosen]
 
 
+@agreed("spectra")
 def plot_spectra(
     spectra: Mapping[str, tuple[np.ndarray, np.ndarray]],
     quantity: str,

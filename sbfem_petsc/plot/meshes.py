@@ -12,7 +12,7 @@ from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
 
-from ..parallel import on_root
+from ..parallel import agreed, on_root
 from ..petsc import MPI
 from ..selement.basis import shape_functions
 from .arguments import check
@@ -33,6 +33,7 @@ from .units import place_unit
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
+@agreed("mesh")
 def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = None) -> list[Axes] | None:
     """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
 

@@ -12,7 +12,7 @@ from matplotlib.ticker import MaxNLocator
 from ..checks import instance
 from ..dynamics.branch import Branch
 from ..dynamics.orbit import Orbit
-from ..parallel import on_root
+from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check
 from .branches import DASHED, GREY, draw_growth
@@ -29,6 +29,7 @@ OUTERMOST = 6
 
 
 # ---------------------------------------------------------------------- harmonics
+@agreed("orbits")
 def plot_harmonics(
     orbits: Orbit | Mapping[str, Orbit],
     point: str = "A",
@@ -114,6 +115,7 @@ def _draw_harmonics(orbits: Mapping[str, Orbit], point: str, direction: str, for
 
 
 # ---------------------------------------------------------------------- phase plane and gaps
+@agreed("orbit")
 def plot_orbit(
     orbit: Orbit,
     point: str = "A",
@@ -238,6 +240,7 @@ def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> list[Axes]:
 
 
 # ---------------------------------------------------------------------- multipliers
+@agreed("subject")
 def plot_multipliers(
     subject: Orbit | Branch, *, title: str = "", comm: MPI.Comm | None = None
 ) -> list[Axes] | None:

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from ..analysis.backbone import Backbone
 from ..dynamics.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
-from ..parallel import on_root
+from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check
 from .branches import DASHED
@@ -25,6 +25,7 @@ ROUND_OFF = 1e-12
 FLAT = 1e-5
 
 
+@agreed("motions")
 def plot_lines(
     motions: QuasiPeriodic | Mapping[str, QuasiPeriodic],
     point: str = "A",
@@ -128,6 +129,7 @@ def _line_name(m: int, n: int) -> str:
     return text
 
 
+@agreed("sidebands")
 def plot_sidebands(
     sidebands: Sidebands | Mapping[str, Sidebands],
     *,
@@ -183,6 +185,7 @@ def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
     return axes
 
 
+@agreed("backbones")
 def plot_backbone(
     backbones: Backbone | Mapping[str, Backbone],
     *,

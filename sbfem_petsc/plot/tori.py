@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch
-from ..parallel import on_root
+from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check
 from .branches import DASHED, smooth, split
@@ -15,6 +15,7 @@ from .drawing import BLACK, CYCLE, by_name, figure, style
 from .units import frequency_unit, length_unit
 
 
+@agreed("branches")
 def plot_quasi_periodic(
     branches: QuasiPeriodicBranch | Mapping[str, QuasiPeriodicBranch],
     point: str = "A",

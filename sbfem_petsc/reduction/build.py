@@ -10,8 +10,9 @@ import numpy as np
 from meshing.warnings import BandWarning
 
 from ..checks import optional_integer, positive, shown
+from ..errors import caller_level
 from ..loads import Load, SupportMotion, separate
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..petsc import MPI
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.modal_result import Modal
@@ -25,6 +26,7 @@ from .reduced_model import ReducedModel
 BAND, LEAST_MODES = 8.0, 80
 
 
+@agreed()
 def reduce(model: Model, load, *, modes: int | None = None, band: float | None = None) -> ReducedModel:
     """Reduce a model to its lowest modes and the residual flexibility of its contact, loads and named points.
 
@@ -61,7 +63,6 @@ def reduce(model: Model, load, *, modes: int | None = None, band: float | None =
         modes = optional_integer("reduce", "modes", modes, least=1, most=most)
         if band is not None:
             band = positive("reduce", "band", band, "Hz")
-    agree(model.comm, "reduce", load=load, modes=modes, band=band)
     model.require_support("the reduction")
     if modes is None:
         modes = modes_up_to(model, band, 1) if band is not None else default_modes(model, 0.0)
@@ -86,7 +87,7 @@ def modes_up_to(model: Model, frequency: float, least: int) -> int:
             f"that were wanted ({BAND:g} times the loads' highest frequency by default); refine the mesh, "
             "or choose modes",
             BandWarning,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
     if least < 8:
         count = max(1, int((model.modes(count).frequencies <= frequency).sum()))

@@ -79,6 +79,11 @@ class ReducedModel:
         if self.contact_laws is None:
             object.__setattr__(self, "contact_laws", RowLaws.unilateral(len(self.initial_gap)))
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        own = self.frequencies, self.damping, self.gap, self.initial_gap, self.load_modes, self.contact_laws
+        return self.model, self.loads, self.load_flexibility, self.points.names, own
+
     @functools.cached_property
     def omega(self) -> np.ndarray:
         """(m,): rad/s."""

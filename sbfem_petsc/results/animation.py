@@ -10,11 +10,12 @@ import numpy as np
 
 from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..dynamics.history import Motion, model_with_fields
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from .hdf5 import check_output_folder
 from .vtu import write_vtu, write_xml
 
 
+@agreed()
 def write_animation(
     folder: str,
     motion: Motion,
@@ -67,15 +68,6 @@ def write_animation(
         flag("write_animation", "stress", stress)
         subdivisions = optional_integer("write_animation", "subdivisions", subdivisions, least=1, most=100)
         path("write_animation", "folder", folder)
-    agree(
-        model.comm,
-        "write_animation",
-        folder=folder,
-        instants=instants,
-        name=name,
-        stress=stress,
-        subdivisions=subdivisions,
-    )
     folder = check_output_folder(folder, model.comm)
     files = [
         write_vtu(

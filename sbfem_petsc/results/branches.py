@@ -12,6 +12,7 @@ from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.excitation import Excitation
 from ..dynamics.period_map import Period
+from ..errors import caller_level
 from ..recording.branch_file import FORM, VERSION, WHAT, read_branch_file, write_branch
 from ..recording.hdf5 import opened
 from ..recording.sound import number, numbers, text, whole
@@ -76,6 +77,6 @@ def read_branch(path: str) -> Branch:
         warnings.warn(
             f"{WHAT} {os.fspath(path)!r} is incomplete: it ends at {where}; {why}",
             IncompleteBranch,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
     return branch

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from ..analysis.static import Static
 from ..checks import instance, shown
 from ..loads import as_loads
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..petsc import MPI
 from ..recording.hdf5 import new_hdf5, opened
 from ..recording.sound import numbers
@@ -92,6 +92,7 @@ def check_output_folder(path: str, comm: MPI.Comm) -> str:
     return folder
 
 
+@agreed()
 def write_results(
     path: str,
     model: Model,
@@ -140,7 +141,6 @@ def write_results(
                 raise ValueError(
                     f"write_results: {name!r} was computed with another model than the one given"
                 )
-    agree(comm, "write_results", path=path, modal=modal is None, static=tuple(cases), loads=loads)
     file = None
     with contextlib.ExitStack() as stack:
         with written(comm, path):

@@ -14,6 +14,7 @@ from ..checks import flag
 from ..dynamics.history import History
 from ..dynamics.reduced_history import recorded_exchanges, reduced_columns, reduced_history
 from ..dynamics.unreduced_history import SampledRun, sampled_columns, unreduced_history
+from ..errors import caller_level
 from ..recording.hdf5 import opened
 from ..recording.history_layout import FORM, VERSION, WHAT, Contents, newest, verified
 from ..recording.reduced_models import read_reduced_model
@@ -62,7 +63,7 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
             f"{WHAT} {os.fspath(path)!r} is incomplete: its run has recorded {head.done} of "
             f"{settings['count']} steps; restart=True continues it",
             IncompleteHistory,
-            stacklevel=2,
+            stacklevel=caller_level(),
         )
     if reduced is not None:
         return reduced_history(rows, reduced, settings["step"], recorded_exchanges(states), complete)

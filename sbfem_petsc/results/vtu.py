@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, instance, integer, optional_integer, shown
-from ..parallel import agree, collective
+from ..parallel import agreed, collective
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.sampling import Patches, point_grid_cells, sample
@@ -22,6 +22,7 @@ STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
 _MODES_UNIT = "/sqrt(kg)"
 
 
+@agreed()
 def write_vtu(
     path: str,
     model: Model,
@@ -71,11 +72,10 @@ def write_vtu(
             raise TypeError(f"write_vtu: fields = {shown(fields)} must be a dict of fields by name")
         flag("write_vtu", "stress", stress)
         subdivisions = optional_integer("write_vtu", "subdivisions", subdivisions, least=1, most=100)
-    names = tuple(fields)
-    agree(model.comm, "write_vtu", path=path, fields=names, stress=stress, subdivisions=subdivisions)
     return _write(path, model, fields, stress, subdivisions, "")
 
 
+@agreed()
 def write_modes(
     path: str,
     modal: Modal,

@@ -70,6 +70,10 @@ class Case:
     folder: str
     lines: Mapping[Path, int] = field(repr=False, default_factory=dict)
 
+    def _fingerprint(self) -> object:
+        """What tells it from others."""
+        return self.data, self.named_files()
+
     def problem(self, path: Path, text: str) -> CaseError:
         """The error that something is wrong at a path of the case."""
         return CaseError(self.file, [Problem(path, text)], self.lines)

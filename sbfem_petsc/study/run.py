@@ -15,7 +15,7 @@ import sbfem_petsc as sb
 
 from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
-from ..parallel import collective
+from ..parallel import agreed, collective
 from ..recording.hdf5 import new_hdf5, opened
 from . import pictures
 from .case import Case, read_case
@@ -62,6 +62,7 @@ class Outcome:
         return f"Outcome({self.folder!r}: {', '.join(names)}; {len(self.failed)} failed)"
 
 
+@agreed()
 def run_case(
     case: Case | str | os.PathLike[str],
     output: str | os.PathLike[str],

@@ -13,7 +13,7 @@ from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
 from ..indicators.detection import frequency_shift
-from ..parallel import alone, checked_communicator, collective
+from ..parallel import agreed, alone, checked_communicator, collective
 from ..writing import spare_folder
 from . import parameters as paths
 from . import rows as row_files
@@ -35,6 +35,7 @@ DEFAULTS = {"method": "grid", "seed": 0, "ranks_per_row": 1, "histories": False}
 POINTS = 5
 
 
+@agreed()
 def sweep(
     case: Case | str | os.PathLike[str],
     parameters: Mapping[str, Any] | None = None,

@@ -87,7 +87,7 @@ def distribute(comm: MPI.Comm, mesh: BoundaryMesh | None, supports: tuple[Suppor
     """
     everywhere = all(comm.allgather(mesh is not None))
     if everywhere:
-        agree(comm, "Model", mesh=mesh)
+        agree(comm, "Model", {"mesh": mesh})
     facts: dict[str, Any] = {}
     parts: partition.Parts | None = None
     with collective(comm):

@@ -16,7 +16,7 @@ from scipy import sparse
 
 from meshing.warnings import RoundOffWarning
 
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, caller_level, on_all_ranks
 from ..petsc import MPI, PETSc
 from ..selement.rigid_motions import rigid_body_basis
 
@@ -170,7 +170,7 @@ class Refinement:
         )
         if self.cell_error > REFUSED:
             raise on_all_ranks(SolveError(text))
-        warnings.warn(text, RoundOffWarning, stacklevel=4)
+        warnings.warn(text, RoundOffWarning, stacklevel=caller_level())
 
     def refine(self, right: np.ndarray, solution: np.ndarray, solve) -> np.ndarray:
         """Corrected solutions (owned,) or (owned, c) of `solve(right)`, by conjugate gradients with the solve

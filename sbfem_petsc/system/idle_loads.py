@@ -9,7 +9,7 @@ import numpy as np
 
 from meshing.warnings import LoadWarning
 
-from ..errors import listed
+from ..errors import caller_level, listed
 from ..loads import Load
 from .model import Model
 
@@ -34,7 +34,7 @@ def warn_of_idle_loads(owner: str, model: Model, units: Iterable[Load]) -> None:
                 f"{owner}: {unit!r} has no effect, for its direction is held fixed there by "
                 f"{listed(supports)}; load another place or direction, or free this one",
                 LoadWarning,
-                stacklevel=3,
+                stacklevel=caller_level(),
             )
 
 

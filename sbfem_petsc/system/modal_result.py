@@ -9,6 +9,7 @@ import numpy as np
 
 from ..checks import integer
 from ..errors import at_point
+from ..parallel import agreed
 from ..writing import write_table
 from .structure import Structure
 
@@ -55,10 +56,15 @@ class Modal:
     model: Structure
     estimate: Any = None
 
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.model, self.frequencies, self.point_shapes
+
     def displacement(self, point: str) -> np.ndarray:
         """(n, 2): displacement of a named point in each mode."""
         return at_point(self.point_shapes, point)
 
+    @agreed()
     def nodal(self, mode: int) -> np.ndarray:
         """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
         mode = integer("nodal", "mode", mode, least=0, most=len(self.frequencies) - 1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Hashable, Mapping
 from typing import Any
@@ -13,7 +14,7 @@ from ..checks import Bounds, instance, integer, numbers_of, positive, real, show
 from ..contact.law import ContactLaw, Unilateral, check_law
 from ..errors import UnknownName, listed, on_all_ranks
 from ..material import Material, OrthotropicMaterial
-from ..parallel import agree, alone, checked_communicator, collective
+from ..parallel import agreed, alone, checked_communicator, collective
 from ..petsc import MPI, collect
 from ..supports import as_supports
 from .demand import require_factor
@@ -25,6 +26,8 @@ from .structure import Named, Numbers, Structure
 
 # Stands for "what the mesh declares".
 _DECLARED = object()
+# Of the models made on rank 0 of any communicator.
+_NUMBERS = itertools.count()
 
 
 class Model(Structure):
@@ -80,6 +83,7 @@ class Model(Structure):
         One sentence that names the item, on all ranks.
     """
 
+    @agreed("mesh")
     def __init__(
         self,
         mesh,
@@ -103,19 +107,6 @@ class Model(Structure):
             thickness = positive("Model", "thickness", thickness, "m")
             tip_modes = integer("Model", "tip_modes", tip_modes, least=0, most=12)
             further = as_supports(None if clamped is _DECLARED else clamped, supports)
-        agree(
-            comm,
-            "Model",
-            material=material,
-            clamped="declared" if clamped is _DECLARED else clamped,
-            continued_fraction=terms,
-            damping=self.damping,
-            rayleigh=self.rayleigh,
-            thickness=thickness,
-            supports=further,
-            tip_modes=tip_modes,
-            contact_laws=contact_laws,
-        )
         collect(comm)  # models before this one that nobody has freed
         self._recipe = getattr(mesh, "recipe", None)
         self._given = dict(
@@ -136,8 +127,13 @@ class Model(Structure):
             Named(functools.partial(_materials, material), functools.partial(_contact_laws, contact_laws)),
             Numbers(terms, thickness, tip_modes),
         )
+        self._number = comm.bcast(next(_NUMBERS))
         self._modes: Modal | None = None
         self._kept: dict[Hashable, Any] = {}
+
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self._number
 
     def __enter__(self) -> Model:
         return self
@@ -157,6 +153,7 @@ class Model(Structure):
         """Response to unit contact forces, solved for once. Collective."""
         return compliance(self)
 
+    @agreed()
     def modes(self, count: int) -> Modal:
         """The lowest modes by the defaults of `modal`, computed once for the largest count asked for.
         Collective.

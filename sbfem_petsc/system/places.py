@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from ..checks import integer, real, shown
-from ..parallel import agree, collective
+from ..parallel import collective
 from ..petsc import MPI
 from ..selement.interior_motion import inertial_operators
 from ..selement.points import TOLERANCE, Located, locate, point_operators
@@ -149,11 +149,8 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
     ------
     ValueError
         If a point lies outside the structure; on all ranks.
-    RanksDiffer, SolveError
-        If the ranks ask for different places, or another rank does not ask.
     """
     comm = model.comm
-    agree(comm, "a result at places", places=points)
     homes = [_home(model, np.array(point)) for point in points]
     mine = np.array([-1 if home is None else home[0] for home in homes], dtype=np.int64)
     owner = np.where(mine < 0, np.iinfo(np.int64).max, mine)

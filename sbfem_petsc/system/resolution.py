@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
@@ -13,7 +12,7 @@ from numpy.polynomial import legendre
 from meshing.gll import gll_nodes, lagrange_values
 from meshing.warnings import MeshWarning
 
-from ..errors import listed
+from ..errors import caller_level, listed
 from ..selement.sectors import Sectors
 from ..selement.solution import SElement, solve_selement
 from .modal_result import Modal
@@ -185,16 +184,6 @@ def _warn(what: str, model: Structure, frequency: float) -> None:
             "a point without limit as cells shrink; hold short edges instead"
         )
     warnings.warn(f"{what}: {why}", MeshWarning, stacklevel=caller_level())
-
-
-def caller_level() -> int:
-    """`stacklevel` of the line outside of this package, for a function that warns itself."""
-    level, frame = 1, sys._getframe(1)
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").startswith(
-        __package__.split(".")[0]
-    ):
-        level, frame = level + 1, frame.f_back
-    return level
 
 
 def _kept_errors(found: Modal, modes: Sequence[int]) -> np.ndarray:

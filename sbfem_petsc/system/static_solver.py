@@ -9,6 +9,7 @@ import numpy as np
 
 from meshing.warnings import SolverWarning
 
+from ..errors import caller_level
 from ..petsc import PETSc, free, make_ksp, solver_name, stage
 from .linear_solver import LinearSolver
 from .rows import Rows
@@ -77,7 +78,9 @@ class StaticSolver:
             told = "the direct solver, without -static_ksp_type and -static_pc_type, is faster"
         if told is not None:
             warnings.warn(
-                f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}", SolverWarning, stacklevel=4
+                f"{owner}: with {unknowns:,d} unknowns and {self.name}, {told}",
+                SolverWarning,
+                stacklevel=caller_level(),
             )
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec, what: str) -> None:

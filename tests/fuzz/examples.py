@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ import meshing
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc import indicators, plot
+from sbfem_petsc.dynamics.bifurcations import Bifurcation
+from sbfem_petsc.dynamics.own_tone import OwnTone
 from sbfem_petsc.results.hdf5 import read_results, write_results
 from sbfem_petsc.results.vtu import write_vtu
 from tests.study.small_case import CASE
@@ -709,6 +712,42 @@ SHARED["loci"] = [
         "parameter": "load",
         "kinds": ("fold",),
         "points": 2,
+    }
+]
+
+
+def fold() -> Bifurcation:
+    """Of `model_branch`, made up."""
+    state = model_branch().states[0]
+    return Bifurcation("fold", 300.05, 1.0 + 0.0j, state, state.astype(complex), 0)
+
+
+def shared_tones() -> sb.QuasiPeriodic:
+    """With a tone of its own, made up."""
+    found = sb.quasi_periodic(**SHARED["quasi_periodic"][0]())
+    return replace(found, own=OwnTone(model_branch().period, "frequency", None, 5, MPI.COMM_WORLD))
+
+
+SHARED["switch_branch"] = [
+    lambda: {"branch": model_branch(), "bifurcation": fold(), "size": 0.1, "samples": 5}
+]
+SHARED["locus"] = [
+    lambda: {
+        "branch": model_branch(),
+        "bifurcation": fold(),
+        "start": 0.9,
+        "stop": 1.1,
+        "parameter": "load",
+        "points": 2,
+    }
+]
+SHARED["quasi_periodic_response"] = [
+    lambda: {
+        "first": shared_tones(),
+        "stop": 560.0,
+        "points": 2,
+        "largest_step": 1.0,
+        "stability": False,
     }
 ]
 

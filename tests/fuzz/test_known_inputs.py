@@ -155,7 +155,8 @@ def outcome(line: str, names: dict[str, Any]) -> str:
         raised = "raise" in linecache.getline(frame.filename, frame.lineno or 0)
         if isinstance(error, ZeroDivisionError) and frame.filename == "<string>":
             return "sentence"  # the user's own function fails
-        if isinstance(error, TypeError) and frame.filename == "<string>":
+        refused = frame.filename == "<string>" or frame.line == "return function(*args, **kwargs)"
+        if isinstance(error, TypeError) and refused:
             return "sentence" if any(words in str(error) for words in ITS_OWN) else f"TypeError: {error}"
         if isinstance(error, KINDS) and ours and raised and "\n" not in str(error) and len(str(error)) < 600:
             return "sentence"

@@ -26,7 +26,7 @@ def structure(comm=None, density=2700.0, **more):
     mesh = Beam(0.1, 0.01, [VNotch(0.04, 0.004, 0.05)]).mesh(order=1)
     return sb.Model(mesh, sb.Material(70e9, 0.33, density), comm=comm, **more)
 push = sb.PointForce("A", fy=1.0)
-one_fails = lambda t: 1.0 / 0.0 if rank == 1 and np.max(t) > 2e-4 else np.sin(t)
+one_fails = lambda t: 1.0 / 0.0 if world.rank == 1 and np.max(t) > 2e-4 else np.sin(t)
 """
 
 # Program -> what its error must say. Each fails, on one rank or on all.
@@ -46,9 +46,10 @@ FAILING = {
     "model = structure(); sb.static(model, push) if rank else None": "rank 0 has ended",
     "model = structure(); sb.static(model, push).stress((0.02, 0.005)) if rank else None": "rank 0 has ended",
     "found = sb.static(structure(), push); found.strain_energy if rank == 0 else None": "rank 1 has ended",
-    "found = sb.static(structure(), push); found.stress((0.02, 0.005 + rank / 1e3))": "places differs",
+    "found = sb.static(structure(), push); found.stress((0.02, 0.005 + rank / 1e3))": "place differs",
     # errors on one rank inside what all of them do
-    "structure(damping=2.0 if rank else 0.0)": "damping = 2.0",
+    "structure(damping=2.0 if rank else 0.0)": "0.0 on rank 0, 2.0 on rank 1",
+    "structure(damping=2.0)": "damping = 2.0",
     "structure(comm='world' if rank else None)": "comm = 'world'",
     "sb.on_root(world, lambda: 1 / 0)": "division by zero",
     "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
@@ -62,7 +63,8 @@ FAILING = {
     "model = structure(); sb.static(model, push)\nwith model: 1 / 0 if rank else world.barrier()": (
         "division by zero"
     ),
-    "model = structure(); sb.static(model, push); sb.static(model, 5 if rank else push)": "load = 5",
+    "model = structure(); sb.static(model, push); sb.static(model, 5 if rank else push)": "5 on rank 1",
+    "sb.static('?' if rank else structure(), push) if rank else structure()": "model = '?'",
     # communicators of their own
     "1 / 0 if rank else structure(MPI.COMM_SELF)\nworld.barrier()": "division by zero",
     "structure(MPI.COMM_SELF, damping=2.0 if rank else 0.0)\nworld.barrier()": "damping = 2.0",
@@ -90,7 +92,19 @@ DIFFERENT = {
     "sb.transient(structure(), push, 1e-3 * (1 + rank), 1e-4, modes=4)": "duration differs between the ranks",
     "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, file='h.h5' if rank else None)": "file differs",
     "sb.periodic(structure(damping=0.02), push, 300.0 + rank, modes=4, steps=64)": "frequency differs",
-    "sb.periodic(structure(damping=0.02), push, 300.0, modes=4, steps=64 + rank)": "settings differs",
+    "sb.periodic(structure(damping=0.02), push, 300.0, modes=4, steps=64 + rank)": "steps differs",
+    "sb.periodic(model, push, 300.0 + 10.0 * rank, reduction=None, steps=64)": "frequency differs",
+    "sb.periodic(model, sb.PointForce('A', fy=10.0 + rank), 300.0, reduction=None, steps=64)": "load differs",
+    "sb.periodic(model, push, 300.0, reduction=None, steps=64 + rank)": "steps differs",
+    "sb.periodic(model, push, 300.0, reduction=None, steps=64, contact=rank == 0)": "contact differs",
+    "sb.transient(model, sb.PointForce('A', fy=sb.Custom(waves[rank])), 1e-3, 1e-4, modes=4)": "load differs",
+    "sb.transient(model, push, 1e-3, 1e-4, modes=4, start=(waves[rank], None))": "start differs",
+    "sb.static(others[rank], push)": "model differs",
+    "sb.static(model, sb.PointForce('A', fy=1.0 + rank)).stress((0.02, 0.005))": "load differs",
+    "pushes[rank].stress((0.02, 0.005))": "self differs",
+    "pushes[rank].displacement((0.02, 0.005))": "self differs",
+    "pushes[0].displacement((0.02, 0.005 + rank / 1e3))": "place differs",
+    "pushes[rank].strain_energy": "self differs",
     "sb.frequency_response(structure(), push, 300.0, 310.0 + rank, modes=4)": "stop differs",
     "sb.modal(model, 2) if rank else sb.static(model, push)": "call the same on all ranks",
 }
@@ -109,6 +123,9 @@ RIGHT = {
 ALL_DIFFERENT = """
 import json
 model, said = structure(), {}
+others = model, structure()
+waves = [lambda t, a=a: a * np.sin(t) for a in (1.0, 2.0)]
+pushes = [sb.static(model, sb.PointForce("A", fy=fy)) for fy in (1.0, 2.0)]
 for case in json.loads(sys.argv[1]):
     try:
         eval(case)

@@ -2,13 +2,16 @@
 mixture.
 """
 
+import inspect
 import json
 
 import pytest
 
+import sbfem_petsc as sb
+from tests.fuzz import examples
 from tests.parallel import ROOT, on_ranks
 
-pytestmark = pytest.mark.long
+from . import two_ranks
 
 # What rank 1 does instead of calling -> what is told.
 INSTEAD = {
@@ -65,31 +68,67 @@ print("fine", flush=True)
 """
 
 
+# Public functions that each rank calls for itself: they work on files, arrays or what rank 0 alone has.
+FOR_ITSELF = {
+    "rayleigh_factors", "reduce_matrices", "on_root", "read_gmsh",
+    "read_history", "read_branch", "read_orbit", "read_result", "results.read_results",
+    "save_branch", "save_orbit", "save_result", "plot.save_picture", "plot.save_pictures",
+    "plot.plot_basins", "plot.plot_detection", "plot.plot_loci", "plot.plot_swept",
+}  # fmt: skip
+
+
+def test_every_public_function_compares_its_arguments():
+    """A new one fails here until it does, or stands among those that each rank calls for itself."""
+    functions = {
+        name
+        for name, item in examples.public().items()
+        if inspect.isfunction(item) and not name.startswith("indicators.")
+    }
+    assert functions - FOR_ITSELF == set(two_ranks.compared()) - {"Model"}
+    assert two_ranks.compares(sb.Model)
+
+
+def test_every_collective_method_compares_its_arguments():
+    """Of results; those of models are called by analyses."""
+    results = {name: make for name, make in examples.OBJECTS.items() if name not in ("Model", "ReducedModel")}
+    for name, make in results.items():
+        for method, call in inspect.getmembers(type(make()), inspect.isfunction):
+            told = inspect.getdoc(call) or ""
+            hidden = method.startswith("_") or method in examples.INTERNAL.get(name, ())
+            if "Collective." in told and not hidden:
+                assert two_ranks.compares(call), f"{name}.{method}"
+
+
+@pytest.mark.slow
 def test_every_argument_on_one_rank(tmp_path):
-    """Each with another and a wrong value: both ranks have the same sentence, or the same result."""
-    told, mixtures, hangs, first = 0, [], [], 0
+    """Another and a wrong value of each: both ranks have the sentence that names it, and go on."""
+    mixtures, hangs, first, told, functions = [], [], 0, 0, set()
     while True:
         done = on_ranks(
-            2, ROOT / "tests/system/two_ranks.py", str(first), str(tmp_path), check=False, timeout=600
+            2, ROOT / "tests/system/two_ranks.py", str(first), str(tmp_path), check=False, timeout=300
         )
         lines = [line for line in done.stdout.replace("\033[0m", "").splitlines() if line.startswith("{")]
         begun = ended = None
         for entry in map(json.loads, lines):
-            if "begun" in entry:
+            if "functions" in entry:
+                functions = set(entry["functions"])
+            elif "begun" in entry:
                 begun = entry
-                continue
-            ended, told = entry, told + 1
-            if not entry["same"]:
-                mixtures.append((begun["case"], entry["said"]))
+            else:
+                ended, told = entry, told + 1
+                said = entry["said"]
+                if said[0] != said[1] or f"{begun['name']} differs between the ranks" not in said[0]:
+                    mixtures.append((begun, said))
         if done.returncode == 0:
             break
         assert begun is not None and (ended is None or ended["ended"] < begun["begun"]), done.stderr
-        hangs.append((begun["case"], done.stderr[-2000:]))
+        hangs.append((begun, done.stderr[-2000:]))
         first = begun["begun"] + 1
     assert not hangs and not mixtures
-    assert told > 80
+    assert functions >= set(two_ranks.compared()) and told > 350
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("instead", INSTEAD)
 @pytest.mark.parametrize("owner", ANALYSES)
 def test_rank_that_does_not_call(owner, instead, tmp_path):
@@ -104,6 +143,7 @@ def test_rank_that_does_not_call(owner, instead, tmp_path):
     assert any(words in done.stderr for words in said), done.stderr
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("kind", ["split", "self"])
 def test_communicators_of_their_own(kind, tmp_path):
     done = on_ranks(2, HALVES, kind, json.dumps(ANALYSES), str(tmp_path), timeout=60)

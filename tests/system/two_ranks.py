@@ -1,18 +1,21 @@
-"""A program on two ranks: every argument of every analysis with a value on rank 1 that is another one, or a
-wrong one.
+"""A program on two ranks: every argument of every public function that works on ranks together, with another
+and a wrong value on rank 1.
 
 Prints a line a case: what came of it on both ranks. A case that hangs ends the program.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import faulthandler
+import functools
+import inspect
 import json
 import os
 import sys
 import tempfile
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -21,68 +24,122 @@ from mpi4py import MPI
 import meshing
 import sbfem_petsc as sb
 from tests.fuzz import examples
+from tests.study.small_case import CASE
 
 WORLD = MPI.COMM_WORLD
 SECONDS = 60
-# What may differ between the ranks: what is told to a person.
-OWN = {"progress"}
-# A rank on a communicator of its own, or with what has none, is at another place of the program.
-LEFT_OUT = {"comm", "model", "motion", "branch"}
+# Without a model a rank has no communicator to compare on: its error is its own, and ends the program.
+LEADING = {"model", "motion", "branch", "first", "modal", "fields", "cases", "self"}
 WRONG = "?"
+Call = Callable[..., Any]
 
 
-def cases() -> Iterator[tuple[str, dict[str, Any], str, str]]:
-    """Owner, call, argument and kind of each case."""
-    for owner, calls in (*examples.CALLS.items(), *examples.SHARED.items()):
-        if owner in ("estimate_error", "estimate"):  # of a history of another model; a series of models
-            continue
-        for call in calls:
-            given = call()
-            if _is_shared(given) or owner == "Model":
-                for name in given:
-                    if name not in LEFT_OUT:
-                        yield from ((owner, given, name, kind) for kind in ("other", "wrong"))
+def cases() -> Iterator[tuple[str, Call, dict[str, Any], str, Any]]:
+    """Owner, function, a call of it, the argument that differs on rank 1, and its value there."""
+    for owner, call, given in calls():
+        for name in given:
+            if name in apart(call) or name == "comm":
+                continue
+            another = other(given[name])
+            if another is not None:
+                yield owner, call, given, name, another
+            if name not in LEADING:
+                yield owner, call, given, name, WRONG
 
 
-def _is_shared(given: dict[str, Any]) -> bool:
+def calls() -> Iterator[tuple[str, Call, dict[str, Any]]]:
+    """Every function and method that compares its arguments, with those of a call that both ranks share."""
+    public = examples.public()
+    for owner in compared():
+        if "." not in owner or owner.startswith(("plot.", "results.")):
+            for make in (*examples.CALLS[owner], *examples.SHARED.get(owner, ())):
+                if is_shared(owner, given := make()):
+                    yield owner, public[owner], given
+    for name in ("Static", "Modal", "LoadHistory", "Motion"):
+        item = (examples.motion if name == "Motion" else examples.OBJECTS[name])()
+        for method, call in inspect.getmembers(type(item), inspect.isfunction):
+            if compares(call) and not method.startswith("_"):
+                given = {
+                    p: {"mode": 0, "time": 1e-5, "place": (0.03, 0.005)}.get(p, examples.ARGUMENTS.get(p))
+                    for p, found in list(inspect.signature(call).parameters.items())[1:]
+                    if found.default is found.empty
+                }
+                yield f"{name}.{method}", call, {"self": item, **given}
+
+
+def compared() -> list[str]:
+    """Public functions that compare their arguments."""
+    return [name for name, item in examples.public().items() if compares(item)]
+
+
+def compares(item: Any) -> bool:
+    """Whether the arguments of a call are compared."""
+    return hasattr(item.__init__ if inspect.isclass(item) else item, "own")
+
+
+def apart(call: Call) -> set[str]:
+    """Arguments that each rank may have of its own; the mesh of a model is compared where all have one."""
+    own = set((call.__init__ if inspect.isclass(call) else call).own)
+    return own - {"mesh"} if call is sb.Model else own
+
+
+def is_shared(owner: str, given: dict[str, Any]) -> bool:
     """Whether a call is of a model that both ranks share, or of what was computed with it."""
-    subject = given.get("model", given.get("motion", given.get("branch")))
-    if isinstance(subject, (sb.Branch, sb.History, sb.Orbit)):
-        subject = subject.reduced and subject.reduced.model
-    return isinstance(subject, sb.Model)
+    from sbfem_petsc.parallel import _ranks_of
+
+    if owner == "Model" or "comm" in inspect.signature(examples.public()[owner]).parameters:
+        return owner != "basins" or isinstance(given["model"], sb.Model)
+    return any(comm is not None and comm.size > 1 for comm in map(_ranks_of, given.values()))
+
+
+@functools.cache
+def another_model() -> sb.Model:
+    return sb.Model(examples.mesh(), sb.Material(71e9, 0.33, 2700), damping=0.02)
 
 
 def other(value: Any) -> Any:
-    """Another value of the same kind."""
+    """Another value of the same kind; None where there is none."""
+    if value is None or isinstance(value, MPI.Comm):
+        return None
     if isinstance(value, bool):
         return not value
-    if isinstance(value, (int, float)):
-        return type(value)(value * 2 + 1)
-    if isinstance(value, sb.PointForce):
-        return sb.PointForce("A", fy=2.0 * value.fy)
-    if isinstance(value, sb.Material):
-        return sb.Material(71e9, 0.33, 2700)
+    if isinstance(value, str):
+        return value + "2"
+    if isinstance(value, (int, float, np.ndarray)):
+        return value * 2 + 1
+    if isinstance(value, sb.Model):
+        return another_model()
     if isinstance(value, meshing.BoundaryMesh):
         return meshing.Beam(0.1, 0.011).mesh(order=2)
-    if value == "left":
-        return "right"
-    if isinstance(value, (tuple, list)) and value and all(isinstance(item, float) for item in value):
-        return type(value)(1.5 * item + 0.1 for item in value)
+    if isinstance(value, dict):
+        return {key: other(item) if k == 0 else item for k, (key, item) in enumerate(value.items())} or None
+    if isinstance(value, (tuple, list)):
+        return type(value)([other(value[0]), *value[1:]]) if len(value) else type(value)([1.0])
+    if callable(value):
+        return lambda *_: 2.0
+    assert dataclasses.is_dataclass(value), value
+    for field in dataclasses.fields(value):
+        changed = other(getattr(value, field.name))
+        if field.compare and changed is not None and field.init:
+            return changed_in(value, field.name, changed)
     return None
 
 
-def outcome(owner: str, given: dict[str, Any]) -> str:
-    """The error's sentence, or the numbers of the result that all ranks have."""
+def changed_in(value: Any, name: str, item: Any) -> Any:
+    """A copy of an object with another attribute, whatever checks its class has."""
+    result = object.__new__(type(value))
+    for field in dataclasses.fields(value):
+        object.__setattr__(result, field.name, getattr(value, field.name))
+    object.__setattr__(result, name, item)
+    return result
+
+
+def outcome(call: Call, given: dict[str, Any]) -> str:
+    """The error's sentence, or that there was a result."""
     try:
-        result = examples.public()[owner](**given)
+        call(**given)
     except (ValueError, TypeError, KeyError, RuntimeError) as error:
         return f"{type(error).__name__}: {error}"
-    for name in ("frequencies", "amplitude", "displacement", "value", "unknowns"):
-        found = getattr(result, name, None)
-        if callable(found):
-            found = found("A")
-        if found is not None:
-            return "result " + " ".join(f"{number:.6g}" for number in np.ravel(np.abs(found))[:50])
     return "result"
 
 
@@ -90,19 +147,23 @@ def main() -> None:
     first, spare = int(sys.argv[1]), sys.argv[2]
     warnings.simplefilter("ignore")
     os.chdir(WORLD.bcast(tempfile.mkdtemp(dir=spare) if WORLD.rank == 0 else None))
-    for number, (owner, given, name, kind) in enumerate(cases()):
+    found = sorted({owner for owner, *_ in calls()})
+    if WORLD.rank == 0:
+        os.makedirs("given")
+        with open("given/small.toml", "w", encoding="utf-8") as file:
+            file.write(CASE)
+        print(json.dumps({"functions": found}), flush=True)
+    for number, (owner, call, given, name, value) in enumerate(cases()):
         if number < first:
             continue
         if WORLD.rank == 0:
-            print(json.dumps({"begun": number, "case": f"{owner}({name}: {kind})"}), flush=True)
+            case = {"begun": number, "owner": owner, "name": name, "wrong": value is WRONG}
+            print(json.dumps(case), flush=True)
         faulthandler.dump_traceback_later(SECONDS, exit=True)
-        value = WRONG if kind == "wrong" else other(given[name])
-        told = outcome(owner, {**given, name: value} if WORLD.rank == 1 else given)
-        said = WORLD.allgather(told)
+        said = WORLD.allgather(outcome(call, {**given, name: value} if WORLD.rank == 1 else given))
         faulthandler.cancel_dump_traceback_later()
         if WORLD.rank == 0:
-            same = said[0] == said[1] or name in OWN
-            print(json.dumps({"ended": number, "same": same, "said": said}), flush=True)
+            print(json.dumps({"ended": number, "said": said}), flush=True)
 
 
 if __name__ == "__main__":
