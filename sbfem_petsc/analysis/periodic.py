@@ -23,6 +23,8 @@ from ..parallel import agreed, collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 
+# Stands for True of a reduced model; the multipliers of an unreduced one are not computed.
+_OF_REDUCED = object()
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
 
@@ -40,7 +42,7 @@ def periodic(
     reduction: str | None = "modes",
     start: Orbit | None = None,
     jacobian: str = "auto",
-    stability: bool = True,
+    stability: Any = _OF_REDUCED,
     longest: int = LONGEST,
     tolerance: float | None = None,
     search: Search | None = None,
@@ -74,8 +76,9 @@ def periodic(
         First guess, of the same model. Default: the response without contact.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
         See `shooting.shoot`.
-    stability : bool
-        Compute the Floquet multipliers.
+    stability : bool, optional
+        Compute the Floquet multipliers. Default: True of a reduced model; those of an unreduced one are not
+        computed.
     longest : int
         Most forcing periods in a common period of tones.
     tolerance : float, optional
@@ -101,6 +104,7 @@ def periodic(
     with collective(communicator(model)):
         segments = integer("periodic", "segments", segments, least=1, most=10**4)
         settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
+        stability = reduction is not None if stability is _OF_REDUCED else stability
         flag("periodic", "stability", stability)
         settings = settings.checked("periodic")
         check_reduction("periodic", reduction)
@@ -113,8 +117,17 @@ def periodic(
             raise ValueError(
                 f"periodic: segments = {segments} takes neither search nor jacobian nor reduction = None"
             )
+        if search is not None and not contact:
+            raise ValueError(
+                "periodic: search has no use without contact: the motion is that of linear modes"
+            )
         if reduction is None:
             _check_unreduced(model, settings, start, tolerance)
+            if search is not None or stability:
+                raise ValueError(
+                    "periodic: search and stability = True are for the reduced model; the unreduced one is "
+                    "looked for behind a history if need be, and its multipliers are not computed"
+                )
     if reduction is None:
         assert isinstance(model, Model)
         return unreduced_periodic(model, load, frequency, settings=settings)

@@ -26,7 +26,7 @@ from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
-from ..errors import caller_level
+from ..errors import caller_level, on_all_ranks
 from ..parallel import agreed, collective
 from ..progress import progress_bar
 from ..recording.history_file import HistoryFile
@@ -205,6 +205,10 @@ def transient(
     return history
 
 
+# Relative difference of a history that is made again from a file on other ranks: 2e-12 was met.
+REPEATED = 1e-6
+
+
 @dataclass(frozen=True)
 class ErrorEstimate:
     """Relative L2 distance of the displacements of all named points to a refined history.
@@ -222,9 +226,21 @@ class ErrorEstimate:
 
 
 @agreed()
-def estimate_error(model: Model, load, history: History, **options) -> ErrorEstimate:
+def estimate_error(
+    model: Model,
+    load,
+    history: History,
+    *,
+    contact: bool = True,
+    scheme: str = "exact",
+    start: Any = "rest",
+    decimation: int | None = None,
+) -> ErrorEstimate:
     """Estimate a history's errors by integrating it again, with half of the step and with half as many modes
-    again.
+    again. Collective.
+
+    It is repeated with its own step and modes before that: a history of another model, or made with other
+    loads or options than those given, would tell errors that are none.
 
     Parameters
     ----------
@@ -232,36 +248,86 @@ def estimate_error(model: Model, load, history: History, **options) -> ErrorEsti
     load : the history's loads
     history : History
         Of the reduced model.
-    options
-        Those that the history was made with (`scheme`, `start`, `contact`, `decimation`).
+    contact, scheme, start, decimation
+        As the history was made with; see `transient`. The decimation need not be given.
 
     Raises
     ------
-    ValueError
-        If the history is that of an unreduced model.
+    ValueError, TypeError
+        If the history is that of another or of an unreduced model, or another one than the model, the loads
+        and the options make, or of a model without named points.
     """
-    instance("estimate_error", "model", model, (Model, ReducedModel), "a Model")
-    instance("estimate_error", "history", history, History, "a History")
-    if len(history.time) < 2:
-        raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
+    instance("estimate_error", "model", model, Model, "the Model that the history was made of")
+    with collective(model.comm):
+        instance("estimate_error", "history", history, History, "a History")
+        choice("estimate_error", "scheme", scheme, ("exact", "newmark"))
+        every = _kept_of(model, history)
+        if decimation is not None and every != optional_integer("estimate_error", "decimation", decimation):
+            raise ValueError(
+                f"estimate_error: decimation = {decimation!r} is not that of the history, which keeps every "
+                f"{every} steps"
+            )
+    modes, duration = len(history.reduced.omega), float(history.time[-1])
+
+    modal = isinstance(start, tuple) and not _by_functions(start)
+
+    def again(finer: int, more: int) -> History:
+        return transient(
+            model,
+            load,
+            duration,
+            history.step / finer,
+            modes=modes + more,
+            contact=contact,
+            scheme=scheme,
+            # further modes begin at rest
+            start=tuple(np.pad(part, (0, more)) for part in start) if modal else start,
+            decimation=finer * every,
+        )
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", StepWarning)  # it was told when the history was made
+        off = _distance(history, again(1, 0))
+    if not off < REPEATED:
+        raise on_all_ranks(
+            ValueError(
+                f"estimate_error: made again with its own step, the history differs by {off:.2g}; give the "
+                "loads and the options that it was made with"
+            )
+        )
+    # at half of the step too: more modes need a finer one where there is contact
+    halved, richer = again(2, 0), again(2, math.ceil(0.5 * modes))
+    return ErrorEstimate(_distance(history, halved), _distance(halved, richer))
+
+
+def _kept_of(model: Model, history: History) -> int:
+    """The decimation of a history that can be repeated of a model; ValueError of another."""
     if history.reduced is None:
         raise ValueError(
             "estimate_error: the history is that of an unreduced model; repeat it with half of the step"
         )
-    duration, decimation = float(history.time[-1]), round(float(history.time[1]) / history.step)
-    options.pop("decimation", None)
-    modes, step = len(history.reduced.omega), 0.5 * history.step
-    halved = transient(model, load, duration, step, modes=modes, decimation=2 * decimation, **options)
-    # at half of the step too: more modes need a finer one where there is contact
-    richer = transient(
-        model, load, duration, step, modes=math.ceil(1.5 * modes), decimation=2 * decimation, **options
-    )
+    if history.reduced.model not in (model, None) or history.points != tuple(model.points):
+        raise ValueError(
+            f"estimate_error: the history is that of another model than {model!r}; give the one that it was "
+            "made of"
+        )
+    if not history.points:
+        raise ValueError(
+            "estimate_error: the model has no named points whose displacements could be compared; give its "
+            "mesh points={...}"
+        )
+    if len(history.time) < 2:
+        raise ValueError("estimate_error: the history has one instant only; give one that was integrated")
+    return round(float(history.time[1]) / history.step)
 
-    def distance(one: History, other: History) -> float:
-        found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
-        return float(np.linalg.norm(found - exact) / max(float(np.linalg.norm(exact)), 1e-300))
 
-    return ErrorEstimate(distance(history, halved), distance(halved, richer))
+def _distance(one: History, other: History) -> float:
+    """Relative to the second, L2 over all named points and instants."""
+    if one.time.shape != other.time.shape:
+        return math.inf
+    found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
+    off = float(np.linalg.norm(found - exact))
+    return off / max(float(np.linalg.norm(exact)), 1e-300) if off else 0.0
 
 
 def _check(duration, step, contact, scheme) -> None:

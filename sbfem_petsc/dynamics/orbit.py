@@ -120,7 +120,8 @@ class Orbit(Motion):
         return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
 
     def __repr__(self) -> str:
-        verdict = {True: "stable", False: "unstable", None: "stability not asked for"}[self.stable]
+        unknown = "stability not asked for" if self.reduced is not None else "stability not computed"
+        verdict = {True: "stable", False: "unstable", None: unknown}[self.stable]
         if len(self.multipliers):
             verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
         model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"

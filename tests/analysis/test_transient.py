@@ -8,7 +8,7 @@ import pytest
 from scipy import linalg
 
 import sbfem_petsc as sb
-from meshing import Beam, VNotch
+from meshing import Beam, Plate, VNotch
 from sbfem_petsc.dynamics.initial import modal_start
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
@@ -475,6 +475,42 @@ def test_error_estimate_with_contact():
         warnings.simplefilter("error")
         estimate = sb.estimate_error(model, load, history)
     assert history.contact_resultant.max() > 100 and estimate.step < 1e-4 and 0 < estimate.modes < 1e-3
+    # a history of every third step, of the same motion, is told the same
+    every = sb.transient(model, load, 0.01, modes=40, decimation=3)
+    assert sb.estimate_error(model, load, every, decimation=3).step == pytest.approx(estimate.step, rel=0.2)
+
+
+def test_errors_of_another_motion_are_not_told(tmp_path):
+    """A history is compared with what the model, the loads and the options given make, to 1e-6."""
+    mesh = paper_beam().mesh(order=2)
+    model, other = sb.Model(mesh, ALUMINIUM), sb.Model(mesh, sb.Material(80e9, 0.33, 2700))
+    load = sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0))
+    options = {"modes": 12, "step": 5e-5, "file": str(tmp_path / "history.h5")}
+    history = sb.transient(model, load, 0.005, **options)
+    read, expected = sb.read_history(options["file"]), sb.estimate_error(model, load, history)
+    assert sb.estimate_error(model, load, read).step == pytest.approx(expected.step, rel=1e-6)
+    nameless = sb.Model(Plate([(0, 0), (1, 0), (1, 1)]).mesh(order=2), ALUMINIUM, "edge1", damping=0.1)
+    push = sb.EdgeLoad("edge2", tx=sb.Harmonic(1.0, 100.0))
+    for given, kind, text in (
+        ((other, load, history), {}, "is that of another model than Model"),
+        ((other, load, read), {}, "made again with its own step, the history differs by"),
+        ((model, sb.PointForce("A", fy=sb.Harmonic(310.0, 100.0)), history), {}, r"differs by 0\.0\d+; give"),
+        ((model, load, history), {"scheme": "newmark"}, "differs by"),
+        ((model, load, history), {"contact": False}, "differs by"),
+        ((model, load, history), {"start": (lambda x, y: (0.0 * x, 1e-3 * x), None)}, "differs by"),
+        ((model, load, history), {"decimation": 2}, "is not that of the history, which keeps every 1 steps"),
+        ((model, load, history), {"scheme": "paper"}, "scheme = 'paper'"),
+        ((nameless, push, sb.transient(nameless, push, 1e-3, 1e-4, modes=3)), {}, "has no named points"),
+    ):
+        with pytest.raises(ValueError, match=text):
+            sb.estimate_error(*given, **kind)
+    with pytest.raises(TypeError, match="must be the Model that the history was made of"):
+        sb.estimate_error(history.reduced, load, history)
+    with pytest.raises(TypeError, match="modes"):
+        sb.estimate_error(model, load, history, modes=3)
+    q = np.array([1e-3, *np.zeros(11)])
+    swinging = sb.transient(model, load, 0.005, start=(q, 0 * q), modes=12, step=5e-5)
+    assert 0.0 < sb.estimate_error(model, load, swinging, start=(q, 0 * q)).modes < 0.1
 
 
 def axial_starts(order, terms=1):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from sbfem_petsc.dynamics.steady import Search
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 
@@ -70,7 +71,7 @@ def test_iterations_and_residual(model):
     period, and Phi - 1 is not singular.
     """
     orbit = sb.periodic(model, LOAD, 3000.0, steps=128, reduction=None)
-    assert len(orbit.time) == 129
+    assert len(orbit.time) == 129 and orbit.stable is None and "stability not computed" in repr(orbit)
     assert (
         orbit.iterations <= 6
         and orbit.residuals[-1] < 1e-8 * orbit.residuals[0]
@@ -113,5 +114,10 @@ def test_bad_input(model):
         sb.periodic(undamped, LOAD, 3000.0, reduction=None)
     with pytest.raises(ValueError, match="start and jacobian are for the reduced model"):
         sb.periodic(model, LOAD, 3000.0, reduction=None, jacobian="differences")
+    for further in ({"stability": True}, {"search": Search()}):
+        with pytest.raises(ValueError, match="search and stability = True are for the reduced model"):
+            sb.periodic(model, LOAD, 3000.0, reduction=None, **further)
+    with pytest.raises(ValueError, match="search has no use without contact"):
+        sb.periodic(model, LOAD, 3000.0, contact=False, search=Search())
     with pytest.raises(KeyError, match="point 'Q' does not exist"):
         sb.periodic(model, sb.PointForce("Q", fy=1.0), 3000.0, reduction=None)

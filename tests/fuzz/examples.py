@@ -210,7 +210,17 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         },
         lambda: {"model": model(), "load": PUSH, "duration": 1e-3, "step": 1e-5, "modes": 6},
     ],
-    "estimate_error": [lambda: {"model": model(), "load": PUSH, "history": history()}],
+    "estimate_error": [
+        lambda: {
+            "model": model(),
+            "load": PUSH,
+            "history": motion(),
+            "contact": True,
+            "scheme": "exact",
+            "start": "rest",
+            "decimation": 1,
+        }
+    ],
     "periodic": [
         lambda: {
             "model": oscillator(),
