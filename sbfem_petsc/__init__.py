@@ -7,10 +7,23 @@ Names are loaded when first used, so that a program can read its command line an
 from __future__ import annotations
 
 import importlib
+import os
 
-from . import abort
+# One of these is set in a process that mpiexec, mpirun, srun or aprun has started: there a rank must not wait
+# for one whose program has failed, from here on.
+_LAUNCHED = (
+    "OMPI_COMM_WORLD_SIZE",
+    "PMIX_RANK",
+    "PMI_RANK",
+    "PMI_SIZE",
+    "MPI_LOCALNRANKS",
+    "PALS_RANKID",
+    "SLURM_PROCID",
+)
+if any(name in os.environ for name in _LAUNCHED):
+    from . import abort
 
-abort.install_if_launched()
+    abort.install()
 
 __version__ = "0.1.0"
 

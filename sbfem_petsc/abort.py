@@ -7,23 +7,12 @@ MPI.
 from __future__ import annotations
 
 import atexit
-import os
 import signal
 import sys
 import time
 from types import TracebackType
 from typing import Any
 
-# One of these is set in a process that mpiexec, mpirun, srun or aprun has started.
-LAUNCHED = (
-    "OMPI_COMM_WORLD_SIZE",
-    "PMIX_RANK",
-    "PMI_RANK",
-    "PMI_SIZE",
-    "MPI_LOCALNRANKS",
-    "PALS_RANKID",
-    "SLURM_PROCID",
-)
 # Of the message by which a rank tells the others that its program has ended.
 LEAVING = 29_876
 # Seconds that ranks which end together may be apart.
@@ -70,12 +59,6 @@ def install() -> None:
         leave(status)
 
     sys.excepthook, sys.exit = hook, leave_noted  # type: ignore[assignment]
-
-
-def install_if_launched() -> None:
-    """`install` in a process that belongs to a launcher of several ranks."""
-    if any(name in os.environ for name in LAUNCHED):
-        install()
 
 
 def several_ranks() -> Any:

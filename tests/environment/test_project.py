@@ -116,8 +116,8 @@ def test_examples_are_short():
     assert all(read_case(path).tables.title for path in cases)
 
 
-def imported() -> dict[str, set[str]]:
-    """Modules of the packages that each of them uses, in functions too, but not for types alone."""
+def imported(*, in_functions: bool = True) -> dict[str, set[str]]:
+    """Modules of the packages that each of them uses, but not for types alone."""
     files = {
         ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path
         for package in PACKAGES
@@ -126,6 +126,8 @@ def imported() -> dict[str, set[str]]:
 
     def used(name: str, node: ast.AST):
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            return
+        if isinstance(node, ast.FunctionDef) and not in_functions:
             return
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
@@ -165,6 +167,34 @@ def test_no_circles():
         and order.index(other.split(".")[1]) > order.index(name.split(".")[1])
     ]
     assert not upwards
+
+
+# Neither is imported while a thread of ours may wait for it: under an MPI launcher alone, before all else.
+AT_THE_START = ("sbfem_petsc", "sbfem_petsc.abort")
+
+
+@pytest.mark.slow
+def test_no_thread_waits_for_another():
+    """A thread that imports a.b.c holds its lock while it imports a, a.b and what a.b.c imports: without a
+    circle among these two threads never wait for each other, which Python ends by handing out a module that
+    is half made.
+    """
+    waits = {}
+    for name, others in imported(in_functions=False).items():
+        parts = [module.split(".") for module in (name, *others)]
+        waits[name] = {".".join(p[:k]) for p in parts for k in range(1, len(p) + 1)} - {name}
+    assert sum(map(len, waits.values())) > 1000
+    waits[AT_THE_START[0]].remove(AT_THE_START[1])
+    graphlib.TopologicalSorter(waits).prepare()  # CycleError names a circle
+
+
+@pytest.mark.slow
+def test_faces_are_for_users():
+    """Modules of ours import from the module that a name comes from; studies write `sb.` as users do."""
+    faces = {"meshing", "sbfem_petsc", "sbfem_petsc.indicators", "sbfem_petsc.plot"}
+    assert all(hasattr(importlib.import_module(face), "_HOME") for face in faces)
+    taken = {(name.split(".")[1], face) for name, found in imported().items() for face in faces & found}
+    assert taken == {("study", "sbfem_petsc"), ("cli", "sbfem_petsc")}
 
 
 @pytest.mark.slow
