@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import threading
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -52,6 +53,8 @@ __all__ = [
     "version_line",
 ]
 
+# The one that has started PETSc, which keeps no order between threads.
+_THREAD = threading.current_thread()
 OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
 # Stages of -log_view, registered in one order on all ranks.
 STAGES = ("Mesh", "S-elements", "Inertia", "Assembly", "Factorisation", "Contact", "Modes", "Steps")
@@ -66,9 +69,20 @@ if MPI.COMM_WORLD.size > 1:
 _LOGGED = {name: PETSc.Log.Stage(f"sbfem: {name}") for name in STAGES}
 
 
+def require_thread() -> None:
+    """Raise a RuntimeError unless this is the thread in which PETSc was started."""
+    here = threading.current_thread()
+    if here is not _THREAD:
+        raise RuntimeError(
+            f"a call in the thread {here.name!r} needs PETSc, which was started in {_THREAD.name!r} and "
+            "works in that thread alone: call it there, or start a process for it"
+        )
+
+
 @contextlib.contextmanager
 def stage(name: str) -> Iterator[None]:
     """Context whose work -log_view shows as a stage of `STAGES`; one inside another counts by itself."""
+    require_thread()
     _LOGGED[name].push()
     try:
         yield
@@ -148,6 +162,7 @@ def configure(item: Any) -> None:
     PetscFailure
         If PETSc refuses one of them; the sentence has PETSc's reason.
     """
+    require_thread()
     try:
         item.setFromOptions()
     except PETSc.Error as error:
@@ -169,6 +184,7 @@ def finite(tolerance: float) -> float:
 @contextlib.contextmanager
 def solving(what: str) -> Iterator[None]:
     """Context in which an error of PETSc, and a lack of memory, becomes one sentence, a `SolveError`."""
+    require_thread()
     try:
         yield
     except (PETSc.Error, MemoryError) as error:

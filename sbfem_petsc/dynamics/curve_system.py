@@ -14,7 +14,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import MPI, PETSc, check_ksp, configure, free, scripted, solving
+from ..petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
 
 PREFIX = "torus_"
 # Iterations of GMRES before it starts anew, and in all.
@@ -127,6 +127,7 @@ class CurveSystem:
         SolveError
             If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
         """
+        require_thread()
         comm, shape = self._maps.comm, right.shape
         right = right.ravel()
         size = float(np.linalg.norm(right))

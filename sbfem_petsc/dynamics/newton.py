@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from ..petsc import PETSc, configure, finite, scripted
+from ..petsc import PETSc, configure, finite, require_thread, scripted
 from .fixed_point import FixedPoint, effort
 from .period_map import DrivenPeriod, Period, PeriodMotion
 
@@ -51,6 +51,7 @@ class Newton:
         self.inverse = _Updated()
 
     def solve(self, state: np.ndarray, driven, values: np.ndarray) -> FixedPoint:
+        require_thread()
         m2, size = 2 * self.period.modes, 2 * self.period.modes + len(values)
         # parameters are solved for by their change, which rounding leaves more digits, in a unit that makes
         # all unknowns of one order

@@ -11,7 +11,7 @@ from ..contact.closed_sets import ClosedSets, thin_factors
 from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
-from ..petsc import MPI, free
+from ..petsc import MPI, free, require_thread
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.sampling import Field
@@ -174,6 +174,7 @@ class ReducedModel:
         """
         model, found = self._model("field"), self.modal
         assert found is not None
+        require_thread()
         right = model.stiffness.createVecRight()
         solution = right.duplicate()
         try:

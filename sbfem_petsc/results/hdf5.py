@@ -11,7 +11,7 @@ from ..analysis.static import Static
 from ..checks import instance, shown
 from ..loads import as_loads
 from ..parallel import agreed, collective
-from ..petsc import MPI
+from ..petsc import MPI, require_thread
 from ..recording.hdf5 import new_hdf5, opened
 from ..recording.sound import numbers
 from ..system.modal_result import Modal
@@ -129,6 +129,7 @@ def write_results(
     holds a whole one. Every dataset has the attributes "unit" and "description"; the root's "complete" is set
     last.
     """
+    require_thread()
     instance("write_results", "model", model, Model, "a Model")
     comm = model.comm
     with collective(comm):

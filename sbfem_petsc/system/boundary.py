@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..loads import as_loads
-from ..petsc import PETSc, free
+from ..petsc import PETSc, free, require_thread
 from ..selement.basis import tabulated
 from .assembly import ElementBlocks
 
@@ -138,6 +138,7 @@ class NodalForces:
 
 def load_columns(model, loads) -> LoadColumns:
     """What several constant, checked loads do. Collective."""
+    require_thread()
     columns, collected, nodal = [], [], []
     accelerations = np.zeros((2, len(loads)))
     vector = model.stiffness.createVecRight()

@@ -18,7 +18,7 @@ from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
 from ..material import AnyMaterial, SectorMaterials
 from ..parallel import alone, collective
-from ..petsc import MPI, PETSc
+from ..petsc import MPI, PETSc, require_thread
 from ..supports import Support
 from .assembly import ElementBlocks, assemble, assemble_by_ranks
 from .boundary import LoadColumns, NodalForces, free_bodies, load_columns, spring_blocks
@@ -347,6 +347,7 @@ class Structure:
         """Displacements (m, 2) of this rank's nodes from its displacement unknowns; 0 where held fixed.
         Collective.
         """
+        require_thread()
         scatter, source, target, free = self._ghosts
         source.array = owned
         scatter.scatter(source, target)
@@ -358,6 +359,7 @@ class Structure:
         """(owned,): sums over the ranks of forces (m, 2) on this rank's nodes, on its displacement unknowns.
         Collective.
         """
+        require_thread()
         scatter, source, target, free = self._ghosts
         target.array = forces[free]
         source.set(0.0)

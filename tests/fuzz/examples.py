@@ -873,7 +873,8 @@ def public() -> dict[str, Any]:
     found |= {f"plot.{name}": getattr(plot, name) for name in plot.__all__}
     for item in (write_results, read_results, write_vtu):
         found[f"results.{item.__name__}"] = item
-    for name, item in vars(indicators).items():
-        if callable(item) and not isinstance(item, type) and name in indicators.__all__:
+    for name in indicators.__all__:
+        item = getattr(indicators, name)
+        if not isinstance(item, type):
             found[f"indicators.{name}"] = item
     return found
