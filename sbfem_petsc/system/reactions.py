@@ -22,7 +22,8 @@ def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.nd
 
     Notes
     -----
-    Where two supports hold one direction of a node, the force is counted for the first.
+    Where two supports hold one direction of a node, the force is counted for the first. The springs of an
+    edge act on all its nodes, on one that another support holds too: what they do there is theirs.
     """
     part = model.part
     forces = -external.copy()
@@ -32,15 +33,17 @@ def reactions(model, field: np.ndarray, external: np.ndarray) -> dict[str, np.nd
             "kij,kj->ki", group.turned_both(group.solution.stiffness), moved
         )
         np.add.at(forces, group.nodes, inner.reshape(*group.nodes.shape, 2))
+    springs = [_spring_forces(model, support, field) for support in model.supports]
+    forces += sum(springs)
     result: dict[str, np.ndarray] = {}
     taken = np.zeros(part.unknowns.shape, dtype=bool)
-    for support in model.supports:
+    for support, elastic in zip(model.supports, springs):
         nodes = _nodes_of(model, support.where)
         held = np.zeros_like(taken)
         held[nodes] = np.array(support.fixed)
         held &= ~taken
         taken |= held
-        total = np.where(held, forces, 0.0).sum(axis=0) - _spring_force(model, support, field)
+        total = np.where(held, forces, 0.0).sum(axis=0) - elastic.sum(axis=0)
         model.comm.Allreduce(MPI.IN_PLACE, total)
         result[support.where] = result.get(support.where, np.zeros(2)) + total
     return result
@@ -57,19 +60,20 @@ def _nodes_of(model, where: str) -> np.ndarray:
     return np.flatnonzero(part.nodes == model.points[where][2])
 
 
-def _spring_force(model, support, field: np.ndarray) -> np.ndarray:
-    """(2,): what elastic supports take up, this rank's share, N."""
-    springs = np.array(support.springs)
+def _spring_forces(model, support, field: np.ndarray) -> np.ndarray:
+    """(m, 2): this rank's part of the forces on its nodes that elastic supports take up, N."""
+    part, springs = model.part, np.array(support.springs)
+    forces = np.zeros_like(field)
     if not springs.any():
-        return np.zeros(2)
+        return forces
     if support.where in model.edge_set_names:
-        edges = model.part.edge_sets[support.where]
-        if len(edges) == 0:
-            return np.zeros(2)
-        values, _, weights = tabulated(model.order, model.order + 2)
-        lengths, _ = edge_metric(model.part.coordinates[edges], model.order)
-        return springs * model.thickness * np.einsum("eq,q,qa,eai->i", lengths, weights, values, field[edges])
-    node = np.flatnonzero(model.part.nodes == model.points[support.where][2])
-    if model.comm.rank != model.comm.allreduce(model.comm.rank if len(node) else model.comm.size, MPI.MIN):
-        return np.zeros(2)
-    return springs * field[node[0]]
+        edges = part.edge_sets[support.where]
+        if len(edges):
+            values, _, weights = tabulated(model.order, model.order + 2)
+            lengths, _ = edge_metric(part.coordinates[edges], model.order)
+            consistent = np.einsum("eq,q,qa,qb,ebi->eai", lengths, weights, values, values, field[edges])
+            np.add.at(forces, edges, springs * model.thickness * consistent)
+    elif model.comm.rank == min(model.point_holders[support.where], default=-1):
+        node = np.flatnonzero(part.nodes == model.points[support.where][2])
+        forces[node] = springs * field[node]
+    return forces

@@ -1,0 +1,84 @@
+"""Forces of supports that share nodes: the flexibility of a structure without the support is the oracle."""
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from meshing import Plate
+from tests.parallel import answer, on_ranks
+
+STEEL = sb.Material(210e9, 0.3, 7800)
+SPRING = {"x": 3e11, "y": 5e11}  # N/m^3: they and the plate give way alike
+LOAD = sb.EdgeLoad("edge3", tx=2e6, ty=-5e6)
+APPLIED = np.array([2e6, -5e6]) * 0.4  # N
+PROGRAM = """
+import json
+from mpi4py import MPI
+from tests.analysis.test_reactions import shared
+found = shared()
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps(found))
+"""
+
+
+def mesh():
+    outline = [(0.0, 0.0), (0.4, 0.0), (0.4, 0.3), (0.0, 0.3)]
+    points = {"corner": (0.0, 0.0), "middle": (0.15, 0.0), "apart": (0.4, 0.12)}
+    return Plate(outline).mesh(order=4, points=points)
+
+
+def static(*supports, load=LOAD):
+    return sb.static(sb.Model(mesh(), STEEL, clamped=None, supports=supports), load)
+
+
+@pytest.mark.parametrize("point", ["corner", "middle"])
+@pytest.mark.parametrize("directions", [(True, True), (True, False), (False, True)])
+def test_fixed_point_on_elastic_edge(point, directions):
+    """A point of an elastic edge that is held fixed: its force is that which brings the point of the
+    structure on springs alone back, ``-C^-1 u``, and the springs' is what they have under both.
+    """
+    elastic = sb.Support("edge1", **SPRING)
+    alone = static(elastic)
+    held = np.flatnonzero(directions)
+    units = [static(elastic, load=sb.PointForce(point, **{f"f{'xy'[k]}": 1.0})) for k in held]
+    flexibility = np.array([unit.displacement(point)[held] for unit in units])
+    forces = -np.linalg.solve(flexibility.T, alone.displacement(point)[held])
+    on_springs = alone.reactions["edge1"] + sum(f * u.reactions["edge1"] for f, u in zip(forces, units))
+    found = static(elastic, sb.Support(point, *directions)).reactions
+    scale = np.abs(APPLIED).max()
+    exact = np.zeros(2)
+    exact[held] = forces
+    assert np.abs(exact).max() > 0.05 * scale  # there is something to tell
+    assert np.abs(found[point] - exact).max() < 1e-10 * scale
+    assert np.abs(found["edge1"] - on_springs).max() < 1e-10 * scale
+    assert np.abs(found[point] + found["edge1"] + APPLIED).max() < 1e-10 * scale
+
+
+def test_springs_on_a_point_of_an_edge():
+    """An elastic point on an elastic edge: the springs stand side by side, each with its own force."""
+    spring = sb.Support("middle", x=2e10, y=4e10)
+    found = static(sb.Support("edge1", **SPRING), spring)
+    own = -np.array([2e10, 4e10]) * found.displacement("middle")
+    assert found.reactions["middle"] == pytest.approx(own, rel=1e-12)
+    assert found.reactions["middle"] + found.reactions["edge1"] == pytest.approx(-APPLIED, rel=1e-10)
+
+
+def shared():
+    """Reactions of supports that share nodes, of edges and a point, fixed and elastic."""
+    found = static(
+        sb.Support("edge1", x=True, **{"y": SPRING["y"]}),
+        sb.Support("edge4", x=True, y=True),
+        sb.Support("corner", x=False, y=True),
+        sb.Support("edge2", x=SPRING["x"], y=False),
+        sb.Support("apart", x=True, y=True),
+    ).reactions
+    return {name: force.tolist() for name, force in found.items()}
+
+
+def test_nodes_of_several_supports():
+    """A node of two supports counts once: together they carry the load. Alike on two ranks."""
+    one, two = (answer(on_ranks(ranks, PROGRAM)) for ranks in (1, 2))
+    total = np.sum(list(one.values()), axis=0)
+    assert np.abs(total + APPLIED).max() < 1e-10 * np.abs(APPLIED).max()
+    for name, force in one.items():
+        assert two[name] == pytest.approx(force, abs=1e-9 * np.abs(APPLIED).max())
