@@ -9,7 +9,7 @@ from typing import Any
 
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
-from ..loads import Load, separate
+from ..loads import Load, as_loads, separate
 from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.build import default_modes, reduced
@@ -72,7 +72,8 @@ def loading(
     system : Model or ReducedModel
     load : loads; for a system of matrices a number or signal for each of its unit loads
     number : callable
-        Makes a signal of a plain number.
+        Makes a signal of a plain number: where this is no constant, a number beside signals that vary is
+        refused, for it may be either.
 
     Raises
     ------
@@ -80,6 +81,8 @@ def loading(
         If a load makes no sense, or a reduced model was not made for it.
     """
     found = _loading(owner, system, load, number)
+    if number is not as_signal:
+        _refuse_ambiguous(owner, load)
     if not found.highest_frequency <= FASTEST:
         raise ValueError(
             f"{owner}: the loads have frequencies up to {found.highest_frequency:.3g} Hz; at most "
@@ -129,6 +132,26 @@ def _loading(
             else known[place] + signal
         )
     return Loading(system.loads, tuple(known))
+
+
+def _refuse_ambiguous(owner: str, load: Any) -> None:
+    """Refuse a number beside signals that vary: it may be an amplitude or a constant."""
+    values = load if isinstance(load, (list, tuple)) else (load,)
+    if all(isinstance(value, (Real, Signal)) for value in values):
+        named = [(f"load[{k}]", value) for k, value in enumerate(values)]
+    else:
+        named = [
+            (f"{name} of {type(item).__name__}", value)
+            for item in as_loads(load).parts
+            for name, value in item.components.items()
+        ]
+    if any(isinstance(value, Signal) and not isinstance(value, Constant) for _, value in named):
+        for name, value in named:
+            if isinstance(value, Real) and value != 0:
+                raise ValueError(
+                    f"{owner}: {name} = {value!r} is a number beside signals and may be meant as a constant "
+                    f"or as an amplitude; give sb.Constant({value!r}) or sb.Harmonic({value!r}, frequency)"
+                )
 
 
 def serving(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from .analysis_tables import MOST
@@ -307,6 +307,23 @@ def _analysis_loads(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:
                         f"= {name!r} has {component} of kind {kind!r}, but {analysis.kind} takes {what}; use "
                         "transient, or another load",
                     )
+        if "harmonic" in _SIGNALS.get(analysis.kind, ()):
+            yield from _ambiguous(case, (*path, key), [name for name in names if name in case.loads])
+
+
+def _ambiguous(case: Any, path: Path, names: Sequence[str]) -> Iterator[Problem]:
+    """A number beside signals that vary, where numbers are amplitudes: it may be meant as a constant."""
+    named = [(name, part, getattr(case.loads[name], part, 0.0)) for name in names for part in COMPONENTS]
+    if all(getattr(value, "kind", "constant") == "constant" for _, _, value in named):
+        return
+    for name, part, value in named:
+        if isinstance(value, float) and value != 0.0:
+            yield Problem(
+                path,
+                f"= {name!r} has {part} = {value:g}, a number beside signals, which may be meant as a "
+                f'constant or as an amplitude; give {{ kind = "constant", value = {value:g} }} or {{ kind = '
+                f'"harmonic", amplitude = {value:g}, frequency = ... }}',
+            )
 
 
 def _sweep(case: Any) -> Iterator[Problem]:

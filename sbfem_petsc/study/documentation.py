@@ -65,7 +65,8 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         "50.0 }`. What a number means depends on the analysis: a constant force in `static`, "
         "`load_history` and `transient`, the "
         "amplitude of sin(2 pi f t) in `periodic`, `frequency_response`, `load_response`, `modulation`, "
-        "`quasi_periodic` and `quasi_periodic_response`.",
+        "`quasi_periodic` and `quasi_periodic_response`. Beside a signal that varies these refuse a number, "
+        "which may be meant as either: a table of kind constant or harmonic says which.",
         (PointForce, EdgeLoad, SupportMotion, *SIGNALS),
     ),
     (

@@ -39,7 +39,9 @@ def test_two_oscillators_with_tones_and_preload(contact, frequency):
     1e-12 of the largest (1e-10 is asked for).
     """
     tones = sb.Harmonic(1.0, frequency, 0.3) + sb.Harmonic(0.5, 1.5 * frequency) + 2.0
-    orbit = sb.periodic(pair_of_masses(), [tones, 0.7], frequency, contact=contact, steps=64)
+    orbit = sb.periodic(
+        pair_of_masses(), [tones, sb.Harmonic(0.7, frequency)], frequency, contact=contact, steps=64
+    )
     assert (orbit.periods, orbit.iterations, orbit.converged) == (2, 0, True)
     lines = np.zeros((len(orbit.time) // 2 + 1, 2), dtype=complex)
     lines[0] = receptance(0.0) @ [2.0, 0.0]

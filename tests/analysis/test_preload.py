@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.period_map import Period
 
@@ -140,3 +141,39 @@ def test_two_tones_on_a_preload():
         assert found.stable
         lines.append([found.line(m, n, "1") for m, n in ((1, 0), (0, 1), (1, 1), (1, 2), (2, -1))])
     np.testing.assert_allclose(*lines, rtol=SAME, atol=SAME * np.abs(lines[0]).max())
+
+
+def test_a_number_beside_signals():
+    """It is a constant in a history and would be an amplitude in a steady state, which asks what it is; given
+    as a constant, both have the same mean resultant.
+    """
+    frequency = 400.0
+    model = sb.Model(
+        Beam(0.4, 0.02, [VNotch(0.1, 0.01, 0.0)]).mesh(),
+        sb.Material(70e9, 0.33, 2700),
+        clamped="left",
+        damping=0.1,
+    )
+
+    def load(preload):
+        return sb.EdgeLoad("right", ty=sb.Harmonic(1e4, frequency)) + sb.EdgeLoad("right", tx=preload)
+
+    wanted = r"tx of EdgeLoad = -5000000.0 is a number beside signals .* give sb.Constant\(-5000000.0\) or "
+    for analysis, options in ((sb.periodic, {}), (sb.load_response, {"stop": 2.0})):
+        with pytest.raises(ValueError, match=wanted):
+            analysis(model, load(-5e6), frequency, **options)
+    with pytest.raises(ValueError, match=wanted):
+        sb.periodic(model, load(-5e6), frequency, reduction=None)
+    with pytest.raises(ValueError, match=r"load\[1\] = 2.0 is a number beside signals"):
+        sb.periodic(pressed(0.0), [sb.Harmonic(0.15, 0.15), 2.0], 0.15)
+    with pytest.raises(TypeError, match="give Harmonic.* or a Constant"):
+        sb.quasi_periodic(model, load(-5e6), (frequency, 70.0))
+    with pytest.raises(ValueError, match="ty = Harmonic.* give a number, .* or a Constant"):
+        sb.frequency_response(model, load(-5e6), 350.0, 450.0)
+    orbit = sb.periodic(model, load(sb.Constant(-5e6)), frequency, stability=False)
+    history = sb.transient(model, load(-5e6), 100.0 / frequency, start="equilibrium")
+    turn = round(1.0 / (frequency * history.step))
+    assert orbit.contact_resultant.min() > 0.0
+    mean = orbit.contact_resultant[:-1].mean()
+    assert mean == pytest.approx(5e6 * 0.01, rel=1e-5)  # the traction over the depth of the crack
+    assert history.contact_resultant[-turn:].mean() == pytest.approx(mean, rel=1e-4)

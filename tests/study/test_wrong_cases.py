@@ -183,6 +183,13 @@ WRONG = [
         "quasi_periodic takes numbers and harmonic or constant",
     ),
     (
+        "fy = 200.0",
+        'fy = 200.0\nfx = { kind = "harmonic", amplitude = 1.0, frequency = 500.0 }',
+        "analyses.steady.load",
+        "fy = 200, a number beside signals, which may be meant as a constant or as an amplitude; give { kind",
+        'load = "push"',
+    ),
+    (
         'kind = "static"\nload = "push"',
         'kind = "load_history"\nload = "burst"\ntimes = { start = 0.0, stop = 1.0 }' + NEW,
         "analyses.push.times",
