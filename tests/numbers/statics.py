@@ -98,7 +98,7 @@ def springs_and_a_fixed_point():
 def elastic_layers():
     """A layer in a notch, in the tied and in the unilateral law."""
     mesh = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.0),)).mesh(order=3, face_edges=6)
-    for law in (sb.Tied(1e-9), sb.Unilateral(1e-9)):
+    for law in (sb.Tied(4e-13), sb.Unilateral(4e-13)):
         name = type(law).__name__.lower()
         found = sb.static(sb.Model(mesh, bodies.ALUMINIUM, contact_laws=law), PUSH)
         yield f"{name}.u", found.displacement("A")
