@@ -16,7 +16,7 @@ from meshing.boundary_mesh import BoundaryMesh
 
 from ..errors import SolveError, listed, on_all_ranks
 from ..loads import Loads, as_loads
-from ..material import AnyMaterial, SectorMaterials
+from ..material import AnyMaterial, Material, OrthotropicMaterial, SectorMaterials
 from ..parallel import alone, collective
 from ..petsc import MPI, PETSc, require_thread
 from ..supports import Support
@@ -65,6 +65,11 @@ class Numbers(NamedTuple):
     tip_modes: int
 
 
+def _around(parts: tuple[Material | OrthotropicMaterial, ...]) -> AnyMaterial:
+    """The material of an S-element from that of each edge's sector: materials of two names may be one."""
+    return SectorMaterials(parts) if len(set(parts)) > 1 else parts[0]
+
+
 class Structure:
     """A distributed structure of S-elements and its operators; `Model` is what a user sees of it.
 
@@ -109,7 +114,7 @@ class Structure:
         self.boundary_unknowns = int(self.ranges[-1])
         with collective(comm):
             materials = named.materials(self.material_names)
-            sectors = [SectorMaterials(tuple(materials[k] for k in parts)) for parts in found.compositions]
+            sectors = [_around(tuple(materials[k] for k in parts)) for parts in found.compositions]
             self.materials: list[AnyMaterial] = [*materials, *sectors]
             self.contact_laws = named.contact_laws(tuple(crack.name for crack in self.cracks))
             if self.boundary_unknowns == 0:

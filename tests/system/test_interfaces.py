@@ -57,6 +57,28 @@ def pressed_half(whole: sb.Static) -> float:
     return float(sum(-0.2 * w * whole.stress((0.2 + 0.2 * x, 1e-9))[1] for x, w in zip(at, weight)))
 
 
+def test_materials_of_two_names_and_equal_values(tmp_path):
+    """A crack between them is one in a single material: K, G and T are that one's, also where it is pressed.
+
+    G is (K_I^2 + K_II^2) / E' of the values themselves.
+    """
+    (tmp_path / "along.geo").write_text(BODIES["along"])
+    mesh, same = read_gmsh(tmp_path / "along.geo", order=4), sb.Material(2.0, 0.3, 1.0)
+    named = {"first": same, "second": sb.Material(young=2.0, poisson=0.3, density=1.0)}
+    pressed = [sb.EdgeLoad("bottom", pressure=1.0), sb.EdgeLoad("top", pressure=1.0)]
+    for load in (PULL, pressed):
+        one, two = (
+            sb.static(sb.Model(mesh, given, clamped=None, supports=HELD), load) for given in (same, named)
+        )
+        assert two.stress_intensity == one.stress_intensity
+        assert two.energy_release_rate == one.energy_release_rate and two.t_stress == one.t_stress
+    # the last one pressed, its crack closed: K_I is rounding
+    assert abs(two.stress_intensity["c"][0]) < 1e-9
+    pulled = sb.static(sb.Model(mesh, named, clamped=None, supports=HELD), PULL)
+    first, second = pulled.stress_intensity["c"]
+    assert pulled.energy_release_rate["c"] == pytest.approx((first**2 + second**2) / 2.0, rel=1e-9)
+
+
 @pytest.mark.slow
 def test_mesh_in_a_file(tmp_path):
     (tmp_path / "along.geo").write_text(BODIES["along"])
