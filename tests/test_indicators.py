@@ -246,6 +246,17 @@ def test_sidebands(duration, step, error):
         assert "modulation index (A_L + A_R)/A_0 = 0.02)" in repr(result)
 
 
+def test_further_pairs_do_not_leak():
+    """Two pairs more than asked for, as strong as the carrier, in a record that is not coherent: all in it is
+    fitted, so that the pair asked for is exact to round-off.
+    """
+    t = grid(10_000, 1e-5)
+    u = sum((1.0 + 0.1 * n) * np.cos(2.0 * np.pi * (3000.0 + 433.0 * n) * t + n) for n in range(-3, 4))
+    result = sidebands(t, u, 3000.0, 433.0)
+    found = [result.lower[0], result.centre, result.upper[0]]
+    np.testing.assert_allclose(found, [0.9 * np.exp(-1j), 1.0, 1.1 * np.exp(1j)], atol=1e-10)
+
+
 def test_inseparable_sidebands_are_named():
     """33 ms: the pump's seventh harmonic is one line from the carrier. And a carrier that is a multiple of
     the modulation.

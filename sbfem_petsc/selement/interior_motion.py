@@ -86,8 +86,6 @@ def inertial_operators(element: SElement, terms: int, located: Located) -> Point
         )
         for i, k in enumerate(which.ravel(), start):
             displacement[i], stress[i] = at_point(i, whole[k], whole[k], steep[k], levels[i])
-    if not element.closed:
-        stress[located.level == 0.0] = np.nan
     return PointOperators(displacement, stress, 0)
 
 

@@ -154,6 +154,14 @@ def test_several_contact_rows_and_modes():
     assert near.iterations > 1 and np.abs(near.state - again.state).max() < 1e-8 * np.abs(again.state).max()
 
 
+def test_a_start_of_several_periods():
+    """A motion of two forcing periods is cut into segments where it stands: nothing is left to do."""
+    one = sb.periodic(one_mass(0.0, 0.02, stiffness=50.0), 1.0, 0.41, steps=512, periods=2)
+    assert np.abs(one.subharmonics("A")[1]) > 0.1
+    many = sb.periodic(one.reduced, 1.0, 0.41, steps=512, periods=2, segments=4, start=one)
+    assert many.iterations == 0 and many.periods == 2
+
+
 def test_powers_of_multipliers(mass, fast):
     """64 periods of an unstable motion: its multipliers to the power of 64, 6e17 and 4e-21."""
     found = sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=64, segments=64, start=fast)

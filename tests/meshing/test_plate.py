@@ -187,6 +187,17 @@ def test_opening(opening):
     assert lens.pairs.gap == pytest.approx(2 * tangent * np.minimum(lens.pairs.arc, 0.04 - lens.pairs.arc))
 
 
+def test_opening_of_a_kinked_crack():
+    """At each pair the faces are as far apart as the angle and the way from the tip say, also at the kink of
+    27 degrees; as they run on to the mouth, they turn by a thousandth of a degree there.
+    """
+    line = CrackLine([(0.05, 0.1), (0.05, 0.07), (0.06, 0.05)], opening=0.2)
+    pairs = Plate(SQUARE, cracks=[line]).mesh(order=2, face_edges=8).pairs
+    kink = np.abs(pairs.arc - math.hypot(0.01, 0.02)) < 1e-6
+    assert kink.sum() == 2
+    assert pairs.gap == pytest.approx(2.0 * math.tan(math.radians(0.1)) * pairs.arc, rel=1e-4)
+
+
 def test_face_size_adds_pairs_and_no_elements():
     plate = Plate(SQUARE, cracks=[CrackLine([(0.05, 0.1), (0.05, 0.06)])])
     coarse, fine = plate.mesh(), plate.mesh(face_size=0.5e-3)

@@ -5,6 +5,9 @@ from __future__ import annotations
 import functools
 import pathlib
 import tempfile
+from collections.abc import Sequence
+
+import numpy as np
 
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch, read_gmsh
@@ -51,27 +54,35 @@ def small_crack(opening: float) -> sb.Model:
 
 
 def drawn(x: tuple[float, ...], y: tuple[float, ...], groups: str) -> BoundaryMesh:
-    """The mesh of a grid of rectangles, which every version of gmsh makes alike: one edge a side, lines drawn
-    from right to left and upwards. Line i + 1 + k (nx - 1) is the i-th of row k; those of the columns follow.
-    """
-    nx, ny = len(x), len(y)
-    text = [f"Point({i + 1 + k * nx}) = {{{x[i]}, {y[k]}, 0}};\n" for k in range(ny) for i in range(nx)]
-    rows = [(i + 2 + k * nx, i + 1 + k * nx) for k in range(ny) for i in range(nx - 1)]
-    columns = [(i + 1 + k * nx, i + 1 + (k + 1) * nx) for i in range(nx) for k in range(ny - 1)]
-    text += [f"Line({n}) = {{{a}, {b}}};\n" for n, (a, b) in enumerate(rows + columns, 1)]
-    text.append(f"Transfinite Curve{{1:{len(rows + columns)}}} = 2;\n")
-    cells = [(i, k) for k in range(ny - 1) for i in range(nx - 1)]
-    for n, (i, k) in enumerate(cells, 1):
-        low, high = 1 + i + k * (nx - 1), 1 + i + (k + 1) * (nx - 1)
-        left = len(rows) + 1 + i * (ny - 1) + k
-        text.append(
-            f"Curve Loop({n}) = {{{-low}, {left + ny - 1}, {high}, {-left}}}; Plane Surface({n}) = {{{n}}};\n"
-        )
-    text.append(f"Transfinite Surface{{1:{len(cells)}}}; Recombine Surface{{1:{len(cells)}}};\n")
+    """The mesh of a grid and physical groups of it, order 3."""
     with tempfile.TemporaryDirectory() as folder:
         path = pathlib.Path(folder) / "body.geo"
-        path.write_text("".join(text) + groups)
+        path.write_text(grid(x, y) + groups)
         return read_gmsh(path, order=3, face_edges=6)
+
+
+def grid(x: Sequence[float], y: Sequence[float], first: int = 1) -> str:
+    """A script of gmsh for a grid of rectangles, which every version meshes alike: one edge a side. Points,
+    surfaces and lines, those of rows from right to left before those of columns upwards, are numbered from
+    `first` on.
+    """
+    nx, ny = len(x), len(y)
+    points = np.arange(first, first + nx * ny).reshape(ny, nx)
+    rows = np.arange(first, first + ny * (nx - 1)).reshape(ny, nx - 1)
+    columns = np.arange(first + rows.size, first + rows.size + nx * (ny - 1)).reshape(nx, ny - 1)
+    text = [f"Point({points[k, i]}) = {{{x[i]}, {y[k]}, 0}};" for k, i in np.ndindex(ny, nx)]
+    text += [
+        f"Line({rows[k, i]}) = {{{points[k, i + 1]}, {points[k, i]}}};" for k, i in np.ndindex(ny, nx - 1)
+    ]
+    text += [
+        f"Line({columns[i, k]}) = {{{points[k, i]}, {points[k + 1, i]}}};" for i, k in np.ndindex(nx, ny - 1)
+    ]
+    for n, (k, i) in enumerate(np.ndindex(ny - 1, nx - 1), first):
+        sides = -rows[k, i], columns[i + 1, k], rows[k + 1, i], -columns[i, k]
+        text.append(f"Curve Loop({n}) = {{{', '.join(map(str, sides))}}}; Plane Surface({n}) = {{{n}}};")
+        text.append(f"Transfinite Surface{{{n}}}; Recombine Surface{{{n}}};")
+    text.append(f"Transfinite Curve{{{first}:{columns[-1, -1]}}} = 2;\n")
+    return "\n".join(text)
 
 
 GRID = (0.0, 0.3, 0.5, 0.7, 1.0)

@@ -11,6 +11,7 @@ import pytest
 from sbfem_petsc.material import Material, OrthotropicMaterial
 from sbfem_petsc.results.vtu import write_modes, write_vtu
 from sbfem_petsc.system.sampling import normal_stress_row, sample, von_mises
+from tests.numbers.bodies import two_halves
 
 GRADIENT = np.array([[1.0e-4, 4.0e-5], [-2.0e-5, -3.0e-5]])
 
@@ -184,3 +185,15 @@ def test_as_paraviews_own_reader_sees_it(solved, tmp_path):
     assert list(shapes.point_data) == [
         f"mode {k + 1}, {modes.frequencies[k]:.6g} Hz (m/sqrt(kg))" for k in range(2)
     ]
+
+
+def test_material_of_each_cell(tmp_path):
+    """Tip elements in an interface are of two materials: every cell, of several pieces an edge, has
+    that of its place.
+    """
+    model = two_halves()
+    found = meshio.read(write_vtu(str(tmp_path / "halves.vtu"), model, {}, subdivisions=3))
+    for block, material in zip(found.cells, found.cell_data["material"]):
+        height = found.points[block.data, 1].mean(axis=1)
+        names = np.array(model.material_names)[material]
+        assert (names == np.where(height < 0.5, "low", "high")).all()

@@ -9,6 +9,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing import BoundaryMesh, read_gmsh
 from sbfem_petsc.results.vtu import write_vtu
+from sbfem_petsc.selement.fracture import dundurs
+from tests.numbers.bodies import grid
 from tests.validation.interface_cases import BODIES, FIRST, PULL, SECOND, exponent, model
 
 MATERIALS = {"first": FIRST, "second": SECOND}
@@ -99,3 +101,26 @@ def test_mesh_in_a_file(tmp_path):
     assert moved.energy_release_rate["c"] == pytest.approx(7.467473, rel=2e-3)  # by scikit-fem
     with pytest.raises(ValueError, match="not one for each of its edges"):
         replace(mesh, sector_materials={element: sectors[:-1]})
+
+
+def test_interface_tips_of_other_sizes(tmp_path):
+    """A body four times smaller beside one under the same tractions: by dimensions alone K is half of the
+    larger one's times 4^(i epsilon), as it is told at 1 m for both.
+    """
+    x, y = np.array([0.0, 1.5, 2.0, 3.0, 5.0]), np.array([0.0, 1.0, 2.0])
+    groups = """
+    Physical Surface("second") = {1:4, 101:104}; Physical Surface("first") = {5:8, 105:108};
+    Physical Curve("crack:large") = {6, 7}; Physical Curve("crack:small") = {106, 107};
+    Physical Curve("wall") = {1:4, 101:104}; Physical Curve("top") = {9:12, 109:112};
+    """
+    path = tmp_path / "two.geo"
+    path.write_text(grid(x, y) + grid(10.0 + x / 4.0, y / 4.0, 101) + groups)
+    body = sb.Model(read_gmsh(path, order=3, face_edges=6), MATERIALS, "wall")
+    tips = [group for group in body.groups if not group.closed]
+    assert [len(group.sizes) for group in tips] == [2, 2]  # a form for both would do but for their sizes
+    factors = sb.static(body, sb.EdgeLoad("top", pressure=-1.0)).stress_intensity
+    _, beta = dundurs(np.stack([m.young * m.elasticity for m in (FIRST, SECOND)]))
+    epsilon = np.log((1.0 - beta) / (1.0 + beta)) / (2.0 * np.pi)
+    for tip, above in ((1, -1.0), (2, 1.0)):  # the first material is below the line that points to the left
+        large, small = (complex(*factors[f"{name}:{tip}"]) for name in ("large", "small"))
+        assert small == pytest.approx(0.5 * 4.0 ** (1j * above * epsilon) * large, rel=1e-9)
