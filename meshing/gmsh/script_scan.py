@@ -174,7 +174,7 @@ def _tokens(text: str, origin: str) -> tuple[list[_Token], str]:
         if column > _LONGEST_LINE and kind == "sign" and piece in ",;":
             clean.append("\n")
             column = 0
-    return tokens, "".join(clean) + "\n"
+    return tokens, "".join(clean) + "\n"  # without, gmsh drops all but the first statement of a last line
 
 
 def _refuse(origin: str, token: _Token, what: str, mend: str = "remove it") -> NoReturn:

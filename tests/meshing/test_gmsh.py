@@ -336,6 +336,12 @@ def test_geometry_files_that_would_lose_a_part(tmp_path):
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};'
     )
     assert read_gmsh(tmp_path / "cut.geo", order=1).area == pytest.approx(1.0, abs=1e-12)
+    (tmp_path / "named.geo").write_text('Physical Surface("a")={1}; Physical Curve("left")={4};')
+    for reads in ("Include", "Merge"):
+        script = f'SetFactory("OpenCASCADE");\nRectangle(1)={{0,0,0,1,1}};\n{reads} "named.geo";'
+        (tmp_path / "whole.geo").write_text(script)
+        assert "left" in read_gmsh(tmp_path / "whole.geo", order=1).edge_sets
+        assert (tmp_path / "whole.geo").read_text() == script  # the user's file is left as it is
     (tmp_path / "two.geo").write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\n'
         'Physical Surface("a")={1};\n'
