@@ -165,6 +165,7 @@ class Builder:
         uses = self.cells.edge_uses()
         for name, entities in groups.items():
             edges = [edge for entity in entities for edge in self._line_edges(name, entity, uses)]
+            edges = list(dict.fromkeys(edges))  # lines drawn twice
             if not self._model.unnamed:
                 self._check_name(name, edges, uses)
             if name.startswith("crack:"):

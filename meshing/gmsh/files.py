@@ -18,8 +18,8 @@ CAD = (".step", ".stp", ".brep", ".iges", ".igs")  # these formats carry no phys
 IGES = (".iges", ".igs")
 _MERGED = (*SCRIPTS, ".step", ".stp", ".brep", ".msh")
 MESHES = (".msh",)
-FOREIGN = (".inp", ".vtu", ".vtk")  # read by meshio
-KNOWN = MESHES + SCRIPTS + CAD + FOREIGN
+FOREIGN = {".inp": "meshing.gmsh.abaqus", ".vtu": "meshing.gmsh.vtk", ".vtk": "meshing.gmsh.vtk"}
+KNOWN = (*MESHES, *SCRIPTS, *CAD, *FOREIGN)
 _MOST_FILES = 100
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 

@@ -68,8 +68,8 @@ def read_gmsh(
         ``.brep``, ``.iges`` are meshed here, GLL nodes on the true curves; step, brep and iges carry no
         groups: all surfaces are one material, parts that touch are joined, every curve and point has its
         number in its name ("curve5", "point2"); to name them, write a .geo file that merges the file and adds
-        physical groups. Lengths in step and iges files are converted to m. ``.inp`` (Abaqus), ``.vtu`` and
-        ``.vtk`` are read by meshio, see `meshing.gmsh.foreign`.
+        physical groups. Lengths in step and iges files are converted to m. ``.inp`` (Abaqus): see
+        `meshing.gmsh.abaqus`. ``.vtu`` and ``.vtk`` are read by meshio, see `meshing.gmsh.vtk`.
     order : int
         Polynomial order of the S-elements' edges, 1 to 20.
     size : float, optional
@@ -136,9 +136,8 @@ def read_gmsh(
     )
     origin = str(path)
     files = collect(path)
-    foreign = path.suffix.lower() in FOREIGN
     request = {
-        "module": "meshing.gmsh.foreign" if foreign else "meshing.gmsh.extraction",
+        "module": FOREIGN.get(path.suffix.lower(), "meshing.gmsh.extraction"),
         "order": order,
         "size": size,
         "most_unknowns": most,

@@ -309,6 +309,7 @@ def test_nothing_of_mpi_goes_to_the_child(monkeypatch):
 INTERRUPTED = """
 import signal, sys, threading, os
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
+from meshing import read_gmsh
 from meshing.gmsh import isolation
 started = isolation.subprocess.Popen
 class Popen(started):
@@ -316,7 +317,6 @@ class Popen(started):
         super().__init__(*args, **kwargs)
         print(self.pid, flush=True)
 isolation.subprocess.Popen = Popen
-from meshing import read_gmsh
 try:
     read_gmsh(sys.argv[1])
 except KeyboardInterrupt:

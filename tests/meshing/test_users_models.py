@@ -316,56 +316,6 @@ def test_a_large_model_that_is_meant(tmp_path):
         assert np.ptp(read_gmsh(path, order=1, scale=1.0).nodes) == 100.0
 
 
-INP = """*HEADING
-two plates of 1 m
-*NODE
-{nodes}
-*ELEMENT, TYPE=CPS4, ELSET=steel
-1, 1, 2, 5, 4
-*ELEMENT, TYPE=CPS4, ELSET=brass
-2, 2, 3, 6, 5
-*NSET, NSET=clamp
-1, 4
-*NSET, NSET=P
-6
-*NSET, NSET=crack:c
-2, 5
-"""
-NODES = "1, 0., 0.\n2, 1., 0.\n3, 2., 0.\n4, 0., 1.\n5, 1., 1.\n6, 2., 1."
-
-
-@pytest.mark.slow
-def test_abaqus(tmp_path):
-    path = tmp_path / "model.inp"
-    path.write_text(INP.format(nodes=NODES).replace("crack:c\n2, 5", "load\n3, 6"))
-    mesh = read_gmsh(path, order=3)
-    assert mesh.area == pytest.approx(2.0, rel=1e-12) and mesh.material_names == ("steel", "brass")
-    assert mesh.nodes[mesh.points["P"]] == pytest.approx([2, 1])
-    for name, x in (("clamp", 0.0), ("load", 2.0)):
-        assert (mesh.nodes[mesh.edges[mesh.edge_sets[name]], 0] == x).all()
-    assert read_gmsh(path, order=1, scale=1e-3).area == pytest.approx(2e-6, rel=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("change", "options", "says"),
-    [
-        (("*NSET, NSET=P", "*INCLUDE, INPUT=/etc/passwd\n*NSET, NSET=P"), {}, "*INCLUDE in line 16"),
-        (("CPS4", "C3D4"), {}, "cells of type 'tetra'"),
-        (("2, 2, 3, 6, 5", "2, 2, 3, 66, 5"), {}, "meshio cannot read it"),
-        ((", NSET=crack:c\n2, 5", ", NSET=Q\n1, 6"), {}, "'Q' holds no curve"),
-        (("*HEADING", "*HEADING"), {"size": 0.1}, "size has no meaning"),
-        (("*HEADING", "*HEADING"), {"order": 20, "max_unknowns": 100}, "more than max_unknowns = 100"),
-        (("*HEADING", "*HEADING"), {}, "'crack:c' holds no curve"),
-    ],
-)
-def test_wrong_abaqus_files(tmp_path, change, options, says):
-    path = tmp_path / "model.inp"
-    path.write_text(INP.format(nodes=NODES).replace(*change))
-    with pytest.raises(ValueError) as caught:
-        read_gmsh(path, **{"order": 1, **options})
-    assert says in str(caught.value) and str(path) in str(caught.value)
-
-
 @pytest.mark.parametrize("ending", ["vtu", "vtk"])
 def test_vtk(tmp_path, ending):
     meshio = pytest.importorskip("meshio")

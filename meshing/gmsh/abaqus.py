@@ -1,0 +1,329 @@
+"""Abaqus input files (.inp): nodes, elements, sets and sections; runs in the child process only.
+
+Plane elements are cells. Their materials are those of the sections (`*SOLID SECTION`, `*SHELL SECTION`,
+`*MEMBRANE SECTION`), or without sections the element sets, of which each cell is in one. Line elements make
+curves: each set that holds some is one, and sets may overlap. A set of nodes is a point if it has one node,
+else the curve of the outline's edges between its nodes; if it has the name of a set of elements that is used,
+that one counts. The names that gmsh gives to its entities ("Line3", "Surface1") count for elements of no
+other set. Names are the same in small and capital letters. Loads, supports and constraints are left aside.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, NoReturn
+
+import numpy as np
+
+from meshing.gmsh.child import Refusal
+from meshing.gmsh.foreign import ForeignMesh, described
+
+# CAX4P and R3D3 are what meshio calls quadrilaterals and triangles
+_PLANE = re.compile(r"(?:CPS|CPE|CPEG|M3D|S|STRI|R3D)([34689])(?!\d{2})[A-Z0-9]*|CAX(4)P")
+# a truss has its number of nodes in its name, a beam its order; meshio calls lines of three nodes B33
+_LINES = re.compile(r"(?:(?:T2|T3|R2)D([23])|B[23]([123]))[A-Z]*")
+_OF_BEAM = {"1": (2,), "2": (3,), "3": (2, 3)}
+_SECTIONS = ("SOLID SECTION", "SHELL SECTION", "MEMBRANE SECTION")
+_MADE = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
+_OF_GMSH = re.compile(r"(?:Line|Surface)[0-9]+")
+
+
+@dataclass
+class _Card:
+    """A keyword with its parameters, in capital letters, and its lines of data; `outer` if it stands in the
+    assembly, whose sets are others than those of its part.
+    """
+
+    line: int
+    keyword: str
+    given: dict[str, str]
+    outer: bool = False
+    rows: list[tuple[int, list[str]]] = field(default_factory=list)
+
+    def refuse(self, what: str, line: int | None = None) -> NoReturn:
+        raise Refusal(f"*{self.keyword} in line {line or self.line} {what}.")
+
+
+@dataclass
+class _Set:
+    """Labels in order; `hidden` sets are those that Abaqus/CAE makes for itself."""
+
+    name: str
+    hidden: bool
+    outer: bool
+    labels: dict[int, None] = field(default_factory=dict)
+
+
+def load() -> None:
+    """Nothing: no library is needed."""
+
+
+def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read a mesh; `options` are those of `meshing.gmsh.foreign.described`.
+
+    Raises
+    ------
+    Refusal
+        It is no plane mesh, is not understood, or has cells without a material or with two.
+    """
+    with open(f"{folder}/{file}", encoding="utf-8", errors="replace") as stream:
+        deck = _Deck(list(_of_one_part(_cards(stream.read()))))
+    groups = deck.materials() | deck.curves()
+    used = {name.upper() for _, name in groups}
+    node_sets = {
+        found.name: np.array(list(found.labels), np.int64)
+        for key, found in deck.node_sets.items()
+        if key not in used and not found.hidden
+    }
+    tags = np.array(list(deck.nodes), np.int64)
+    positions = np.array(list(deck.nodes.values())).reshape(-1, 3)
+    return described(ForeignMesh(tags, positions, groups, node_sets), **options)
+
+
+def _cards(text: str) -> Iterator[_Card]:
+    card, going_on = None, False
+    for line, content in enumerate(text.splitlines(), 1):
+        content = content.strip()
+        if not content or content.startswith("**"):
+            continue
+        if content.startswith("*") or going_on:
+            if not going_on:
+                if card is not None:
+                    yield card
+                keyword, _, content = content[1:].partition(",")
+                card = _Card(line, " ".join(keyword.upper().split()), {})
+            assert card is not None
+            going_on = content.endswith(",")
+            for part in filter(None, (part.strip() for part in content.split(","))):
+                name, _, value = part.partition("=")
+                card.given[name.strip().upper()] = value.strip().strip("\"'")
+        elif card is not None:
+            fields = [part.strip() for part in content.split(",")]
+            card.rows.append((line, fields))
+    if card is not None:
+        yield card
+
+
+def _of_one_part(cards: Iterator[_Card]) -> Iterator[_Card]:
+    """The cards of the part, and those of the assembly that speak of it."""
+    seen: dict[str, int] = {}
+    assembly = instance = False
+    for card in cards:
+        keyword = card.keyword
+        if keyword in _MADE:
+            card.refuse("makes nodes or elements, or places them; write all of them out")
+        if "INPUT" in card.given:
+            card.refuse(
+                f"reads the file {card.given['INPUT']!r}, which is not done here; put all in one file"
+            )
+        if keyword in ("PART", "INSTANCE"):
+            seen[keyword] = seen.get(keyword, 0) + 1
+            moves = "".join(part for _, row in card.rows for part in row).strip("+-0.eEdD")
+            if seen[keyword] > 1 or (keyword == "INSTANCE" and moves):
+                card.refuse(
+                    "is a second one, or moves its part; write the mesh as one part that is not moved"
+                )
+        assembly = (assembly or keyword == "ASSEMBLY") and keyword != "END ASSEMBLY"
+        instance = (instance or keyword == "INSTANCE") and keyword != "END INSTANCE"
+        card.outer = assembly and not instance
+        if not card.outer or "INSTANCE" in card.given:  # others are reference points and their sets
+            yield card
+
+
+class _Deck:
+    """What the cards say.
+
+    Attributes
+    ----------
+    nodes : dict of int to list of float
+    elements : dict of int to (int, list of int)
+        Dimension, and node labels with the ends or corners first.
+    element_sets, node_sets : dict of str to _Set
+        By their names in capital letters, in the order in which they are first met.
+    """
+
+    def __init__(self, cards: list[_Card]) -> None:
+        self.nodes: dict[int, list[float]] = {}
+        self.elements: dict[int, tuple[int, list[int]]] = {}
+        self.element_sets: dict[str, _Set] = {}
+        self.node_sets: dict[str, _Set] = {}
+        self._cards = cards
+        for card in cards:
+            if card.keyword == "NODE":
+                self._add_nodes(card)
+        for card in cards:
+            if card.keyword == "ELEMENT":
+                self._add_elements(card)
+        for card in cards:
+            if card.keyword == "ELSET":
+                self._add_set(card, "ELSET", self.element_sets, self.elements)
+            elif card.keyword == "NSET" and "ELSET" in card.given:
+                labels = self._known(card, card.given["ELSET"], self.element_sets)
+                nodes = (node for label in labels for node in self.elements[label][1])
+                self._set(card, "NSET", self.node_sets).labels.update(dict.fromkeys(nodes))
+            elif card.keyword == "NSET":
+                self._add_set(card, "NSET", self.node_sets, self.nodes)
+
+    def materials(self) -> dict[tuple[int, str], list[list[int]]]:
+        """Cells by their materials."""
+        cells = {label: nodes for label, (dimension, nodes) in self.elements.items() if dimension == 2}
+        spelled = {name.upper(): name for card in self._of("MATERIAL") if (name := card.given.get("NAME"))}
+        owner: dict[int, str] = {}
+        for card in self._of(*_SECTIONS):
+            labels = self._known(card, card.given.get("ELSET", ""), self.element_sets)
+            name = card.given.get("MATERIAL", "")
+            name = spelled.get(name.upper(), name)
+            for label in labels if name else ():
+                if owner.setdefault(label, name) != name:
+                    card.refuse(f"gives element {label} the material {name!r}, and another {owner[label]!r}")
+        by_sections = bool(owner)
+        for label, names in () if by_sections else self._names(cells).items():
+            if len(names) > 1:
+                raise Refusal(
+                    f"element {label} is in the sets {names[0]!r} and {names[1]!r}; it can be of one "
+                    "material only, which *SOLID SECTION, ELSET=..., MATERIAL=... says."
+                )
+            owner[label] = names[0]
+        if not owner:
+            owner = dict.fromkeys(cells, "material")
+        groups: dict[tuple[int, str], list[list[int]]] = {}
+        for label, nodes in cells.items():
+            if label not in owner:
+                wants = "*SOLID SECTION" if by_sections else "set, whose name is the material's"
+                raise Refusal(f"element {label} is in no {wants}; give it one.")
+            groups.setdefault((2, owner[label]), []).append(nodes)
+        return groups
+
+    def curves(self) -> dict[tuple[int, str], list[list[int]]]:
+        """Line elements of each set that has some."""
+        lines = {label: nodes for label, (dimension, nodes) in self.elements.items() if dimension == 1}
+        groups: dict[tuple[int, str], list[list[int]]] = {}
+        for label, names in self._names(lines).items():
+            for name in names:
+                groups.setdefault((1, name), []).append(lines[label])
+        return groups
+
+    def _of(self, *keywords: str) -> list[_Card]:
+        return [card for card in self._cards if card.keyword in keywords]
+
+    def _names(self, elements: dict[int, list[int]]) -> dict[int, list[str]]:
+        """Sets of each element that is in one; without gmsh's own where there is another."""
+        names: dict[int, list[str]] = {}
+        for found in self.element_sets.values():
+            for label in () if found.hidden else found.labels:
+                if label in elements:
+                    names.setdefault(label, []).append(found.name)
+        return {
+            label: [name for name in own if not _OF_GMSH.fullmatch(name)] or own
+            for label, own in names.items()
+        }
+
+    def _add_nodes(self, card: _Card) -> None:
+        labels = []
+        for line, row in card.rows:
+            try:
+                label, where = int(row[0]), [float(re.sub("[dD]", "e", x) or 0.0) for x in row[1:4]]
+            except ValueError:
+                card.refuse(f"does not hold a number and coordinates: {', '.join(row)}", line)
+            if label in self.nodes:
+                card.refuse(f"holds node {label}, which there is already", line)
+            self.nodes[label] = where + [0.0] * (3 - len(where))
+            labels.append(label)
+        if "NSET" in card.given:
+            self._set(card, "NSET", self.node_sets).labels.update(dict.fromkeys(labels))
+
+    def _add_elements(self, card: _Card) -> None:
+        dimension, counts = _kind(card)
+        labels, row = [], []
+        for line, part in card.rows:
+            row += part
+            if row[-1] == "":  # goes on in the next line
+                row.pop()
+                if len(row) - 1 < min(counts):
+                    continue
+            label, *nodes = self._integers(card, line, row)
+            row = []
+            if len(nodes) not in counts:
+                card.refuse(f"has {len(nodes)} nodes of element {label}, not {counts[0]}", line)
+            if label in self.elements:
+                card.refuse(f"holds element {label}, which there is already", line)
+            missing = [node for node in nodes if node not in self.nodes]
+            if missing:
+                card.refuse(f"has node {missing[0]} in element {label}, which does not exist", line)
+            self.elements[label] = (dimension, self._ends_first(nodes) if dimension == 1 else nodes)
+            labels.append(label)
+        if row:
+            card.refuse(f"ends within element {row[0]}")
+        if "ELSET" in card.given:
+            self._set(card, "ELSET", self.element_sets).labels.update(dict.fromkeys(labels))
+
+    def _ends_first(self, nodes: list[int]) -> list[int]:
+        """Nodes of a line; where there are three, programs disagree on the place of the middle one."""
+        if len(nodes) == 2:
+            return nodes
+        where = np.array([self.nodes[node] for node in nodes])
+        middle = int(np.argmin([np.linalg.norm(where - own, axis=1).max() for own in where]))
+        return [*nodes[:middle], *nodes[middle + 1 :], nodes[middle]]
+
+    def _add_set(self, card: _Card, kind: str, sets: dict[str, _Set], known: dict[int, Any]) -> None:
+        found = self._set(card, kind, sets)
+        for line, row in card.rows:
+            parts = [part for part in row if part]
+            if "GENERATE" in card.given:
+                numbers = self._integers(card, line, parts)
+                if len(numbers) not in (2, 3) or numbers[2:] == [0]:
+                    card.refuse(
+                        f"does not hold a first and a last number and a step: {', '.join(parts)}", line
+                    )
+                labels = range(numbers[0], numbers[1] + 1, *numbers[2:])
+                found.labels.update(dict.fromkeys(label for label in labels if label in known))
+                continue
+            for part in parts:
+                if not part.lstrip("+-").isdigit():
+                    found.labels.update(self._known(card, part.strip("\"'"), sets))
+                    continue
+                if int(part) not in known:
+                    what = "element" if kind == "ELSET" else "node"
+                    card.refuse(f"has {what} {part}, which does not exist", line)
+                found.labels[int(part)] = None
+
+    @staticmethod
+    def _set(card: _Card, kind: str, sets: dict[str, _Set]) -> _Set:
+        name = card.given.get(kind, "")
+        if not name:
+            card.refuse(f"has no name; give it one, {kind}=...")
+        found = sets.setdefault(name.upper(), _Set(name, "INTERNAL" in card.given, card.outer))
+        if found.outer != card.outer:
+            card.refuse(f"makes the set {name!r}, which the part has too; give one of them another name")
+        return found
+
+    @staticmethod
+    def _known(card: _Card, name: str, sets: dict[str, _Set]) -> dict[int, None]:
+        """Labels of a set that a card names, or of the part's set that the assembly calls PART.NAME."""
+        found = sets.get(name.upper()) or sets.get(name.upper().rpartition(".")[2])
+        if found is None:
+            card.refuse(f"names the set {name!r}, which does not exist before it")
+        return found.labels
+
+    @staticmethod
+    def _integers(card: _Card, line: int, row: list[str]) -> list[int]:
+        try:
+            return [int(part) for part in row]
+        except ValueError:
+            card.refuse(f"does not hold whole numbers: {', '.join(row)}", line)
+
+
+def _kind(card: _Card) -> tuple[int, tuple[int, ...]]:
+    """Dimension and numbers of nodes of a type of element."""
+    kind = card.given.get("TYPE", "").upper()
+    plane, line = _PLANE.fullmatch(kind), _LINES.fullmatch(kind)
+    if plane:
+        return 2, (int(plane[1] or plane[2]),)
+    if line:
+        return 1, (int(line[1]),) if line[1] else _OF_BEAM[line[2]]
+    card.refuse(
+        f"has elements of type {kind or 'none'}; a plane mesh of triangles and quadrilaterals (CPS3, CPE4, "
+        "CPS8R ...) with lines (T2D2, B21 ...) was expected"
+    )

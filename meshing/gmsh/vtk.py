@@ -1,0 +1,58 @@
+"""VTK files (.vtu, .vtk) through meshio; runs in the child process only.
+
+They know no names: cells are put into materials by whole-numbered cell data called "material",
+"gmsh:physical", "CellEntityIds" or "medit:ref".
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from meshing.gmsh.child import Refusal
+from meshing.gmsh.foreign import ForeignMesh, described
+
+_PLANE = ("triangle", "triangle6", "quad", "quad8", "quad9")  # meshio's names
+_IGNORED = ("vertex", "line", "line3")
+_MATERIALS = ("material", "gmsh:physical", "CellEntityIds", "medit:ref")
+
+
+def load() -> None:
+    """Load meshio, while this process may still do so."""
+    import meshio  # noqa: F401
+
+
+def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """Read a mesh; `options` are those of `meshing.gmsh.foreign.described`.
+
+    Raises
+    ------
+    Refusal
+        meshio cannot read it, or it is no plane mesh.
+    """
+    import meshio
+
+    try:
+        mesh = meshio.read(f"{folder}/{file}")
+    except (Exception, SystemExit) as error:  # meshio's readers raise what they like
+        raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
+    key = next((key for key in _MATERIALS if key in mesh.cell_data), None)
+    numbers = mesh.cell_data[key] if key else [None] * len(mesh.cells)
+    groups: dict[tuple[int, str], list[list[int]]] = {}
+    for block, values in zip(mesh.cells, numbers):
+        if block.type in _IGNORED:
+            continue
+        if block.type not in _PLANE:
+            raise Refusal(
+                f"it holds {len(block.data)} cells of type {block.type!r}, a plane mesh of triangles and "
+                "quadrilaterals was expected."
+            )
+        names = ["material"] * len(block.data)
+        if values is not None:
+            names = [f"material{int(value)}" for value in np.ravel(values)]
+        for name, nodes in zip(names, np.asarray(block.data).tolist()):
+            groups.setdefault((2, name), []).append(nodes)
+    positions = np.zeros((len(mesh.points), 3))
+    positions[:, : mesh.points.shape[1]] = mesh.points
+    return described(ForeignMesh(np.arange(len(positions)), positions, groups), **options)
