@@ -199,14 +199,10 @@ def _at_segments(start: Orbit, period: Period, task: _Task) -> np.ndarray:
     before = np.floor(places + 1e-9).astype(int)
     share = (places - before)[:, None]
     states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
-    phases = period.phases[instants]
-    linear = np.concatenate(
-        [
-            period.weights * (phases @ driven.amplitudes).real,
-            (phases @ (driven.speeds * driven.amplitudes)).real,
-        ],
-        axis=1,
+    q, v = (
+        period.over_time(part)[instants] for part in (driven.amplitudes, driven.speeds * driven.amplitudes)
     )
+    linear = np.concatenate([period.weights * q, v], axis=1)
     return states - linear
 
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
 
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
+from ..signals.sampling import FIRST, sampled, unresolved
 from ..signals.signal import Constant, Signal, Sum
 from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
@@ -18,8 +19,11 @@ from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
 SAME = 1e-9
-# Harmonics of f that are kept of a signal whose band is not known.
-UNKNOWN_BAND = 128
+# Lines up to which motions over time are products with their waves; of more, Fourier transforms, and those
+# that move the modes by less than this share of all, in velocity, are left out.
+LINES, TAIL = 64, 3e-5
+# Lines that are looked at together.
+BLOCK = 4096
 # Most instants at which loads are sampled over a common period, and the last period in which they are
 # compared.
 INSTANTS, LATEST = 2**24, 4000
@@ -68,8 +72,7 @@ class Excitation:
             If the signals have no common period; the message names neighbouring frequencies that have one.
         """
         periods = common_periods(signals, frequency, periods, bound)
-        bands = [s.highest_frequency for s in signals]
-        highest = UNKNOWN_BAND * frequency if None in bands else max(bands, default=0.0)
+        highest = max((s.highest_frequency or 0.0 for s in signals), default=0.0)
         instants = max(128.0, 8.0 * periods * highest / frequency)
         if not instants <= INSTANTS:
             raise ValueError(
@@ -105,6 +108,37 @@ class Excitation:
         """Without the constant part."""
         keep = self.orders > 0
         return Excitation(self.orders[keep], self.amplitudes[keep], self.periods)
+
+    def below(self, order: float) -> Excitation:
+        """Without lines from this order on, if there are more than a few."""
+        keep = self.orders < order if len(self.orders) > LINES else np.s_[:]
+        return replace(self, orders=self.orders[keep], amplitudes=self.amplitudes[keep])
+
+    def moving(self, reduction: ReducedModel, frequency: float) -> Excitation:
+        """Without the lines that hardly move the modes, if there are more than a few."""
+        r, sizes = reduction, np.empty(len(self.orders))
+        if len(sizes) <= LINES:
+            return self
+        for block in np.array_split(np.arange(len(sizes)), math.ceil(len(sizes) / BLOCK)):
+            omega = 2.0 * np.pi * frequency / self.periods * self.orders[block, None]
+            dynamic = np.abs(r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
+            moved = np.abs(self.amplitudes[block] @ r.load_modes.T) / np.maximum(
+                dynamic, RESONANCE * omega**2
+            )
+            sizes[block] = np.linalg.norm(omega * moved, axis=1)
+        left = np.sqrt(np.cumsum(sizes[::-1] ** 2))[::-1]
+        return self.below(self.orders[np.count_nonzero(left > TAIL * left[0]) - 1] + 1)
+
+    def over_time(self, amplitudes: np.ndarray, count: int) -> np.ndarray:
+        """(count + 1, ...) real values of complex amplitudes (k, ...) at equal steps from 0 to T, both
+        ends.
+        """
+        if len(self.orders) <= LINES:
+            return (self.phases(count) @ amplitudes).real
+        spectrum = np.zeros((count, *amplitudes.shape[1:]), dtype=complex)
+        np.add.at(spectrum, self.orders % count, amplitudes)
+        values = np.fft.ifft(spectrum, axis=0, norm="forward").real
+        return np.concatenate([values, values[:1]])
 
     def phases(self, count: int) -> np.ndarray:
         """(count + 1, k): exp(i k 2 pi t / T) at equal steps from 0 to T, both ends."""
@@ -207,8 +241,23 @@ def _known(part: Signal) -> bool:
 def _by_samples(
     signals: Sequence[Signal], frequency: float, periods: int, count: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same of any signals from so many samples of the common period, which they must repeat."""
-    apart = periods / frequency / count
+    """The same of any signals from at least so many samples of the common period, which they must repeat, and
+    in closed form of their jumps.
+    """
+    period = periods / frequency
+    breaks = []
+    for signal in signals:
+        if signal.highest_frequency is None:
+            # from where jumps hardly are to there a period later
+            found = sampled(signal, _BETWEEN * period, (1.0 + _BETWEEN) * period)
+            if found is None:
+                raise ValueError(f"periodic: {unresolved(signal, period)}")
+            count = max(count, FIRST, 2 * found.intervals)
+            breaks.append(found.breaks)
+        else:
+            places = (np.asarray(signal.breaks) / period - _BETWEEN) % 1.0 + _BETWEEN
+            breaks.append(np.unique(np.round(places, 12)) * period)
+    apart = period / count
     first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
     # two periods are compared between the samples: jumps stand on these, and there rounding decides
     time = (np.arange(2 * count) + _BETWEEN) * apart
@@ -218,11 +267,27 @@ def _by_samples(
         worst = int(np.argmax(changes.max(axis=1)))
         raise ValueError(_not_periodic(signals[worst], periods, frequency))
     for signal, row in zip(signals, first):
-        if not _repeats(signal, row, periods / frequency):
+        if not _repeats(signal, row, period):
             raise ValueError(_not_periodic(signal, periods, frequency))
-    found = np.fft.rfft(first, axis=1).T * (2.0 / count)
-    found[0] *= 0.5
-    return np.arange(len(found)), found
+    lines = [_lines(*given, period, count) for given in zip(signals, breaks)]
+    return np.arange(count // 2 + 1), np.stack(lines, axis=1)
+
+
+def _lines(signal: Signal, breaks: np.ndarray, period: float, count: int) -> np.ndarray:
+    """(count // 2 + 1,) amplitudes of a signal: a saw tooth for each jump has them in closed form, what is
+    left has no jumps.
+    """
+    start = _BETWEEN * period
+    time = start + np.arange(count) * (period / count)
+    values, jumps = signal(time), signal.after(breaks) - signal.before(breaks)
+    for instant, jump in zip(breaks, jumps):
+        values = values - jump * (0.5 - (time - instant) / period % 1.0)
+    orders = np.arange(count // 2 + 1)
+    found = one_sided(values) * np.exp(-2j * np.pi * (start / period * orders % 1.0))
+    for instant, jump in zip(breaks, jumps):
+        turns = np.exp(-2j * np.pi * (instant / period * orders[1:] % 1.0))
+        found[1:] -= 1j * jump / (np.pi * orders[1:]) * turns
+    return found
 
 
 def _refuse_passing(signal: Signal) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Real
 from typing import Any
 
@@ -14,6 +14,7 @@ from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.build import default_modes, reduced
 from ..reduction.reduced_model import ReducedModel
+from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
 from ..system.model import Model
 from ..system.resolution import warn_of_band
@@ -52,8 +53,18 @@ class Loading:
 
     @property
     def highest_frequency(self) -> float:
-        """Hz; 0 where no signal has one."""
+        """Hz, of the bands that are known; 0 where no signal has one."""
         return max((s.highest_frequency or 0.0 for s in self.signals), default=0.0)
+
+    def over(self, duration: float) -> Loading:
+        """The same in a history of this duration (s), in which all bands are known.
+
+        Raises
+        ------
+        ValueError
+            If a function of time changes too often to be sampled.
+        """
+        return replace(self, signals=tuple(known(signal, duration) for signal in self.signals))
 
     def jumps(self, duration: float) -> bool:
         """Whether a load jumps between t = 0 and `duration` (s)."""
@@ -117,7 +128,7 @@ def _loading(
         )
     system.model.checked_loads(load, constant=False)
     units, signals = separate(load, number)
-    known: list[Signal] = [Constant(0.0)] * count
+    acting: list[Signal] = [Constant(0.0)] * count
     for unit, signal in zip(units, signals):
         if unit not in system.loads:
             raise ValueError(
@@ -126,12 +137,12 @@ def _loading(
             )
         place = system.loads.index(unit)
         # the same place twice: the signals add up
-        known[place] = (
+        acting[place] = (
             signal
-            if isinstance(known[place], Constant) and known[place](0.0) == 0.0
-            else known[place] + signal
+            if isinstance(acting[place], Constant) and acting[place](0.0) == 0.0
+            else acting[place] + signal
         )
-    return Loading(system.loads, tuple(known))
+    return Loading(system.loads, tuple(acting))
 
 
 def _refuse_ambiguous(owner: str, load: Any) -> None:

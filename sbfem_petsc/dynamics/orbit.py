@@ -177,10 +177,11 @@ def half_a_step_on(fixed: FixedPoint) -> np.ndarray:
 
 def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray]:
     """Modal displacement and velocity, (n + 1, m) each: the linear steady state and what contact adds."""
-    phases = driven.period.phases
-    return (phases @ driven.amplitudes).real + motion.states, (
-        phases @ (driven.speeds * driven.amplitudes)
-    ).real + motion.velocities
+    over_time = driven.period.over_time
+    return (
+        over_time(driven.amplitudes) + motion.states,
+        over_time(driven.speeds * driven.amplitudes) + motion.velocities,
+    )
 
 
 def make_orbit(

@@ -26,7 +26,7 @@ from ..contact.marching import (
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
-from .excitation import Excitation
+from .excitation import LINES, Excitation
 from .rest import at_rest
 from .steps import step_coefficients
 
@@ -102,14 +102,18 @@ class Period:
         return result
 
     def _load(self, excitation: Excitation) -> None:
-        self.excitation, self.phases = excitation, excitation.phases(self.steps)
-        self._waves = np.concatenate([self.phases.real, -self.phases.imag], axis=1)
+        self.excitation, self._waves = excitation, None
+        if len(excitation.orders) <= LINES:
+            phases = excitation.phases(self.steps)
+            self._waves = np.concatenate([phases.real, -phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
         self._rest: np.ndarray | None = None
         self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
     def over_time(self, amplitudes: np.ndarray) -> np.ndarray:
         """(n + 1, ...) real values of complex amplitudes (k, ...)."""
+        if self._waves is None:
+            return self.excitation.over_time(amplitudes, self.steps)
         return self._waves @ np.concatenate([amplitudes.real, amplitudes.imag])
 
     def loaded(self, factor: float) -> tuple[np.ndarray, np.ndarray]:
@@ -165,12 +169,11 @@ class _Length:
         r = period.reduced
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
+        residual = period.residual_flexibility
+        moved = (period.right.T * self.coefficients[4]) @ period.right
+        self.flexibility = period.left @ moved @ period.left.T + residual
         self.constants = step_constants(
-            [self.coefficients],
-            (period.left, period.right),
-            period.residual_flexibility,
-            period.laws,
-            r.omega,
+            self.coefficients, (period.left, period.right), (self.flexibility, residual), period.laws.tied
         )
 
     @functools.cached_property
@@ -189,7 +192,8 @@ class DrivenPeriod:
         self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
         length = p.length(self.step)
-        self.coefficients, self.constants = length.coefficients, length.constants
+        self.coefficients, self.flexibility = length.coefficients, length.flexibility
+        self.constants = length.constants
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads, static = p.loaded(factor)
@@ -244,12 +248,12 @@ class DrivenPeriod:
             )
         states[0], velocities[0], forces[0] = q, v, force
         if settled >= 0:
-            reached = march(
+            reached, _ = march(
                 self.constants,
-                StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
+                StepLoads(np.zeros((0, m)), self.free_gap),
                 StepState(q, v, force, active),
-                StepHistory(states[1:], velocities[1:], forces[1:], np.empty(steps)),
-            ).steps
+                StepHistory(states[1:], velocities[1:], forces[1:]),
+            )
         if reached < steps:
             raise on_all_ranks(
                 SolveError(
@@ -358,10 +362,8 @@ class DrivenPeriod:
         p, r = self.period, self.period.reduced
         part = p.excitation.oscillating
         amplitudes, _ = part.response(r, self.frequency)
-        phases = part.phases(p.steps)
-        gaps = (phases @ (amplitudes @ p.right)).real @ p.left.T + (
-            phases @ part.amplitudes
-        ).real @ r.gap.loads[: p.pairs].T
+        gaps = part.over_time(amplitudes @ p.right, p.steps) @ p.left.T
+        gaps += part.over_time(part.amplitudes, p.steps) @ r.gap.loads[: p.pairs].T
         return gaps, self._state(
             amplitudes.sum(axis=0).real,
             (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,

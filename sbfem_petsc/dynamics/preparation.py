@@ -12,7 +12,7 @@ from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
-from .excitation import Excitation
+from .excitation import LINES, Excitation
 from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
@@ -99,7 +99,10 @@ def prepare(
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
     require_compiler(owner, communicator(system))
-    highest = float(excitation.orders.max(initial=0)) / excitation.periods * (settings.band or frequency)
+    if any(signal.highest_frequency is None for signal in loads.signals):
+        highest = max(frequency, loads.highest_frequency)
+    else:
+        highest = float(excitation.orders.max(initial=0)) / excitation.periods * (settings.band or frequency)
     modes = settings.modes
     if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
         modes = len(first.reduced.omega)
@@ -107,6 +110,7 @@ def prepare(
     with collective(communicator(system)):
         if first is not None:
             check_first(owner, first, reduced)
+    excitation = excitation.moving(reduced, frequency)
     steps, contact = settings.steps, settings.contact and len(reduced.initial_gap) > 0
     fastest = max((signal.highest_frequency or 0.0 for signal in loads.signals), default=0.0)
     if steps is None:
@@ -114,10 +118,13 @@ def prepare(
         if contact:
             steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
             steps = max(steps, math.ceil(FAST_STEPS * fastest / frequency))
+        if len(excitation.orders) > LINES:  # none of them is to fold back
+            steps = max(steps, math.ceil((2 * excitation.orders.max() + 1) / excitation.periods))
         multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
         steps = multiple * math.ceil(steps / multiple)
     elif contact:
         warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
+    excitation = excitation.below(0.5 * steps * excitation.periods)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 
@@ -128,7 +135,7 @@ def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool 
     """
     modes, rows = len(reduced.omega), len(reduced.initial_gap) if contact else 0
     # two motions, the linear one and its gaps; the rows that are condensed for the derivative
-    motion = 6 * modes + 6 * rows + 8 * orders
+    motion = 6 * modes + 6 * rows + 8 * min(orders, LINES)
     return 8.0 * steps * (motion + 0.5 * min(rows, DIRECTIONS) * 7 * modes)
 
 

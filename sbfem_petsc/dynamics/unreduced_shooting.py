@@ -75,6 +75,7 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
                 "is reached"
             )
     count = (settings.steps or STEPS) * excitation.periods | 1
+    excitation = excitation.below(0.5 * count)
     modes = settings.modes or MODES
     _require_room(model, count, modes)
     found = lowest_modes(model, modes, auxiliary_tolerance=0.0)
@@ -124,7 +125,7 @@ class _UnreducedPeriod:
     ):
         self.fields = fields
         self.march, self.excitation, self.frequency, self.count = march, excitation, frequency, count
-        self.amplitudes = (excitation.phases(count) @ excitation.amplitudes).real
+        self.amplitudes = excitation.over_time(excitation.amplitudes, count)
         # displacements are weighed with the forcing frequency to be velocities
         self.weight, self.size = 2.0 * np.pi * frequency, march.u.size
         self.products, self.residuals = 0, list[float]()

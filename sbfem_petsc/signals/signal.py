@@ -143,9 +143,10 @@ class Custom(Signal):
     """amplitude * function(t), for a function that takes an (n,) array of times (s) and returns one finite
     number for each.
 
-    `highest_frequency` is the top of the band that matters, Hz, or None if it is not known; `breaks` are the
-    instants at which the function jumps, s. The function is tried at two times here and checked whenever it
-    is called.
+    `highest_frequency` is the top of the band that matters, Hz, `breaks` the instants at which the function
+    jumps, s. Without a band an analysis samples the function until twice as many samples agree, at most 2^20
+    in a history or a period, and finds the jumps itself. The function is tried at two times here and checked
+    whenever it is called.
     """
 
     function: Callable[[np.ndarray], np.ndarray]

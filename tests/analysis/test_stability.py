@@ -220,7 +220,7 @@ def test_uncertainty_is_the_jitter_of_the_grid(beam):
     # the error is estimated with one derivative for both grids: to 1e-6 of itself here
     assert change == pytest.approx(orbit.multiplier_error, rel=1e-3) and orbit.multiplier_error < 1e-4
     middle = 0.5 * (orbit.states.q[:-1] + orbit.states.q[1:])
-    found = (moved.phases @ other.driven.amplitudes).real[:-2] + other.motion.states[:-2]
+    found = moved.over_time(other.driven.amplitudes)[:-2] + other.motion.states[:-2]
     assert np.abs(found[:-1] - middle[: len(found) - 1]).max() < 1e-3 * np.abs(middle).max()
 
 

@@ -52,15 +52,6 @@ def beam_in_segments():
 
 
 @GROUP.case
-def preload_beside_a_tone():
-    """A number beside signals."""
-    load = sb.EdgeLoad("right", ty=sb.Harmonic(2e6, 800.0)) + sb.EdgeLoad("right", tx=-5e6)
-    orbit = sb.periodic(bodies.beam(), load, 800.0, modes=12, steps=128, stability=False)
-    yield "harmonics", orbit.harmonics("A")[:4]
-    yield "mean", orbit.contact_resultant.mean()
-
-
-@GROUP.case
 def constant_beside_a_tone():
     load = sb.EdgeLoad("right", ty=sb.Harmonic(2e6, 800.0)) + sb.EdgeLoad("right", tx=sb.Constant(-5e6))
     orbit = sb.periodic(bodies.beam(), load, 800.0, modes=12, steps=128, stability=False)
