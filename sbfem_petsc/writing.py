@@ -15,20 +15,23 @@ from typing import Any
 import numpy as np
 
 from .checks import path as checked_path
-
-# Names under which `replaced` makes files.
-_UNFINISHED = re.compile(r"\..+\.\d+\.part")
+from .folder_index import claim
 
 
 def destination(path: Any, what: str) -> str:
-    """The absolute path of a file that is to be written; a symbolic link's goal.
+    """The absolute path of a file that is to be written, a symbolic link's goal; in an output folder, where
+    no link is followed, it is entered into the index.
 
     Raises
     ------
     TypeError, ValueError
-        If it is no path, or the place of something that must not be replaced: a folder, a device, a pipe.
+        If it is no path, or the place of something that must not be replaced: a folder, a device, a pipe, or
+        what an output folder does not list.
     """
     text = checked_path(what, "path", path)
+    place = claim(text, what)
+    if place is not None:
+        return place
     real = os.path.realpath(text)
     if os.path.lexists(real) and not os.path.isfile(real):
         kind = "a folder" if os.path.isdir(real) else "no regular file"
@@ -73,14 +76,6 @@ def replaced(path: Any, what: str) -> Iterator[str]:
     finally:
         with contextlib.suppress(OSError):
             os.remove(temporary)
-
-
-def remove_leftovers(folder: str) -> None:
-    """Remove what killed processes have left of the files that `replaced` was making in a folder."""
-    for name in os.listdir(folder):
-        if _UNFINISHED.fullmatch(name):
-            with contextlib.suppress(OSError):
-                os.remove(os.path.join(folder, name))
 
 
 @contextlib.contextmanager

@@ -7,6 +7,7 @@ import fcntl
 import os
 import platform
 
+from ..folder_index import claim, open_regular
 from ..writing import reason
 
 
@@ -30,9 +31,10 @@ class WriterLock:
     def __init__(self, path: str, what: str):
         folder, name = os.path.split(path)
         self._path = os.path.join(folder, f".{name}.lock")
+        claim(self._path, what)
         while True:
             try:
-                self._handle = os.open(self._path, os.O_RDWR | os.O_CREAT, 0o666)
+                self._handle = open_regular(self._path, os.O_RDWR | os.O_CREAT)
             except OSError as error:
                 raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
             try:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from ..analysis.static import Static
 from ..checks import instance, shown
+from ..folder_index import make_folder
 from ..loads import as_loads
 from ..parallel import agreed, collective
 from ..petsc import MPI, require_thread
@@ -73,13 +74,7 @@ def check_output_folder(path: str, comm: MPI.Comm) -> str:
     folder = os.path.abspath(os.fspath(path))
     with collective(comm):
         if comm.rank == 0:
-            try:
-                os.makedirs(folder, exist_ok=True)
-            except OSError as error:
-                raise ValueError(
-                    f"output folder {folder!r} cannot be made ({error.strerror or error}); name another one "
-                    "or free its place"
-                ) from None
+            make_folder(folder)
     with collective(comm):
         try:
             with tempfile.TemporaryFile(dir=folder):

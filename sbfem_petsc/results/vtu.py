@@ -130,7 +130,7 @@ def _write(
             _write_piece(piece, _mesh(model, patches, per))
         else:
             with contextlib.suppress(FileNotFoundError):
-                os.remove(piece)
+                os.remove(destination(piece, "VTU file"))
     if comm.size == 1:
         return piece
     pieces = comm.gather(os.path.basename(piece) if patches else None)

@@ -173,7 +173,9 @@ def read_case(path: str | os.PathLike[str]) -> Case:
     return case_from_text(read_text(path), os.fspath(path))
 
 
-def case_from_text(text: str, file: str = "case", folder: str | None = None) -> Case:
+def case_from_text(
+    text: str, file: str = "case", folder: str | None = None, files: Mapping[str, str] | None = None
+) -> Case:
     """Check the text of a case.
 
     Parameters
@@ -183,9 +185,24 @@ def case_from_text(text: str, file: str = "case", folder: str | None = None) -> 
         Name for messages.
     folder : str, optional
         Folder of the files that the case names. Default: that of `file`.
+    files : dict of str to str, optional
+        Names there of the files that the case names, where they have others.
+
+    Raises
+    ------
+    CaseError
+        See `read_case`.
     """
     folder = os.path.dirname(os.path.abspath(file)) if folder is None else folder
     data, lines = parse(text, file)
+    if files is not None:
+        for path, name in _files(data).items():
+            if name not in files:
+                raise CaseError(file, [Problem(path, f"= {name!r} is not among the files kept")], lines)
+            table: Any = data
+            for key in path[:-1]:
+                table = table[key]
+            table[path[-1]] = files[name]
     return Case(_checked(data, file, folder, lines), data, text, file, folder, lines)
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import csv
 import os
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from ..writing import replaced
 from .quantities import Quantity, Tree
 
 
@@ -38,15 +40,17 @@ def write_tables(tree: Tree, folder: str, name: str) -> list[str]:
     written = []
     if single:
         written.append(os.path.join(folder, f"{name}.csv"))
-        with open(written[-1], "w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([("quantity", "value", "unit"), *single])
+        _write(written[-1], [("quantity", "value", "unit"), *single])
     for length, found in columns.items():
         written.append(os.path.join(folder, f"{name}_{length}.csv"))
-        with open(written[-1], "w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow([heading for heading, _ in found])
-            writer.writerows(zip(*(column.tolist() for _, column in found)))
+        rows = zip(*(column.tolist() for _, column in found))
+        _write(written[-1], [[heading for heading, _ in found], *rows])
     return written
+
+
+def _write(path: str, rows: Sequence[Sequence[Any]]) -> None:
+    with replaced(path, "table") as temporary, open(temporary, "w", newline="", encoding="utf-8") as file:
+        csv.writer(file).writerows(rows)
 
 
 def _leaves(tree: Tree, above: str = "") -> list[tuple[str, Quantity]]:

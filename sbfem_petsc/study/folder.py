@@ -1,20 +1,18 @@
-"""The folder of a run: which case it holds, which analyses are finished, who is at work in it."""
+"""The folder of a run: which case it holds, and which analyses are finished."""
 
 from __future__ import annotations
 
-import fcntl
 import os
-import shutil
 import time
-from typing import Any, TextIO
+from typing import Any
 
 import sbfem_petsc as sb
 
-from ..writing import remove_leftovers
+from ..folder_index import HeldFolder, make_folder
 from .case import Case
 from .storage import read_json, write_json
 
-STATE, LOCK, PARTS = "run.json", ".lock", "analyses"
+PARTS = "analyses"
 FORMAT_VERSION = 1
 
 
@@ -34,23 +32,13 @@ class Folder:
     Raises
     ------
     ValueError
-        If the folder holds another case, or another process is at work in it.
+        If the folder holds another case or anything that no run has made, or another process is at work in
+        it.
     """
 
     def __init__(self, path: str, case: Case, what: str, replace: bool = False):
         self.path = path
-        self.lock: TextIO | None = open(os.path.join(path, LOCK), "w")  # held until close
-        try:
-            fcntl.flock(self.lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            self.close()
-            raise ValueError(
-                f"another process is at work in {path!r}; wait for it, or name another folder with --output"
-            ) from None
-        except OSError:
-            pass  # a file system without locks: others may be at work here
-        else:
-            remove_leftovers(path)
+        self.held = HeldFolder(path)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         try:
@@ -66,6 +54,12 @@ class Folder:
             "what": what,
             "case": case.key if what == "run" else case.sweep_key,
         }
+        other = "sweep" if what == "run" else "run"
+        if os.path.lexists(os.path.join(self.path, f"{other}.json")) and not replace:
+            raise ValueError(
+                f"{self.path!r} holds the results of a {other}; name another folder with --output, or give "
+                "--replace to overwrite it"
+            )
         if os.path.lexists(self.state_file) and not replace:
             former = read_json(self.state_file)
             if not isinstance(former, dict) or not isinstance(former.get("done"), dict):
@@ -87,10 +81,10 @@ class Folder:
                         "to compute it "
                         "again"
                     )
-            os.makedirs(self.parts, exist_ok=True)
+            make_folder(self.parts)
             return former
-        shutil.rmtree(self.parts, ignore_errors=True)
-        os.makedirs(self.parts)
+        self.held.clear()
+        make_folder(self.parts)
         mine["done"] = {}
         write_json(self.state_file, mine)
         return mine
@@ -115,6 +109,4 @@ class Folder:
 
     def close(self) -> None:
         """Leave the folder to others."""
-        if self.lock is not None:
-            self.lock.close()
-            self.lock = None
+        self.held.close()

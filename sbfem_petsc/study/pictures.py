@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import Any
 
+from ..folder_index import make_output_folder
 from ..parallel import on_root
 from ..plot.animation import animate_crack
 from ..plot.basins import plot_basins
@@ -46,7 +47,7 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
     """
     output, table = case.tables.output, case.tables.analyses[name]
     comm = _communicator(model)
-    on_root(comm, lambda: os.makedirs(folder, exist_ok=True))
+    on_root(comm, lambda: make_output_folder(folder))
     stem = os.path.join(folder, name)
     if output.pictures:
         drawers = {

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import base64
-import html
 import math
 import os
+import re
 import time
+import xml.etree.ElementTree as xml
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -14,16 +15,19 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..folder_index import home_of, open_regular, regular_file
 from ..plot.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .estimates import duration
 from .quantities import Quantity, Tree
 from .revive import read_any
-from .run import RunResults
+from .run import PICTURES, RunResults
 from .sweep_file import Sweep
 
 # Rows of an array that a table shows.
 _ROWS = 60
+# What no page may hold.
+_CONTROL = re.compile("[^\t\n\r -\ud7ff\ue000-\U0010ffff]")
 # Lines of a motion under two tones in its table.
 _LINES = 15
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -98,80 +102,98 @@ def write_report(path: str, output: str | None = None) -> str:
     results = read_any(path)
     home = path if os.path.isdir(path) else os.path.dirname(os.path.abspath(path))
     file = output or os.path.join(home, "report.html")
-    if isinstance(results, Sweep):
-        text = _drawn(results)
-    else:
-        text = "".join(_run(results, os.path.join(home, "pictures")))
+    if output is None and home_of(file) is None and os.path.lexists(file):
+        raise ValueError(
+            f"{file!r} exists, and nothing tells that this program has made it; move it away, or name "
+            "another file with --output"
+        )
+    page = _drawn(results) if isinstance(results, Sweep) else _run(results, home)
     with replaced(file, "report") as temporary, open(temporary, "w", encoding="utf-8") as target:
-        target.write(text)
+        target.write("<!DOCTYPE html>" + xml.tostring(page, encoding="unicode", method="html") + "\n")
     return file
 
 
-def _drawn(results: Sweep) -> str:
+def _drawn(results: Sweep) -> xml.Element:
     """A sweep's page; its pictures are drawn for it."""
     from ..plot.maps import draw_sweep
 
     with spare_folder() as folder:
-        draw_sweep(results, folder)
-        return "".join(_sweep(results, folder))
+        draw_sweep(results, os.path.join(folder, PICTURES))
+        return _sweep(results, folder)
 
 
-def _page(title: str, facts: str) -> str:
-    return (
-        f'<!DOCTYPE html><html lang="en"><head><meta charset="utf-8"><meta name="viewport" '
-        f'content="width=device-width, initial-scale=1"><title>{html.escape(title)}</title>'
-        f"<style>{_STYLE}</style></head><body><h1>{html.escape(title)}</h1>"
-        f'<p class="facts">{html.escape(facts)}</p>'
-    )
+def _add(parent: xml.Element, tag: str, text: str = "", **attributes: str) -> xml.Element:
+    """A new element in another one. All text of a page passes through here, and is escaped when it is
+    written; what no page may hold has a sign in its place.
+    """
+    found = xml.SubElement(parent, tag, {name.rstrip("_"): _clean(item) for name, item in attributes.items()})
+    found.text = _clean(text)
+    return found
 
 
-def _run(results: RunResults, folder: str) -> Iterator[str]:
+def _clean(text: Any) -> str:
+    return _CONTROL.sub("\N{REPLACEMENT CHARACTER}", str(text))
+
+
+def _page(title: str, facts: str) -> tuple[xml.Element, xml.Element]:
+    """A page and its body."""
+    page = xml.Element("html", lang="en")
+    head, body = _add(page, "head"), _add(page, "body")
+    _add(head, "meta", charset="utf-8")
+    _add(head, "meta", name="viewport", content="width=device-width, initial-scale=1")
+    _add(head, "title", title)
+    _add(head, "style", _STYLE)
+    _add(body, "h1", title)
+    _add(body, "p", facts, class_="facts")
+    return page, body
+
+
+def _run(results: RunResults, home: str) -> xml.Element:
     run = results.run
     model = run["model"]
     facts = f"sbfem-petsc {run['version']}, computed {run['ended'][:10]}, written {time.strftime('%Y-%m-%d')}"
-    yield _page(run["title"] or results.case_file, facts)
+    page, body = _page(run["title"] or results.case_file, facts)
     if model:
         x0, y0, x1, y1 = model["extent"]
-        yield _table(
-            [
-                ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
-                ("mesh", f"{model['elements']} S-elements of order {model['order']}"),
-                (
-                    "unknowns",
-                    f"{model['unknowns']:,d}, of them {model['boundary_unknowns']:,d} on boundaries",
-                ),
-                ("contact pairs", str(model["contact_pairs"])),
-            ]
-        )
+        rows = [
+            ("body", f"[{x0:g}, {x1:g}] x [{y0:g}, {y1:g}] m"),
+            ("mesh", f"{model['elements']} S-elements of order {model['order']}"),
+            ("unknowns", f"{model['unknowns']:,d}, of them {model['boundary_unknowns']:,d} on boundaries"),
+            ("contact pairs", str(model["contact_pairs"])),
+        ]
+        _table(body, rows)
     for name, reason in run["failed"].items():
-        yield f'<p class="failed">{html.escape(name)} failed: {html.escape(reason)}</p>'
+        _add(body, "p", f"{name} failed: {reason}", class_="failed")
     for name, tree in results.analyses.items():
         seconds = run["seconds"].get(name)
         took = f", {duration(seconds)}" if seconds else ""
-        yield f"<h2>{html.escape(name)} <small>({results.kinds[name].replace('_', ' ')}{took})</small></h2>"
-        yield from _analysis(results.kinds[name], tree)
+        heading = _add(body, "h2", f"{name} ")
+        _add(heading, "small", f"({results.kinds[name].replace('_', ' ')}{took})")
+        _analysis(body, results.kinds[name], tree)
         # "push_2" has pictures of its own, which are not those of "push"
         longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
-        yield from _pictures(folder, f"{name}_", longer)
-    yield _case(results.text)
+        _pictures(body, home, f"{name}_", longer)
+    _case(body, results.text)
+    return page
 
 
-def _analysis(kind: str, tree: Tree) -> Iterator[str]:
+def _analysis(body: xml.Element, kind: str, tree: Tree) -> None:
     if kind == "modal":
         frequencies = tree["frequencies"].value
         modes = [(str(k + 1), number(f)) for k, f in enumerate(frequencies[:_ROWS])]
-        yield _table(modes, ("mode", "frequency, Hz"))
+        _table(body, modes, ("mode", "frequency, Hz"))
         return
     if "harmonics" in tree and kind in ("periodic", "modulation"):
         points = list(tree["harmonics"])
         orders = range(min(11, min(len(tree["harmonics"][p].value) for p in points))) if points else range(0)
         rows = [(str(k), *(number(1e6 * abs(tree["harmonics"][p].value[k])) for p in points)) for k in orders]
-        yield _table(rows, ("harmonic", *(f"|u_y({p})|, µm" for p in points)))
+        _table(body, rows, ("harmonic", *(f"|u_y({p})|, µm" for p in points)))
     if kind == "quasi_periodic":
-        yield _lines(tree)
-    yield _table([(_label(key), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
+        _lines(body, tree)
+    _table(body, [(_label(key), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
     if isinstance(tree.get("bifurcations"), list) and tree["bifurcations"]:
-        yield _table([(b["kind"], number(b["value"])) for b in tree["bifurcations"]], ("bifurcation", "at"))
+        found = [(b["kind"], number(b["value"])) for b in tree["bifurcations"]]
+        _table(body, found, ("bifurcation", "at"))
 
 
 def _label(path: str) -> str:
@@ -191,7 +213,7 @@ def _with_unit(value: Any, unit: str) -> str:
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
 
 
-def _lines(tree: Tree) -> str:
+def _lines(body: xml.Element, tree: Tree) -> None:
     """Lines of a motion under two tones, the highest first."""
     points = list(tree["lines"])
     numbers, frequencies = tree["line"].value, tree["frequency"].value
@@ -202,7 +224,7 @@ def _lines(tree: Tree) -> str:
         + tuple(number(1e6 * heights[j][k]) for j in range(len(points)))
         for k in order
     ]
-    return _table(rows, ("line", "frequency, Hz", *(f"|u_y({p})|, µm" for p in points)))
+    _table(body, rows, ("line", "frequency, Hz", *(f"|u_y({p})|, µm" for p in points)))
 
 
 def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:
@@ -239,63 +261,73 @@ def number(value: float) -> str:
     return f"{mantissa} × 10{raised}" if mantissa != "1" else f"10{raised}"
 
 
-def _sweep(results: Sweep, folder: str) -> Iterator[str]:
+def _sweep(results: Sweep, folder: str) -> xml.Element:
     facts = (
         f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, written "
         f"{time.strftime('%Y-%m-%d')}"
     )
-    yield _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
-    yield _table(
-        [
-            (
-                name,
-                str(len(np.unique(column))),
-                f"{column.min():g} to {column.max():g} {results.input_units[name]}".rstrip(),
-            )
-            if column.dtype.kind in "fi"
-            else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
-            for name, column in results.inputs.items()
-        ],
-        ("parameter", "values", "range"),
-    )
+    page, body = _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
+    parameters = [
+        (
+            name,
+            str(len(np.unique(column))),
+            f"{column.min():g} to {column.max():g} {results.input_units[name]}".rstrip(),
+        )
+        if column.dtype.kind in "fi"
+        else (name, str(len(np.unique(column))), ", ".join(map(str, np.unique(column))))
+        for name, column in results.inputs.items()
+    ]
+    _table(body, parameters, ("parameter", "values", "range"))
     scalars = [
         (name, number(float(np.nanmin(a))), number(float(np.nanmax(a))), results.units.get(name, "1"))
         for name, a in results.values.items()
         if a.ndim == 1 and not np.iscomplexobj(a) and np.isfinite(a).any()
     ]
-    yield "<h2>Quantities</h2>" + _table(scalars, ("quantity", "smallest", "largest", "unit"))
+    _add(body, "h2", "Quantities")
+    _table(body, scalars, ("quantity", "smallest", "largest", "unit"))
     if results.failed:
         rows = [(str(k), reason) for k, reason in enumerate(results.reasons) if reason][:_ROWS]
-        yield "<h2>Failed rows</h2>" + _table(rows, ("row", "reason"))
-    yield "<h2>Indicators</h2>"
-    yield from _pictures(folder, "")
-    yield _case(results.text)
+        _add(body, "h2", "Failed rows")
+        _table(body, rows, ("row", "reason"))
+    _add(body, "h2", "Indicators")
+    _pictures(body, folder, "")
+    _case(body, results.text)
+    return page
 
 
-def _table(rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> str:
+def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[str, ...] = ()) -> None:
     if not rows:
-        return ""
-    head = "".join(f"<th>{html.escape(h)}</th>" for h in heading)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(v)}</td>" for v in row) + "</tr>" for row in rows)
-    if not heading:  # names and values, which may take several lines on a narrow screen
-        return f'<table class="values">{body}</table>'
-    return f'<div class="wide"><table><tr>{head}</tr>{body}</table></div>'
+        return
+    if heading:
+        table = _add(_add(body, "div", class_="wide"), "table")
+        first = _add(table, "tr")
+        for cell in heading:
+            _add(first, "th", cell)
+    else:  # names and values, which may take several lines on a narrow screen
+        table = _add(body, "table", class_="values")
+    for row in rows:
+        line = _add(table, "tr")
+        for cell in row:
+            _add(line, "td", cell)
 
 
-def _pictures(folder: str, start: str, others: tuple[str, ...] = ()) -> Iterator[str]:
+def _pictures(body: xml.Element, home: str, start: str, others: tuple[str, ...] = ()) -> None:
     """Pictures whose names begin so, without those that begin as others do."""
+    folder = os.path.join(home, PICTURES)
     if not os.path.isdir(folder):
         return
     for name in sorted(os.listdir(folder)):
         stem, ending = os.path.splitext(name)
         if name.startswith(start) and not name.startswith(others) and ending in (".png", ".gif"):
-            with open(os.path.join(folder, name), "rb") as file:
+            found = regular_file(home, PICTURES, name)
+            if found is None:
+                continue
+            with os.fdopen(open_regular(found, os.O_RDONLY), "rb") as file:
                 data = base64.b64encode(file.read()).decode()
-            caption = html.escape(_caption(stem[len(start) :]))
-            yield (
-                f'<figure><img alt="{caption}" src="data:image/{ending[1:]};base64,{data}">'
-                f"<figcaption>{caption}</figcaption></figure>"
-            )
+            caption = _caption(stem[len(start) :])
+            figure = _add(body, "figure")
+            _add(figure, "img", alt=caption, src=f"data:image/{ending[1:]};base64,{data}")
+            _add(figure, "figcaption", caption)
 
 
 def _caption(stem: str) -> str:
@@ -304,5 +336,6 @@ def _caption(stem: str) -> str:
     return f"{_CAPTIONS.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
 
 
-def _case(text: str) -> str:
-    return f"<h2>The case</h2><pre>{html.escape(text)}</pre></body></html>\n"
+def _case(body: xml.Element, text: str) -> None:
+    _add(body, "h2", "The case")
+    _add(body, "pre", text)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import re
 from typing import Any
 
 import numpy as np
 
 import sbfem_petsc as sb
 
+from ..folder_index import make_output_folder, regular_file
 from ..parallel import on_root
 from ..recording.hdf5 import opened
 from ..writing import spare_folder
@@ -17,6 +19,7 @@ from . import pictures, run, sweep_file
 from .case import Case, case_from_text
 from .csv_tables import write_tables
 from .estimates import duration
+from .folder import PARTS
 from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
 from .solve import Structure
@@ -39,8 +42,9 @@ def read_any(path: str | os.PathLike[str]) -> RunResults | Sweep:
     name = os.fspath(path)
     if os.path.isdir(name):
         for candidate in (RESULTS, FILE):
-            if os.path.isfile(os.path.join(name, candidate)):
-                return read_any(os.path.join(name, candidate))
+            found = regular_file(name, candidate)
+            if found is not None:
+                return read_any(found)
         raise ValueError(
             f"{name!r} holds neither {RESULTS} nor {FILE}; name the folder that  sbfem run  or  "
             "sbfem sweep  wrote"
@@ -106,14 +110,16 @@ def _lines(tree: Tree, above: str = "") -> list[str]:
 
 def case_of(results: RunResults | Sweep, path: str, folder: str) -> Case:
     """The case that results were made from; the files it names are put into `folder`."""
+    files: dict[str, str] = {}
     with opened(path, "results file", FORMS) as file:
-        for entry in file["case/files"].values():
-            name = os.path.basename(str(entry.attrs["name"]))
-            if name in ("", ".", ".."):
-                raise ValueError(f"results file {path!r} holds a file without a name; run its case again")
-            with open(os.path.join(folder, name), "wb") as written:
+        for number, entry in enumerate(file["case/files"].values()):
+            # whatever the name is, nothing is written or read elsewhere; readers know formats by the ending
+            name = str(entry.attrs["name"])
+            ending = re.search(r"\.\w{1,8}$", name)
+            files[name] = f"{number:03d}{ending[0] if ending else ''}"
+            with open(os.path.join(folder, files[name]), "wb") as written:
                 written.write(entry[()].tobytes())
-    return case_from_text(results.text, results.case_file, folder)
+    return case_from_text(results.text, results.case_file, folder, files)
 
 
 def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animation: bool = False) -> str:
@@ -137,6 +143,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     if isinstance(results, Sweep):
         from ..plot.maps import draw_sweep
 
+        on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder
     with spare_folder() as spare:
@@ -149,7 +156,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
             for name in results.analyses:
                 watch.stage(f"{name}: pictures")
                 fields = results.kinds[name] in moving
-                recorded = None if fields else _recorded(os.path.join(home, "analyses"), name)
+                recorded = None if fields else _recorded(home, name)
                 if recorded is None:
                     structure = structure or Structure(case, comm)
                     recorded = structure.solve(case, name)
@@ -162,7 +169,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     return folder
 
 
-def _recorded(folder: str, name: str) -> Any:
+def _recorded(home: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
     readers = {
         "history.h5": sb.read_history,
@@ -171,8 +178,8 @@ def _recorded(folder: str, name: str) -> Any:
         "result.h5": sb.read_result,
     }
     for ending, read in readers.items():
-        file = os.path.join(folder, f"{name}.{ending}")
-        if os.path.isfile(file):
+        file = regular_file(home, PARTS, f"{name}.{ending}")
+        if file is not None:
             return read(file)
     return None
 
@@ -191,7 +198,7 @@ def export_results(path: str, wanted: list[str], output: str | None, comm: Any, 
     )
     folder = output or os.path.join(os.path.dirname(os.path.abspath(source)), "export")
     written: list[str] = []
-    on_root(comm, lambda: os.makedirs(folder, exist_ok=True))
+    on_root(comm, lambda: make_output_folder(folder))
     if "csv" in wanted:
         written += comm.bcast(on_root(comm, lambda: _csv(results, folder)))
     if "json" in wanted:

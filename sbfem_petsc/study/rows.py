@@ -1,10 +1,12 @@
-"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill "
-"cuts off is seen."""
+"""Rows of a sweep on the disk: each group of ranks appends to a file of its own, and what a kill cuts off is
+seen.
+"""
 
 from __future__ import annotations
 
 import io
 import json
+import mmap
 import os
 import struct
 import zipfile
@@ -15,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from ..folder_index import claim, open_regular
 from ..writing import reason
 
 _HEAD = struct.Struct("<4sQI")  # mark, length, checksum
@@ -60,8 +63,9 @@ def append(path: str, row: Row) -> None:
         **{f"v{k}": row.values[name] for k, name in enumerate(names)},
     )
     payload = buffer.getvalue()
+    claim(path, "rows of the sweep")
     try:
-        with open(path, "ab") as file:
+        with os.fdopen(open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT), "ab") as file:
             file.write(_HEAD.pack(_MARK, len(payload), zlib.crc32(payload)) + payload)
             file.flush()
             os.fsync(file.fileno())
@@ -70,51 +74,39 @@ def append(path: str, row: Row) -> None:
 
 
 def read(folder: str) -> dict[int, Row]:
-    """All whole rows in a folder's files by number, a success before a failure; what a kill left behind in a
-    file is cut off, so that it can be appended to.
-    """
+    """All whole rows in a folder's files by number, a success before a failure."""
     found: dict[int, Row] = {}
-    for name in sorted(os.listdir(folder)):
-        if name.endswith(".rows"):
-            for row in _rows(os.path.join(folder, name)):
-                if row.number not in found or not row.reason:
-                    found[row.number] = row
+    for row in every(folder):
+        if row.number not in found or not row.reason:
+            found[row.number] = row
     return found
 
 
-def count(folder: str) -> int:
-    """Number of whole rows, without reading them."""
-    total = 0
-    for name in os.listdir(folder):
+def every(folder: str) -> Iterator[Row]:
+    """All whole rows in a folder's files, as often as they were written."""
+    for name in sorted(os.listdir(folder)):
         if name.endswith(".rows"):
-            with open(os.path.join(folder, name), "rb") as file:
-                size = os.fstat(file.fileno()).st_size
-                while len(head := file.read(_HEAD.size)) == _HEAD.size:
-                    length = _HEAD.unpack(head)[1]
-                    if length > size - file.tell():
-                        break
-                    file.seek(length, os.SEEK_CUR)
-                    total += 1
-    return total
+            path = os.path.join(folder, name)
+            for payload in _payloads(path):
+                yield _unpacked(path, payload)
 
 
-def _rows(path: str) -> Iterator[Row]:
-    whole, size = 0, os.path.getsize(path)
-    with open(path, "rb") as file:
-        while True:
-            head = file.read(_HEAD.size)
-            if len(head) < _HEAD.size:
-                break
-            mark, length, checksum = _HEAD.unpack(head)
-            if mark != _MARK or length > size - file.tell():
-                break
-            payload = file.read(length)
-            if zlib.crc32(payload) != checksum:
-                break
-            whole = file.tell()
-            yield _unpacked(path, payload)
-    if whole < size:
-        os.truncate(path, whole)
+def _payloads(path: str) -> Iterator[bytes]:
+    """Rows of a file, whatever stands between them: what a kill has cut off, or bytes that have changed."""
+    with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
+        size, place = os.fstat(file.fileno()).st_size, 0
+        if size == 0:
+            return
+        with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            while 0 <= (place := data.find(_MARK, place)) <= size - _HEAD.size:
+                begin = place + _HEAD.size
+                _, length, checksum = _HEAD.unpack(data[place:begin])
+                payload = data[begin : begin + length] if length <= size - begin else b""
+                if len(payload) == length and zlib.crc32(payload) == checksum:
+                    yield payload
+                    place = begin + length
+                else:
+                    place += 1
 
 
 def _unpacked(path: str, payload: bytes) -> Row:

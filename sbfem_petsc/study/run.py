@@ -15,6 +15,7 @@ import sbfem_petsc as sb
 
 from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
+from ..folder_index import make_folder
 from ..parallel import agreed, collective
 from ..recording.hdf5 import new_hdf5, opened
 from . import pictures
@@ -206,7 +207,7 @@ class _Run:
                 file.attrs["kind"] = kind
                 write_tree(file, tree)
             if self.case.tables.output.csv:
-                os.makedirs(os.path.join(self.path, TABLES), exist_ok=True)
+                make_folder(os.path.join(self.path, TABLES))
                 write_tables(tree, os.path.join(self.path, TABLES), name)
             if kind in ("periodic", "modulation") and result.reduced is not None:
                 sb.save_orbit(result, self.folder.part(name, "orbit.h5"))

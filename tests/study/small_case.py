@@ -142,7 +142,7 @@ def stopped_sweep(number: int, path: pathlib.Path, out: pathlib.Path) -> tuple[i
     """Send a signal to a sweep that has written two rows; its exit code, and what it has said as an error."""
     process = started("sweep", path, "--output", out, "--quiet", program=("-c", WAITING))
     folder, limit = out / "rows", time.monotonic() + 120
-    while not (folder.is_dir() and rows.count(str(folder)) == 2):
+    while not (folder.is_dir() and len(list(rows.every(str(folder)))) == 2):
         if process.poll() is not None or time.monotonic() > limit:
             process.kill()
             raise AssertionError(process.communicate()[1])

@@ -15,6 +15,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
+from sbfem_petsc.folder_index import INDEX
 from sbfem_petsc.study import revive
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.run import read_run, run_case
@@ -172,8 +173,11 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     left, foreign = out / ".results.h5.12345.part", out / ".mine.part"  # one of a killed run, one of the user
     left.touch()
     foreign.touch()
+    refused = sbfem("run", path, "--output", out, "--quiet")
+    assert refused.code == 2 and "'.mine.part'" in refused.err and foreign.exists() and left.exists()
+    foreign.unlink()
     assert sbfem("run", path, "--output", out, "--quiet").code == 0
-    assert foreign.exists() and not left.exists()
+    assert not left.exists()
     assert os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns == stamp
     found = json.loads((out / "summary.json").read_text())
     np.testing.assert_allclose(
@@ -220,7 +224,7 @@ def test_two_runs_at_once(folder):
     """A folder in which another process is at work is left alone."""
     import fcntl
 
-    with open(folder / "out" / ".lock", "w") as lock:
+    with open(folder / "out" / INDEX, "r+") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         done = sbfem("run", folder / "case.toml", "--output", folder / "out")
     assert done.code == 2 and "another process is at work" in done.err
