@@ -25,6 +25,7 @@ from ..dynamics.loading import Loading, communicator, loading, serving
 from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
+from ..dynamics.steps import DEEPEST, HALVING
 from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
 from ..errors import caller_level, on_all_ranks
 from ..parallel import agreed, collective
@@ -33,6 +34,10 @@ from ..recording.history_file import HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+
+# Work of contact in parts of steps that cannot be halved further, relative to what is supplied, from which on
+# it is told.
+WORKED = 1e-4
 
 
 @agreed()
@@ -76,9 +81,12 @@ def transient(
         False: the faces may overlap.
     scheme : {"exact", "newmark", "paper"}
         "exact": every mode advanced exactly for loads linear over a step and contact forces held at the mean
-        of its ends, so that contact works precisely by force times change of gap and cannot feed energy in,
-        whatever the step; "newmark": average acceleration, which does the same with a period error of (omega
-        h)^2 / 12; "paper": eqs. (28)-(34) on the unreduced model, which stops when its energy runs away.
+        of its ends; "newmark": average acceleration, with a period error of (omega h)^2 / 12; "paper": eqs.
+        (28)-(34) on the unreduced model, which stops when its energy runs away. In the first two contact
+        works precisely by mean force times change of gap: nothing in steps in which no pair changes sides,
+        in the others what they are in error, of either sign. Where that is more than 1e-6 of the modes'
+        energy the step is taken as two halves, and these as halves again, ten times at most; only the ends of
+        the equal steps are kept.
     start : {"rest", "equilibrium"}, (displacement, velocity) or (q, v)
         Zero displacement and velocity; static equilibrium, contact included, under the loads at t = 0;
         functions of x and y (m, arrays) that give (u_x, u_y) in m and m/s, None for zero; or modal
@@ -113,8 +121,9 @@ def transient(
     -----
     StepWarning
         If the step takes fewer than 20 steps a period of the highest load frequency, or is longer than the
-        period of the highest mode of a reduced model and pairs close, or if not every step is kept though
-        `decimation` was not given.
+        period of the highest mode of a reduced model and pairs close; if contact does work in parts of steps
+        that were halved ten times, and in all more than 1e-4 of what is supplied; or if not every step is
+        kept though `decimation` was not given.
     """
     comm = communicator(model)
     with collective(comm):
@@ -195,6 +204,7 @@ def transient(
         if record is not None:
             _begin_reduced(record, advanced, loads, start)
         history = integrate(advanced, steps, record, report)
+    _warn_of_work(advanced, history)
     if step * top > 1.0 and history.states.contact.any():
         warnings.warn(
             f"the step of {step:.3g} s is longer than the period of the highest mode ({top:.6g} Hz), and "
@@ -329,6 +339,20 @@ def _distance(one: History, other: History) -> float:
     found, exact = (np.stack([h.displacement(p) for p in h.points]) for h in (one, other))
     off = float(np.linalg.norm(found - exact))
     return off / max(float(np.linalg.norm(exact)), 1e-300) if off else 0.0
+
+
+def _warn_of_work(integrator: ReducedIntegrator, history: History) -> None:
+    """Warn where contact has done work that halving its steps did not take away."""
+    done, supplied = history.energy.contact, integrator.ledger.supplied
+    if integrator.unresolved and np.abs(done).max() > WORKED * supplied:
+        warnings.warn(
+            f"transient: in {integrator.unresolved:,d} parts of steps that were halved {DEEPEST} times "
+            f"contact still does work of more than {HALVING.tolerance:g} of the energy; it has done "
+            f"{done[-1]:.3g} J in all beside {supplied:.3g} J supplied; use a step smaller than "
+            f"{history.step:.3g} s",
+            StepWarning,
+            stacklevel=3,
+        )
 
 
 def _check(duration, step, contact, scheme) -> None:

@@ -6,6 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from .law import RowLaws
 from .marching import StepHistory, StepLoads, StepState, march, step_constants
 
 
@@ -13,10 +14,10 @@ def compile_kernels() -> None:
     """Compile what `marching.march` needs; it is kept where `compiled.compiled` says."""
     rows = np.eye(2)
     march(
-        step_constants(np.zeros((10, 2)), (rows, rows), (rows, rows), np.zeros(2, dtype=bool)),
-        StepLoads(np.zeros((2, 2)), np.ones((2, 2))),
+        step_constants([np.zeros((10, 2))], (rows, rows), rows, RowLaws.unilateral(2), np.zeros(2)),
+        StepLoads(np.zeros((2, 2)), np.ones((2, 2)), np.zeros(1, dtype=np.int8)),
         StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool)),
-        StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2))),
+        StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2)), np.empty(1)),
     )
 
 

@@ -99,18 +99,18 @@ def settle(
     steps, pairs, m = len(free_gap) - 1, len(step.tied), len(known.weights)
     room = _Repetition(
         np.zeros((patience.longest + 1, 2 * m)),
-        StepHistory(np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs))),
+        StepHistory(np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)),
         empty_room(step),
     )
     moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=bool))
-    loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap))
+    loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
     return _settle(step, loads, moving, known, patience, room)
 
 
 @compiled_loops
 def _settle(step, loads, state, known, patience, room):
     q, v, force, active = state
-    recent, gap, thin, factor = room.recent, room.steps.gap, room.steps.thin, room.steps.factor
+    recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
     rank, kept = thin.size, recent.shape[0]
     change_allowed = (patience.tolerance * known.size) ** 2
@@ -146,7 +146,7 @@ def _settle(step, loads, state, known, patience, room):
             factor.members[pairs] = -1
             if contact_forces(step.residual, gap, step.tied, active, factor, force) < 0:
                 return -3, done, 0
-        reached, _ = _march(step, loads, state, room.history, room.steps)
+        reached, _, _, _ = _march(step, loads, state, room.history, room.steps)
         if reached < steps:
             return -3, done, 0
     return -2, patience.limit, 0

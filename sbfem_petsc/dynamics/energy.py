@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..contact.marching import StepHistory
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 
@@ -25,7 +26,7 @@ class Energy:
         The strain energy includes a reduced model's residual flexibility.
     external, damping, contact : (n,) arrays
         Work of the loads, energy dissipated by damping, work of the contact forces (zero but for the steps in
-        which pairs close or open).
+        which pairs close or open, where it is the integrator's error; summed over the parts of halved steps).
     """
 
     kinetic: np.ndarray
@@ -49,7 +50,7 @@ class Energy:
 
 
 class Ledger:
-    """Energies and work, carried from chunk to chunk."""
+    """Energies and work, carried from chunk to chunk; that of contact is what the steps themselves tell."""
 
     def __init__(self, reduction: ReducedModel, smooth: bool):
         # average acceleration moves by the mean of the ends' forces, so the plain trapezoidal rule is its own
@@ -57,8 +58,7 @@ class Ledger:
         self.r, self.smooth = reduction, smooth
         self.stiffness, self.friction = reduction.omega**2, 2.0 * reduction.damping * reduction.omega
         self.ones, self._squares = np.ones(len(reduction.omega)), np.empty((0, len(reduction.omega)))
-        # of the displacements that loads and contact work on
-        self.modes = np.concatenate([reduction.load_modes.T, reduction.gap.modes])
+        # of the displacements of loads and contact under their own forces
         self.flexibility = np.block(
             [
                 [reduction.load_flexibility, reduction.gap.loads.T],
@@ -73,71 +73,59 @@ class Ledger:
         self.supplied = float(self.last[2].sum())
         return np.concatenate([self.last[2].T, np.zeros((3, 1))])
 
-    def account(self, states, velocities, amplitudes, forces, step: float) -> np.ndarray:
+    def account(self, history: StepHistory, amplitudes: np.ndarray, step: float) -> np.ndarray:
         """(5, n): kinetic, strain, external, damping, contact after each step of a length (s); `amplitudes`
         (n + 1, loads) begins with the step before.
         """
+        states, velocities, forces, contact, _ = history
         # of the loads and rows of contact that act meanwhile: mostly few of them
-        loaded = (amplitudes != 0.0).any(axis=0)
-        touched = (forces != 0.0).any(axis=0) | (self.last[0][0, len(loaded) :] != 0.0)
-        places, loads = np.flatnonzero(np.concatenate([loaded, touched])), np.count_nonzero(loaded)
+        loaded, touched = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
         drive, moved, stored, loss, rate = self._instants(
             states,
             velocities,
             np.compress(loaded, amplitudes[1:], axis=1),
             np.compress(touched, forces, axis=1),
-            places,
+            loaded,
+            touched,
         )
         last = self.last
-        before = (last[0][:, places], last[1][:, places], last[3], last[4][:, loaded])
+        before = (last[0][:, loaded], last[1][:, loaded], last[3], last[4][:, loaded])
         pairs = zip(before, (drive, moved, loss, rate))
         drives, moves, losses, rates = (np.concatenate(pair) for pair in pairs)
         # integral of the force over the displacement: the displacement's mean over a step from its ends and
         # the rates there
-        means, changes = 0.5 * (drives[1:] + drives[:-1]), np.diff(moves, axis=0)
-        external = means[:, :loads] * changes[:, :loads]
+        external = 0.5 * (drives[1:] + drives[:-1]) * np.diff(moves, axis=0)
         if self.smooth:
-            external += np.diff(drives[:, :loads], axis=0) * np.diff(rates, axis=0) * (step / 12.0)
-        steps = np.stack(
-            [
-                external.sum(axis=1),
-                0.5 * step * (losses[1:] + losses[:-1]),
-                np.einsum("ij,ij->i", means[:, loads:], changes[:, loads:]),
-            ]
-        )
+            external += np.diff(drives, axis=0) * np.diff(rates, axis=0) * (step / 12.0)
+        steps = np.stack([external.sum(axis=1), 0.5 * step * (losses[1:] + losses[:-1]), contact])
         work = self.work[:, None] + np.cumsum(steps, axis=1)
         self.work = work[:, -1]
         self.last = self._instants(states[-1:], velocities[-1:], amplitudes[-1:], forces[-1:])
         return np.concatenate([stored.T, work])
 
-    def jump(self, q, v, amplitude, force) -> np.ndarray:
-        """(5,): the same where loads have jumped to `amplitude`: what moves with them has no inertia."""
-        last, now = self.last, self._instants(q[None], v[None], amplitude[None], force[None])
-        loads, means, changes = len(amplitude), 0.5 * (last[0] + now[0])[0], (now[1] - last[1])[0]
-        self.work = self.work + [means[:loads] @ changes[:loads], 0.0, means[loads:] @ changes[loads:]]
-        self.last = now
-        return np.concatenate([now[2][0], self.work])
-
-    def _instants(self, q, v, amplitudes, forces, places=np.s_[:]):
-        """Driving forces, the displacements they work on, stored energies (n, 2), dissipated power (n,),
-        velocities at the loads; of all loads and rows of contact, or of those at some places that alone are
-        given.
+    def jump(self, q, v, amplitude, before, force) -> np.ndarray:
+        """(5,): the same where loads have jumped to `amplitude`, and contact from `before` to `force`: what
+        moves with them has no inertia.
         """
-        loads = amplitudes.shape[1]
-        drive = np.concatenate([amplitudes, forces], axis=1)
-        modes, flexibility = self.modes[places], self.flexibility[places][:, places]
-        # where nothing touches, before or behind either, the gaps do no work and are left at zero
-        touched = forces.any(axis=1)
-        near = touched.copy()
-        near[1:] |= touched[:-1]
-        near[:-1] |= touched[1:]
-        near[[0, -1]] = True  # of what came before and what follows nothing is known here
-        flexible, moved = np.zeros_like(drive), np.zeros_like(drive)
+        drives = np.concatenate([[self.last[0][0], amplitude], [before, force]], axis=1)
+        work = drives.mean(axis=0) * (self.flexibility @ (drives[1] - drives[0]))
+        loads = len(amplitude)
+        self.work = self.work + [work[:loads].sum(), 0.0, work[loads:].sum()]
+        self.last = self._instants(q[None], v[None], amplitude[None], force[None])
+        return np.concatenate([self.last[2][0], self.work])
+
+    def _instants(self, q, v, amplitudes, forces, loaded=np.s_[:], touched=np.s_[:]):
+        """Loads, the displacements they work on, stored energies (n, 2), dissipated power (n,), velocities at
+        the loads; of all loads and rows of contact, or of some of them that alone are given.
+        """
+        loads, places = amplitudes.shape[1], np.arange(len(self.flexibility))
+        count = self.r.load_modes.shape[1]
+        places = np.concatenate([places[:count][loaded], places[count:][touched]])
+        flexibility, modes = self.flexibility[places][:, places], self.r.load_modes.T[loaded]
+        near, drive = forces.any(axis=1), np.concatenate([amplitudes, forces], axis=1)
+        flexible = np.zeros_like(drive)
         flexible[:, :loads] = amplitudes @ flexibility[:loads, :loads]
         flexible[near] = drive[near] @ flexibility
-        moved[:, :loads] = q @ modes[:loads].T
-        moved[near, loads:] = q[near] @ modes[loads:].T
-        moved += flexible
         # one product after the other: BLAS is slow in those with two columns
         if len(self._squares) < len(q):
             self._squares = np.empty_like(q)
@@ -145,7 +133,8 @@ class Ledger:
         kinetic, lost = 0.5 * (squared @ self.ones), squared @ self.friction
         squared = np.multiply(q, q, out=squared)
         strain = 0.5 * (squared @ self.stiffness + np.einsum("ij,ij->i", drive, flexible))
-        return drive, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes[:loads].T
+        moved = q @ modes.T + flexible[:, :loads]
+        return amplitudes, moved, np.stack([kinetic, strain], axis=1), lost, v @ modes.T
 
 
 def guard(chunk: np.ndarray, ledger: Ledger, time: np.ndarray) -> None:

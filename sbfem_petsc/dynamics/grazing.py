@@ -109,7 +109,7 @@ def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
     p = driven.period
     gaps = driven.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
     force = motion.forces.max(axis=0)
-    overlap = -force * np.diag(driven.flexibility + p.residual_flexibility)
+    overlap = -force * np.diag(driven.constants.flexibility[0] + p.residual_flexibility)
     result = np.where(force > 0.0, overlap, [least(gap) for gap in gaps[:-1].T])
     return np.where(p.laws.tied, -np.inf, result)
 

@@ -169,11 +169,12 @@ class _Length:
         r = period.reduced
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
-        residual = period.residual_flexibility
-        moved = (period.right.T * self.coefficients[4]) @ period.right
-        self.flexibility = period.left @ moved @ period.left.T + residual
         self.constants = step_constants(
-            self.coefficients, (period.left, period.right), (self.flexibility, residual), period.laws.tied
+            [self.coefficients],
+            (period.left, period.right),
+            period.residual_flexibility,
+            period.laws,
+            r.omega,
         )
 
     @functools.cached_property
@@ -192,8 +193,7 @@ class DrivenPeriod:
         self.duration = p.excitation.periods / frequency
         self.step = self.duration / p.steps
         length = p.length(self.step)
-        self.coefficients, self.flexibility = length.coefficients, length.flexibility
-        self.constants = length.constants
+        self.coefficients, self.constants = length.coefficients, length.constants
         self.amplitudes, self._slopes = p.excitation.scaled(factor).response(r, frequency)
         self.speeds = 2j * np.pi * p.excitation.orders[:, None] / self.duration
         self.loads, static = p.loaded(factor)
@@ -248,12 +248,12 @@ class DrivenPeriod:
             )
         states[0], velocities[0], forces[0] = q, v, force
         if settled >= 0:
-            reached, _ = march(
+            reached = march(
                 self.constants,
-                StepLoads(np.zeros((0, m)), self.free_gap),
+                StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
                 StepState(q, v, force, active),
-                StepHistory(states[1:], velocities[1:], forces[1:]),
-            )
+                StepHistory(states[1:], velocities[1:], forces[1:], np.empty(steps)),
+            ).steps
         if reached < steps:
             raise on_all_ranks(
                 SolveError(

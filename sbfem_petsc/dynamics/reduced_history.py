@@ -8,23 +8,35 @@ import numpy as np
 
 from ..contact.closed_sets import thin_factors
 from ..contact.complementarity import Complementarity, solve_complementarity
-from ..contact.marching import StepConstants, StepHistory, StepLoads, StepState, march, step_constants
+from ..contact.marching import (
+    Marched,
+    StepConstants,
+    StepHistory,
+    StepLoads,
+    StepState,
+    march,
+    step_constants,
+)
 from ..errors import SolveError, on_all_ranks
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
-from .drive import Drive
+from .drive import Drive, Piece
 from .energy import Energy, Ledger, guard
 from .history import History
 from .integration import Column, Rows, Steps
 from .rest import at_rest
 from .states import ModalStates
-from .steps import step_coefficients
+from .steps import HALVING, halved_coefficients, lengths
 
 CHUNK = 4096
 
 
 class ReducedIntegrator:
     """A reduced model on its way; an `integration.Integrator`.
+
+    Steps in which contact does work are taken in halves, quarters .. (`steps.HALVING`); what is kept are the
+    ends of the equal steps. Whether a step is halved depends on the state before it alone, so that a history
+    that goes on from a checkpoint is the same.
 
     Parameters
     ----------
@@ -35,6 +47,13 @@ class ReducedIntegrator:
         Their scheme is "exact" or "newmark".
     start : "rest", "equilibrium" or (q, v)
         Zero; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and rates.
+
+    Attributes
+    ----------
+    exchanges : int
+        Of active sets so far.
+    unresolved : int
+        Parts of steps so far that could not be halved again though contact does work.
     """
 
     def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, start):
@@ -43,27 +62,30 @@ class ReducedIntegrator:
         self.drive = Drive(r.comm, signals, steps.step)
         self.size = len(r.initial_gap)
         self.rows = self.size if steps.contact else 0
-        self.constants = _constants(r, steps, steps.step)
+        self.levels = lengths(r.contact_laws.first(self.rows))
+        self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
         self.q, self.v, self.force, self.active = _start(r, self.amplitude, steps.contact, start)
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
-        self.exchanges = 0
+        self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
         modes, most = len(self.q), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
+        self._work = np.empty(most)
         self.columns = reduced_columns(r)
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
         r, n = self.reduced, self.rows
         external, gaps = (room[: len(amplitudes)] for room in self._room[3:])
+        levels = np.zeros(len(amplitudes) - 1, dtype=np.int8)
         if not amplitudes.any():
             gaps[:] = r.initial_gap[:n]
-            return StepLoads(external[:0], gaps)
+            return StepLoads(external[:0], gaps, levels)
         np.dot(amplitudes, r.gap.loads[:n].T, out=gaps)
         gaps += r.initial_gap[:n]
-        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps)
+        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps, levels)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""
@@ -99,23 +121,20 @@ class ReducedIntegrator:
         for piece in pieces:
             rows = slice(piece.first, piece.first + piece.steps)
             self._jump(piece.amplitudes[0])
-            whole = piece.length == self.steps.step
-            reached, exchanged = march(
-                self.constants if whole else _constants(self.reduced, self.steps, piece.length),
-                self._driven(piece.amplitudes),
-                StepState(self.q, self.v, self.force, self.active),
-                StepHistory(states[rows], velocities[rows], forces[rows]),
-            )
-            if reached < piece.steps:
+            history = StepHistory(states[rows], velocities[rows], forces[rows], self._work[: piece.steps])
+            marched = self._march(piece, history)
+            if marched.steps < piece.steps:
+                failed = time[piece.first + marched.steps + 1]
                 raise on_all_ranks(
                     SolveError(
-                        f"transient: the contact problem at t = {time[piece.first + reached + 1]:.6g} s was "
-                        "not solved; use a smaller step or more pairs of like size"
+                        f"transient: the contact problem at t = {failed:.6g} s was not solved; use a smaller "
+                        "step or more pairs of like size"
                     )
                 )
-            self.exchanges += exchanged
+            self.exchanges += marched.exchanges
+            self.unresolved += marched.unresolved
             energies[:, rows] = self.ledger.account(
-                states[rows], velocities[rows], piece.amplitudes, self._padded(forces[rows]), piece.length
+                history._replace(forces=self._padded(forces[rows])), piece.amplitudes, piece.length
             )
             self.amplitude = piece.amplitudes[-1]
             if piece.complete and (energy := self._jump(amplitude[rows.stop])) is not None:
@@ -126,35 +145,56 @@ class ReducedIntegrator:
         values = (time[1:], states, velocities, amplitude[1:], forces, energies.T)
         return {name: value[kept] for name, value in zip(self.columns, values)}
 
+    def _march(self, piece: Piece, history: StepHistory) -> Marched:
+        """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
+        state, loads = StepState(self.q, self.v, self.force, self.active), self._driven(piece.amplitudes)
+        if piece.length == self.steps.step:
+            return march(self.constants, loads, state, history)
+        before, counts = [part.copy() for part in state], (1, self.levels)
+        for count in counts:
+            for part, former in zip(state, before):
+                part[:] = former
+            constants = _constants(self.reduced, self.steps, piece.length, count)
+            marched = march(constants, loads, state, history)
+            if not marched.unresolved:
+                break
+        return marched
+
     def _jump(self, amplitude: np.ndarray) -> np.ndarray | None:
         """Let loads jump, and with them contact and the residual flexibility; the energies then, or None if
         they do not.
         """
         if (amplitude == self.amplitude).all():
             return None
-        self.amplitude = amplitude
+        self.amplitude, before = amplitude, self.force.copy()
         if self.rows:
             found = _contact_at(self.reduced, self.q, amplitude)
             self.force[:], self.active[:] = found.force, found.active
-        return self.ledger.jump(self.q, self.v, amplitude, self._padded(self.force[None])[0])
+        return self.ledger.jump(self.q, self.v, amplitude, *self._padded(np.array([before, self.force])))
 
     def checkpoint(self) -> np.ndarray:
         """State, contact set and the energies' account; the number of exchanges comes first."""
         ledger = self.ledger
-        parts = [[self.exchanges, ledger.supplied], ledger.work, self.q, self.v, self.force, self.active]
+        parts = [
+            [self.exchanges, self.unresolved, ledger.supplied],
+            ledger.work,
+            self.q,
+            self.v,
+            self.force,
+            self.active,
+        ]
         return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
-        modes, drives = len(self.q), self.reduced.load_modes.shape[1] + self.size
-        loads = self.reduced.load_modes.shape[1]
-        sizes = (2, 3, modes, modes, self.rows, self.rows, drives, drives, 2, 1, loads)
+        modes, loads = len(self.q), self.reduced.load_modes.shape[1]
+        sizes = (3, 3, modes, modes, self.rows, self.rows, loads, loads, 2, 1, loads)
         head, work, q, v, force, active, drive, moved, stored, loss, rates = np.split(
             checkpoint, np.cumsum(sizes)[:-1]
         )
-        self.exchanges = int(head[0])
+        self.exchanges, self.unresolved = int(head[0]), int(head[1])
         self.q[:], self.v[:], self.force[:], self.active[:] = q, v, force, active != 0.0
-        self.ledger.supplied, self.ledger.work = float(head[1]), work.copy()
+        self.ledger.supplied, self.ledger.work = float(head[2]), work.copy()
         self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
 
     def history(self, rows: Rows) -> History:
@@ -193,14 +233,13 @@ def reduced_history(
     return History(rows["time"], states, energy, step, exchanges, len(reduced.omega), complete)
 
 
-def _constants(r: ReducedModel, steps: Steps, length: float) -> StepConstants:
-    """Of steps of a length (s)."""
-    coefficients = step_coefficients(r.omega, r.damping, length, steps.scheme)
+def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> StepConstants:
+    """Of steps of a length (s), of their halves ..: so many."""
     rows = len(r.initial_gap) if steps.contact else 0
-    modes, residual = r.gap.modes[:rows], r.gap.contact[:rows, :rows]
-    factors = r.thin_gaps if steps.contact else thin_factors(modes)
-    flexibility = (modes * coefficients[4]) @ modes.T + residual
-    return step_constants(coefficients, factors, (flexibility, residual), r.contact_laws.tied[:rows])
+    laws, residual = r.contact_laws.first(rows), r.gap.contact[:rows, :rows]
+    factors = r.thin_gaps if steps.contact else thin_factors(r.gap.modes[:rows])
+    coefficients = halved_coefficients(r.omega, r.damping, length, steps.scheme, count)
+    return step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
 
 
 def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):

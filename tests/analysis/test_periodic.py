@@ -12,6 +12,7 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.closed_sets import thin_factors
+from sbfem_petsc.contact.marching import Marched
 from sbfem_petsc.dynamics import period_map
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
 from sbfem_petsc.reduction.matrices import reduce_matrices
@@ -517,7 +518,7 @@ def test_no_convergence():
 def test_contact_problem_that_is_not_solved(case_p, monkeypatch):
     """An error inside SNES' callback comes out as itself."""
     model, orbit = case_p
-    monkeypatch.setattr(period_map, "march", lambda *arguments, **named: (7, 0))
+    monkeypatch.setattr(period_map, "march", lambda *arguments, **named: Marched(7, 0, 0, 7))
     with pytest.raises(sb.SolveError, match="contact problem of step .* at 3000 Hz was not solved"):
         sb.periodic(orbit.reduced, FORCE, 3000.0)
 

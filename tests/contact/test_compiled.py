@@ -99,7 +99,7 @@ def test_one_signature():
     assert done.returncode == 0, done.stderr
     compiled = {name: int(count) for name, count in (word.split(":") for word in done.stdout.split())}
     assert compiled["contact_forces"] == compiled["_march"] == 1
-    assert len(compiled) == 4 and max(compiled.values()) == 1  # the inner ones come with the outer ones' file
+    assert len(compiled) == 9 and max(compiled.values()) == 1  # the inner ones come with the outer ones' file
 
 
 @pytest.mark.long
@@ -110,7 +110,7 @@ def test_compiled_ahead(tmp_path):
     program = KERNELS + "print(*(len(kernel.stats.cache_misses) for kernel in kernels.values()))"
     done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.splitlines()[-1] == "0 0 0 0"
+    assert set(done.stdout.splitlines()[-1].split()) == {"0"}
 
 
 @pytest.mark.slow
