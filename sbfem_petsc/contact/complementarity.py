@@ -8,10 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from .law import RowLaws
-
-# Rounding of a gap, relative to the sum of its terms' moduli.
-ROUND_OFF = 1e-14
+from .law import ROUND_OFF, RowLaws
 
 
 @dataclass(frozen=True, eq=False)

@@ -32,6 +32,9 @@ import numpy as np
 
 from ..checks import Bounds, real, shown
 
+# Rounding of a gap, relative to the sum of its terms' moduli.
+ROUND_OFF = 1e-14
+
 
 @dataclass(frozen=True)
 class ContactLaw:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
-from .law import RowLaws
+from .law import ROUND_OFF, RowLaws
 
 # Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
 # take over; Judice and Pires (1994) show that this ends for every positive definite W.
@@ -353,6 +353,13 @@ def contact_forces(flexibility, gap, tied, active, factor, force):
         infeasible, last = 0, -1
         for i in range(n):
             if (force[i] < 0.0 and not tied[i]) if active[i] else free[i] < 0.0:
+                if patience <= 0 and not active[i]:
+                    # a row that neither touches nor is apart, by rounding alone, would come and go for ever
+                    size = abs(gap[i])
+                    for k in range(count):
+                        size += abs(flexibility[members[k], i] * solved[k])
+                    if free[i] > -ROUND_OFF * size:
+                        continue
                 active[i] = not active[i]
                 infeasible += 1
                 last = i

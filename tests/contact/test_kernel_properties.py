@@ -39,18 +39,18 @@ def gaps(n: int, unit: np.ndarray, generator: np.random.Generator) -> Iterator[n
     gap = generator.standard_normal(n)
     for _ in range(STEPS):
         choice = generator.random()
-        if choice < 0.6:
+        if choice < 0.5:
             gap = gap + 0.2 * generator.standard_normal(n)
-        elif choice < 0.75:
+        elif choice < 0.65:
             gap = generator.standard_normal(n)
-        elif choice < 0.85:
+        elif choice < 0.7:
             gap = -gap
-        elif choice < 0.9:
+        elif choice < 0.75:
             gap = np.abs(gap)
-        elif choice < 0.95:
+        elif choice < 0.8:
             gap = -np.abs(gap)
         else:
-            gap = np.where(generator.random(n) < 0.5, 0.0, gap)
+            gap = np.where(generator.random(n) < 0.7, 0.0, gap)
         yield unit * gap
 
 
