@@ -70,15 +70,18 @@ def start() -> None:
 
 
 def initialise(words: list[str], **options: Any) -> None:
-    """`petsc4py.init`, after which a closed pipe, as of `| head`, is again what it was for Python: an error
-    of the write, where PETSc would end the program with a dump.
+    """`petsc4py.init` with these words and those in the environment variable PETSC_OPTIONS alone: a file
+    .petscrc in the working directory, whosever it is, could have code run and files written.
+
+    A closed pipe, as of `| head`, is afterwards again what it was for Python: an error of the write, where
+    PETSc would end the program with a dump.
     """
     import petsc4py
 
     former = signal.getsignal(signal.SIGPIPE)
     # the first word is the program's name; that of `python -c` would pass for an option
     named = [sys.executable, *words[1:]] if words[:1] == ["-c"] else words
-    petsc4py.init(named, **options)
+    petsc4py.init([*(named[:1] or [sys.executable]), "-skip_petscrc", *named[1:]], **options)
     with contextlib.suppress(ValueError):  # of a thread other than the main one
         signal.signal(signal.SIGPIPE, former)
 
