@@ -17,6 +17,7 @@ _HOME = {
     "Hole": "shapes.features",
     "Plate": "plate",
     "Tip": "boundary_mesh",
+    "UnitWarning": "warnings",
     "VNotch": "shapes.features",
     "read_gmsh": "gmsh.reader",
 }

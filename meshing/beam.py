@@ -9,6 +9,7 @@ from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.beam_cells import beam_cells
 from meshing.cells.beam_layout import MeshInputs
 from meshing.cells.s_elements import build_mesh
+from meshing.extent import check_extent
 from meshing.recipe import Recipe
 from meshing.shapes.beam_shape import BeamShape
 
@@ -86,8 +87,14 @@ class Beam(BeamShape):
         ------
         ValueError, TypeError
             One sentence that names the input, its value and what was expected.
+
+        Warns
+        -----
+        UnitWarning
+            A body above 20 m or below 1 mm.
         """
         given = {name: value for name, value in locals().items() if name != "self"}
         inputs = MeshInputs.checked(self, given)
+        check_extent("beam", self.length, self.height)
         mesh = build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")
         return replace(mesh, clamped="left", recipe=Recipe(self.mesh, given))

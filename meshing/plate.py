@@ -6,10 +6,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
+
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.plate_cells import plate_cells
 from meshing.cells.s_elements import build_mesh
+from meshing.extent import check_extent
 from meshing.input_checks import checked_order, flag, named_points, positive
 from meshing.recipe import Recipe
 from meshing.shapes.features import corners_of
@@ -86,6 +89,11 @@ class Plate(PlateShape):
         ------
         ValueError, TypeError
             One sentence that names the input, its value and what was expected.
+
+        Warns
+        -----
+        UnitWarning
+            A body above 20 m or below 1 mm.
         """
         given = {name: value for name, value in locals().items() if name != "self"}
         order = checked_order(order)
@@ -100,5 +108,6 @@ class Plate(PlateShape):
             named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
         flag("mesh", "tip_element", tip_element)
         meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
+        check_extent("plate", *np.ptp(self.outline, axis=0))
         recipe = Recipe(self.mesh, given)
         return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate", recipe=recipe)

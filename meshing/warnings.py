@@ -1,8 +1,13 @@
 """Warnings of both packages, each told to the user in one sentence.
 
-This module imports nothing: whoever is told of a warning, such as a test runner's other process, may import
-it from any thread.
+This module imports nothing of ours: whoever is told of a warning, such as a test runner's other process, may
+import it from any thread.
 """
+
+from __future__ import annotations
+
+import inspect
+import warnings
 
 
 class GmshWarning(UserWarning):
@@ -57,3 +62,11 @@ class IncompleteBranch(UserWarning):
 
 class IncompleteHistory(UserWarning):
     """The run that wrote the file has not ended, or not yet."""
+
+
+def warn(origin: str, sentence: str, kind: type[Warning] = GmshWarning) -> None:
+    """A warning that names its origin, shown at the line outside `meshing` that asked for it."""
+    frame, level = inspect.currentframe(), 1
+    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "meshing":
+        frame, level = frame.f_back, level + 1
+    warnings.warn(f"{origin}: {sentence}", kind, stacklevel=level)

@@ -44,6 +44,8 @@ _HOME = {
     "MeshWarning": "meshing.warnings",
     "StepWarning": "meshing.warnings",
     "BranchWarning": "meshing.warnings",
+    "UnitWarning": "meshing.warnings",
+    "LargeDisplacementWarning": "meshing.warnings",
     "IncompleteHistory": "meshing.warnings",
     "RanksDiffer": "parallel",
     "Model": "system.model",

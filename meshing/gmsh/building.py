@@ -10,7 +10,8 @@ from meshing.cells.complex import CellComplex, Curve, edge_key
 from meshing.cells.planar import polygon_area
 from meshing.gll import gll_nodes, lagrange_values
 from meshing.gmsh.model import Block, FileModel
-from meshing.gmsh.report import right_spelling, warn
+from meshing.gmsh.report import right_spelling
+from meshing.warnings import warn
 
 Edge = tuple[int, int]
 

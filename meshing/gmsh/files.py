@@ -14,9 +14,9 @@ from meshing.gmsh.script_scan import scan_script
 from meshing.whole_file import read_whole
 
 SCRIPTS = (".geo", ".geo_unrolled")
-CAD = (".step", ".stp", ".brep", ".iges", ".igs")  # these formats carry no physical groups
-IGES = (".iges", ".igs")
-_MERGED = (*SCRIPTS, ".step", ".stp", ".brep", ".msh")
+STEP, IGES = (".step", ".stp"), (".iges", ".igs")
+CAD = (*STEP, ".brep", *IGES)  # these formats carry no physical groups
+_MERGED = (*SCRIPTS, *STEP, ".brep", ".msh")
 MESHES = (".msh",)
 FOREIGN = {".inp": "meshing.gmsh.abaqus", ".vtu": "meshing.gmsh.vtk", ".vtk": "meshing.gmsh.vtk"}
 KNOWN = (*MESHES, *SCRIPTS, *CAD, *FOREIGN)
@@ -114,7 +114,7 @@ def check_content(path: Path, suffix: str, content: bytes) -> None:
         raise ValueError(f"{path}: it is empty.")
     if suffix in MESHES:
         _check_msh(path, content)
-    elif suffix in (".step", ".stp"):
+    elif suffix in STEP:
         _expect(
             path, content.lstrip().startswith(b"ISO-10303-21"), "a STEP file (it begins with ISO-10303-21)"
         )

@@ -13,10 +13,11 @@ from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import Builder
-from meshing.gmsh.files import FOREIGN, IGES, collect
+from meshing.gmsh.files import FOREIGN, collect
 from meshing.gmsh.isolation import run_child
+from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import from_answer
-from meshing.gmsh.report import check_extent, pass_on, refuse_empty_groups
+from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
 from meshing.gmsh.unjoined import check_joined
 from meshing.input_checks import checked_faces, checked_order, flag, number, positive
 from meshing.recipe import Recipe
@@ -68,15 +69,16 @@ def read_gmsh(
         ``.brep``, ``.iges`` are meshed here, GLL nodes on the true curves; step, brep and iges carry no
         groups: all surfaces are one material, parts that touch are joined, every curve and point has its
         number in its name ("curve5", "point2"); to name them, write a .geo file that merges the file and adds
-        physical groups. Lengths in step and iges files are converted to m. ``.inp`` (Abaqus): see
+        physical groups. ``.inp`` (Abaqus): see
         `meshing.gmsh.abaqus`. ``.vtu`` and ``.vtk`` are read by meshio, see `meshing.gmsh.vtk`.
     order : int
         Polynomial order of the S-elements' edges, 1 to 20.
     size : float, optional
         Largest cell size when a geometry is meshed, m.
     scale : float, optional
-        Length of the file's unit, m: 1e-3 for a model drawn in mm. Without it the unit is m, and a model
-        that is larger than 20 m is warned of.
+        Length of the file's unit, m: 1e-3 for a model drawn in mm. Without it the unit is that of step and
+        iges files, else m. A unit that contradicts the file's, and a model above 20 m or below 1 mm, is
+        warned of.
     tip_element : bool
         A small open S-element with its scaling centre on each crack tip, and rings around it.
     tip_size : float, optional
@@ -102,8 +104,10 @@ def read_gmsh(
 
     Warns
     -----
+    UnitWarning
+        A model that seems to be drawn in another unit.
     GmshWarning
-        What gmsh warns of; a model that seems to be drawn in mm; a curve inside a material that is no crack;
+        What gmsh warns of; a curve inside a material that is no crack;
         outlines that lie on one another and are not joined.
 
     Raises
@@ -119,11 +123,10 @@ def read_gmsh(
     given = {name: value for name, value in locals().items() if name != "path"}
     path = checked_path("read_gmsh", path)
     order = checked_order(order)
-    factor = 1.0 if scale is None else positive("read_gmsh", "scale", scale)
-    if path.suffix.lower() in IGES:
-        factor *= 1e-3  # OpenCASCADE hands lengths over in mm, whatever the file's unit
+    if scale is not None:
+        scale = positive("read_gmsh", "scale", scale)
     if size is not None:
-        size = positive("read_gmsh", "size", size) / factor
+        positive("read_gmsh", "size", size)
     tip_element = flag("read_gmsh", "tip_element", tip_element)
     if tip_size is not None:
         positive("mesh", "tip_size", tip_size)
@@ -136,18 +139,20 @@ def read_gmsh(
     )
     origin = str(path)
     files = collect(path)
+    units = Units.of(files, scale, origin)
     request = {
         "module": FOREIGN.get(path.suffix.lower(), "meshing.gmsh.extraction"),
         "order": order,
-        "size": size,
+        "size": None if size is None else size / units.factor,
         "most_unknowns": most,
     }
-    model = from_answer(*run_child(origin, files, request, seconds, memory), factor)
+    model = from_answer(*run_child(origin, files, request, seconds, memory), units.factor)
     refuse_empty_groups(model, origin)
     pass_on(model, origin)
     built = Builder(model, origin)
-    check_extent(model, origin, scale, list(built.vertex_of))
-    extent = float(np.ptp(np.array(built.cells.vertices), axis=0).max())
+    where = np.array(built.cells.vertices)
+    check_units(units, origin, where)
+    extent = float(np.ptp(where, axis=0).max())
     faces = {edge_key(edge) for edges in built.crack_lines.values() for edge in edges}
     check_joined(built.cells, faces, origin)
     meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)

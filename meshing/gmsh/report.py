@@ -3,27 +3,17 @@
 from __future__ import annotations
 
 import difflib
-import inspect
 import re
-import warnings
 
 import numpy as np
 
+from meshing.extent import check_extent
+from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import FileModel
-from meshing.warnings import GmshWarning
+from meshing.warnings import UnitWarning, warn
 
 _KIND = ("point", "curve", "surface")
 _IDLE = ("not found in the Brep",)  # of boundaries in a .msh file, which are not used
-# Parts that are analysed here are seldom larger; a drawing in mm of anything above 20 mm is.
-LARGEST_IN_METRES = 20.0
-
-
-def warn(origin: str, sentence: str) -> None:
-    """A warning that names the file, shown at the line outside this package that asked for it."""
-    frame, level = inspect.currentframe(), 1
-    while frame is not None and frame.f_globals.get("__name__", "").split(".")[0] == "meshing":
-        frame, level = frame.f_back, level + 1
-    warnings.warn(f"{origin}: {sentence}", GmshWarning, stacklevel=level)
 
 
 def refuse_empty_groups(model: FileModel, origin: str) -> None:
@@ -49,25 +39,43 @@ def pass_on(model: FileModel, origin: str) -> None:
             warn(origin, f"gmsh warns: {' '.join(text.split())}")
 
 
-def check_extent(model: FileModel, origin: str, scale: float | None, used: list[int]) -> None:
-    """A warning if the model is so large that it was probably drawn in mm.
+def check_units(units: Units, origin: str, where: np.ndarray) -> None:
+    """Warnings of a scale that contradicts the file, and of a model so large or small that its unit is
+    probably another one.
 
     Parameters
     ----------
-    scale : float or None
-        As the user gave it; None leaves the unit to us.
-    used : list of int
-        Nodes of the cells.
+    where : (n, 2) array
+        Vertices of the cells, m.
     """
-    if scale is not None or model.unnamed or not used:
-        return
-    width, height = np.ptp([model.where[node][:2] for node in used], axis=0)
-    if max(width, height) > LARGEST_IN_METRES:
+    scale = units.scale
+    if scale is not None and units.file is not None and abs(scale / units.file - 1.0) > 1e-9:
         warn(
             origin,
-            f"it is {width:g} m wide and {height:g} m high, as its coordinates are taken for metres; pass "
-            "scale=1e-3 if it was drawn in millimetres, scale=1.0 if it is that large.",
+            f"its unit is {units.file:g} m, as the file says, and scale={scale:g} makes the body "
+            f"{scale / units.file:g} times as large; leave scale out, unless the file is wrong.",
+            UnitWarning,
         )
+    if scale not in (None, 1.0) and units.merged is not None:
+        warn(
+            origin,
+            f"lengths in {units.merged!r}, which it merges, are converted to m, and scale={scale:g} makes "
+            'them wrong; leave scale out and draw the rest in m, or set Geometry.OCCTargetUnit = "MM"; '
+            "ahead of the Merge to have it all in mm.",
+            UnitWarning,
+        )
+    width, height = np.ptp(where, axis=0)
+    taken = "its coordinates are taken for metres" if units.file is None else "the file's unit says so"
+    drawn = "scale=1e-3 if it was drawn in millimetres"
+    check_extent(
+        origin,
+        width,
+        height,
+        if_large=None if scale is not None else f"{taken}: pass {drawn}, scale=1.0 if it is that large",
+        if_small=f"{taken}: pass the length of its unit in m as scale if that is another one"
+        if scale is None
+        else f"scale={scale:g} is the length of the file's unit in m: leave it out if the unit is the metre",
+    )
 
 
 def right_spelling(name: str) -> str | None:

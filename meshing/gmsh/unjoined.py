@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 
 from meshing.cells.complex import CellComplex, edge_key
-from meshing.gmsh.report import warn
+from meshing.warnings import warn
 
 _PLACES = np.array([0.25, 0.5, 0.75])  # of an edge, where it is looked for another one
 _FINE = np.linspace(0.0, 1.0, 65)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from meshing.warnings import MeshWarning
+from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 
 from ..checks import Bounds, integer, real, shown
 from ..errors import SolveError, caller_level, on_all_ranks
@@ -253,13 +254,14 @@ def refined(
     try:
         while True:
             if model is None:
-                model = _made(owner, make_model, mesh, options)
+                with _told_once(done):
+                    model = _made(owner, make_model, mesh, options)
                 if not isinstance(model, Model):
                     made, model = model, None
                     raise on_all_ranks(
                         TypeError(f"{owner}: make_model returned {made!r}, a Model was expected")
                     )
-            with warnings.catch_warnings():
+            with _told_once(done):
                 warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
                 result = sought.solve(model)
             value = sought.quantity(result)
@@ -296,6 +298,15 @@ def refined(
             stacklevel=caller_level(),
         )
     return model, result, found
+
+
+@contextlib.contextmanager
+def _told_once(done: Sequence[Level]) -> Iterator[None]:
+    """What warnings say of the first level is not said of finer ones again."""
+    with warnings.catch_warnings():
+        for kind in (UnitWarning, LargeDisplacementWarning) if done else ():
+            warnings.simplefilter("ignore", kind)
+        yield
 
 
 def _made(owner: str, make_model: Callable[..., Model], mesh: Mapping[str, Any], options: Any) -> Any:

@@ -22,6 +22,7 @@ from ..errors import SolveError, on_all_ranks
 from ..parallel import agreed, collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from ..system.plausibility import warn_of_motion
 
 # Stands for True of a reduced model; the multipliers of an unreduced one are not computed.
 _OF_REDUCED = object()
@@ -101,6 +102,11 @@ def periodic(
     SolveError
         If no motion is found, by Newton's method, behind a history, or along a ramp of the load, the damping
         or the frequency (see `dynamics.steady`), or the tolerance is not met.
+
+    Warns
+    -----
+    LargeDisplacementWarning
+        If displacements of named points are more than 5 % of the body.
     """
     with collective(communicator(model)):
         segments = integer("periodic", "segments", segments, least=1, most=10**4)
@@ -131,11 +137,13 @@ def periodic(
                 )
     if reduction is None:
         assert isinstance(model, Model)
-        return unreduced_periodic(model, load, frequency, settings=settings)
+        found = unreduced_periodic(model, load, frequency, settings=settings)
+        warn_of_motion("periodic", model, found)
+        return found
     task = _Task(model, load, frequency, stability, search if contact else NEWTON_ALONE, segments)
-    if tolerance is not None:
-        return _refined(task, settings, start, tolerance)
-    return _shot(task, settings, start)
+    found = _shot(task, settings, start) if tolerance is None else _refined(task, settings, start, tolerance)
+    warn_of_motion("periodic", model, found)
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,7 @@ from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant, Signal
 from ..system.model import Model
+from ..system.plausibility import warn_of_amplitudes
 
 # `Orbit.path` of a motion next to a period doubling.
 DOUBLED = "period doubling"
@@ -118,7 +119,9 @@ def frequency_response(
     shooting = PeriodSettings(periods, steps, modes, contact)
     if not contact:
         linear = replace(shooting, steps=INSTANTS)
-        return linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
+        found = linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
+        warn_of_amplitudes(what, found)
+        return found
 
     def begin(period: Period) -> np.ndarray:
         guess = period.at(start).linear_state if first is None else first.state
@@ -207,9 +210,11 @@ def _follow(
     if record is not None:
         period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
-        return follow(
+        found = follow(
             period, parameter, lambda: begin(period), settings=settings, recorder=record, report=report
         )
+    warn_of_amplitudes(f"{parameter.name}_response", found)
+    return found
 
 
 def _with_room(

@@ -15,9 +15,11 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import agreed, collective
+from ..petsc import MPI
 from ..system.equilibrium import equilibrium
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
+from ..system.plausibility import warn_if_large
 from ..system.resolution import warn_of_tips
 from .estimate import Sought, checked_accuracy, refined
 from .static_result import Static
@@ -74,6 +76,8 @@ def static(
     MeshWarning
         If faces touch next to a tip over less than its S-element resolves; if the stresses around a tip in an
         anisotropic material are not carried by its edges; if the accuracy asked for is not reached.
+    LargeDisplacementWarning
+        If displacements are more than 5 % of the body.
     RoundOffWarning
         If a structure, or a body that contact presses on, is held so softly that digits are lost.
     SolverWarning
@@ -95,6 +99,7 @@ def static(
         _warn_of_springs(found)
         if contact:
             _warn_of_contact(found)
+        _warn_of_displacements(found)
         return found
     _, found, estimate = refined(
         "static",
@@ -106,7 +111,13 @@ def static(
         model,
         accuracy=accuracy,
     )
+    _warn_of_displacements(found)
     return replace(found, estimate=estimate)
+
+
+def _warn_of_displacements(found: Static) -> None:
+    largest = float(np.linalg.norm(found.field, axis=1).max(initial=0.0))
+    warn_if_large("static", found.model, found.model.comm.allreduce(largest, MPI.MAX))
 
 
 def _judged(found: Static) -> dict[str, np.ndarray]:

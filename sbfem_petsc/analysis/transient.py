@@ -34,6 +34,7 @@ from ..recording.history_file import HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from ..system.plausibility import warn_of_motion
 
 # Work of contact in parts of steps that cannot be halved further, relative to what is supplied, from which on
 # it is told.
@@ -124,6 +125,8 @@ def transient(
         period of the highest mode of a reduced model and pairs close; if contact does work in parts of steps
         that were halved ten times, and in all more than 1e-4 of what is supplied; or if not every step is
         kept though `decimation` was not given.
+    LargeDisplacementWarning
+        If displacements of named points are more than 5 % of the body, in a history kept in memory.
     """
     comm = communicator(model)
     with collective(comm):
@@ -199,7 +202,10 @@ def transient(
             )
             if record is not None:
                 _begin_unreduced(record, integrator, loads, start)
-            return integrate(integrator, steps, record, report)
+            history = integrate(integrator, steps, record, report)
+            if in_memory:
+                warn_of_motion("transient", model, history)
+            return history
         advanced = ReducedIntegrator(reduced, loads.signals, steps, start)
         if record is not None:
             _begin_reduced(record, advanced, loads, start)
@@ -213,6 +219,8 @@ def transient(
             StepWarning,
             stacklevel=caller_level(),
         )
+    if in_memory:  # one that is left in its file is not read again
+        warn_of_motion("transient", model, history)
     return history
 
 

@@ -21,6 +21,7 @@ from .demand import require_factor
 from .distribution import declared_clamp
 from .modal_result import Modal
 from .modes import lowest_modes
+from .plausibility import warn_of_wave_speeds
 from .static_solver import Compliance, StaticSolver, compliance
 from .structure import Named, Numbers, Structure
 
@@ -81,6 +82,11 @@ class Model(Structure):
     ------
     ValueError, TypeError, KeyError
         One sentence that names the item, on all ranks.
+
+    Warns
+    -----
+    UnitWarning
+        Of a material in which waves are slower than 50 or faster than 20,000 m/s.
     """
 
     @agreed("mesh")
@@ -128,6 +134,7 @@ class Model(Structure):
             Numbers(terms, thickness, tip_modes),
         )
         self._number = comm.bcast(next(_NUMBERS))
+        warn_of_wave_speeds(self)
         self._modes: Modal | None = None
         self._kept: dict[Hashable, Any] = {}
 

@@ -1,10 +1,12 @@
 """Geometry from CAD: step, brep and iges files made here with gmsh's OpenCASCADE kernel."""
 
+import warnings
+
 import numpy as np
 import pytest
 from mesh_checks import check_mesh
 
-from meshing import read_gmsh
+from meshing import UnitWarning, read_gmsh
 
 gmsh = pytest.importorskip("gmsh")
 
@@ -80,6 +82,78 @@ def test_touching_parts_are_one_body(folder, ending):
     )
     assert np.isin(seam, inside).all()
     assert len(np.unique(np.round(mesh.nodes, 9), axis=0)) == len(mesh.nodes)
+
+
+MM = "( LENGTH_UNIT() NAMED_UNIT(*) SI_UNIT(.MILLI.,.METRE.) );"
+STEP_UNITS = {
+    1e-3: MM,
+    1e-2: MM.replace(".MILLI.", ".CENTI."),
+    1.0: MM.replace(".MILLI.", "$"),
+    0.0254: "( CONVERSION_BASED_UNIT('INCH',#9003) LENGTH_UNIT() NAMED_UNIT(#9002) );\n"
+    f"#9001 = {MM}\n#9002 = DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n"
+    "#9003 = LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(25.4),#9001);",
+}
+
+
+def wide(path, **options):
+    """Width of a model, m, and what was said of its unit."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        mesh = read_gmsh(path, order=1, **options)
+    assert all(issubclass(one.category, UnitWarning) for one in caught)
+    return np.ptp(mesh.nodes[:, 0]), " ".join(str(one.message) for one in caught)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("unit", STEP_UNITS)
+def test_units_of_step_files(folder, unit):
+    """200 of the unit that each says; a scale is the length of that unit, and said where it is another."""
+    text = (folder / "plate.step").read_text()
+    path = folder / f"in_{unit:g}.step"
+    assert text.count(MM) == 1
+    path.write_text(text.replace(MM, STEP_UNITS[unit]))
+    width, said = wide(path, size=50 * unit)
+    assert width == pytest.approx(200 * unit) and ("it is 200 m wide" in said) == (unit == 1.0)
+    assert wide(path, scale=unit, size=50 * unit) == (pytest.approx(200 * unit), "")
+    other = 1.0 if unit == 1e-3 else 1e-3
+    width, said = wide(path, scale=other, size=50 * other)
+    assert width == pytest.approx(200 * other)
+    assert f"its unit is {unit:g} m, as the file says, and scale={other:g} makes the body" in said
+
+
+@pytest.mark.slow
+def test_units_of_iges_files(folder):
+    """In inches by their header: the numbers are the same."""
+    path = folder / "inches.iges"
+    text = (folder / "plate.iges").read_text()
+    assert text.count(",1.,2,2HMM,") == 1
+    path.write_text(text.replace(",1.,2,2HMM,", ",1.,1,2HIN,"))
+    for file, unit in ((folder / "plate.iges", 1e-3), (path, 0.0254)):
+        assert wide(file, size=50 * unit) == (pytest.approx(200 * unit), "")
+        assert wide(file, scale=unit, size=50 * unit) == (pytest.approx(200 * unit), "")
+    width, said = wide(path, scale=1e-3, size=0.05)
+    assert width == pytest.approx(0.2) and "its unit is 0.0254 m, as the file says, and scale=0.001" in said
+
+
+def test_a_unit_that_is_not_understood(folder):
+    path = folder / "furlongs.step"
+    path.write_text((folder / "plate.step").read_text().replace(MM, MM.replace("METRE", "FURLONG")))
+    with pytest.raises(ValueError, match="its unit of length is not understood, so scale = 0.001 has no"):
+        read_gmsh(path, scale=1e-3)
+
+
+@pytest.mark.slow
+def test_a_step_file_that_a_script_merges(folder):
+    """Its lengths are in m there, and a scale is said to make them wrong; a script may want mm."""
+    path, names = folder / "merge.geo", 'Merge "plate.step";\nPhysical Surface("s") = {1};\n'
+    path.write_text(names)
+    assert wide(path, size=0.05) == (pytest.approx(0.2), "")
+    width, said = wide(path, scale=1e-3, size=5e-5)
+    assert width == pytest.approx(2e-4)
+    assert "lengths in 'plate.step', which it merges, are converted to m, and scale=0.001" in said
+    assert "it is 0.0002 m wide and 0.0001 m high; scale=0.001 is the length of the file's unit" in said
+    path.write_text('Geometry.OCCTargetUnit = "MM";\n' + names)
+    assert wide(path, scale=1e-3, size=0.05) == (pytest.approx(0.2), "")
 
 
 def test_a_surface_that_faces_downwards(folder):

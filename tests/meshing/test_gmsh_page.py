@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from meshing import read_gmsh
+from meshing.extent import LARGEST
 from meshing.gmsh.files import KNOWN
-from meshing.gmsh.report import LARGEST_IN_METRES
 from meshing.gmsh.script_scan import REFUSED
 
 PAGE = Path(__file__).parents[2] / "docs" / "gmsh_models.md"
@@ -52,7 +52,7 @@ def test_numbers_on_the_page():
     text = " ".join(PAGE.read_text().split())
     assert defaults["max_unknowns"] == 1_000_000 and "(one million)" in text
     assert f"time_limit={defaults['time_limit']}" in text
-    assert f"larger than {LARGEST_IN_METRES:g} m is warned of" in text
+    assert f"larger than {LARGEST:g} m is warned of" in text
     assert all(f"`{ending}`" in text for ending in KNOWN)
     for word in re.search(r"written: (.*?) are refused", text)[1].replace("`", "").split(","):
         word = word.split(" and ")[0].strip()

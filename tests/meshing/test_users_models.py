@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 import pytest
 
-from meshing import GmshWarning, read_gmsh
+from meshing import GmshWarning, UnitWarning, read_gmsh
 
 # Without a kernel for solids: points, lines, one surface. 100 x 50 mm in m.
 LINES = """
@@ -270,11 +270,8 @@ def test_wrong(tmp_path, name):
     assert str(path) in str(caught.value) or "read_gmsh" in str(caught.value)
 
 
+LARGE = LINES.replace("0.1", "100").replace("0.05", "50").replace("0.01", "10") + NAMES
 WARNED = {
-    "drawn in mm": (
-        LINES.replace("0.1", "100").replace("0.05", "50").replace("0.01", "10") + NAMES,
-        "it is 100 m wide and 50 m high.*scale=1e-3",
-    ),
     "a crack by another name": (
         cracked(*EDGE, groups=within("Riss", 0.5, 0.6, 0.5, 1)),
         "'Riss' lies inside a material and is an edge set.*'crack:Riss'",
@@ -308,12 +305,19 @@ def test_warned(tmp_path, name):
     assert len(caught) == 1 and caught[0].filename == __file__ and str(path) in str(caught[0].message)
 
 
-def test_a_large_model_that_is_meant(tmp_path):
+def test_models_whose_size_hints_at_another_unit(tmp_path):
+    """Above 20 m unless scale says that it is meant, below 1 mm whatever it says."""
     path = tmp_path / "model.geo"
-    path.write_text(WARNED["drawn in mm"][0])
+    path.write_text(LARGE)
+    with pytest.warns(UnitWarning, match="it is 100 m wide and 50 m high.*scale=1e-3 if it was") as caught:
+        read_gmsh(path, order=1)
+    assert len(caught) == 1 and caught[0].filename == __file__ and str(path) in str(caught[0].message)
     with warnings.catch_warnings():
-        warnings.simplefilter("error", GmshWarning)
+        warnings.simplefilter("error", UnitWarning)
         assert np.ptp(read_gmsh(path, order=1, scale=1.0).nodes) == 100.0
+        assert np.ptp(read_gmsh(path, order=1, scale=1e-3).nodes) == pytest.approx(0.1)
+    with pytest.warns(UnitWarning, match="0.0001 m wide and 5e-05 m high; scale=1e-06 is the length of the"):
+        read_gmsh(path, order=1, scale=1e-6)
 
 
 @pytest.mark.parametrize("ending", ["vtu", "vtk"])
