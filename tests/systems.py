@@ -86,3 +86,12 @@ def case_p(damping: float = 0.0) -> sb.Model:
 def coarse_beam(damping: float = 0.0) -> sb.Model:
     """The same beam of order 3 with a tip element of 0.2 mm: small, for what does not depend on the mesh."""
     return sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), ALUMINIUM, damping=damping)
+
+
+def same_products(found, expected, name: str = "") -> None:
+    """Products of equal states agree to 16 units in the last place of their largest entry, not to the last
+    bit: their terms are summed in another order where an array lies otherwise in memory, in a file, or is one
+    of more rows.
+    """
+    atol = 16.0 * np.finfo(float).eps * np.abs(expected).max(initial=0.0)
+    np.testing.assert_allclose(found, expected, rtol=0.0, atol=atol, err_msg=name)

@@ -187,7 +187,7 @@ def test_a_model_is_its_own_first_level(short):
     made = sb.estimate(
         lambda mesh, **options: short.remade(mesh, **options), modes(3), accuracy=1e-2, start={"order": 4}
     )
-    np.testing.assert_array_equal(found.value, made.value)
+    np.testing.assert_allclose(found.value, made.value, rtol=1e-9)  # of two runs of an eigensolver
     assert sb.modal(short, 3).frequencies.shape == (3,)  # the model is still alive
 
 

@@ -122,7 +122,10 @@ def test_papers_scheme_is_there_to_be_compared_with(model):
         sb.transient(model, quiet, 0.001, step=2e-6, reduction=None, scheme=scheme)
         for scheme in ("paper", "exact")
     )
-    np.testing.assert_array_equal(paper.displacement("A"), implicit.displacement("A"))
+    expected = implicit.displacement("A")  # products, whose rounding goes on from step to step
+    np.testing.assert_allclose(
+        paper.displacement("A"), expected, rtol=0.0, atol=1e-11 * np.abs(expected).max()
+    )
 
 
 @pytest.mark.slow

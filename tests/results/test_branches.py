@@ -16,6 +16,7 @@ from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.dynamics import continuation
 from sbfem_petsc.recording import branch_file as module
 from sbfem_petsc.results.branches import read_branch, save_branch
+from tests.systems import same_products
 
 TURN = 2 * np.pi
 START, STOP = 0.5 / TURN, 0.9 / TURN
@@ -56,7 +57,7 @@ def test_contact_laws_are_kept(tmp_path):
     branch = sb.frequency_response(systems["tied"], [0.1], **run)
     found = read_branch(path)
     assert found.reduced.contact_laws.tied.all() and branch.contact_peak.max() > 0.0
-    np.testing.assert_array_equal(found.orbit(2).displacement("2"), branch.orbit(2).displacement("2"))
+    same_products(found.orbit(2).displacement("2"), branch.orbit(2).displacement("2"))
     with pytest.raises(ValueError, match="another model .its (contact laws|initial gaps) differ"):
         sb.frequency_response(systems["free"], [0.1], **run, resume=True)
 
@@ -102,7 +103,7 @@ def test_what_is_read_is_what_was_found(whole):
     assert found.peak("2") == curve.peak("2")
     # orbits come back from their states
     for k in (2, 30, -3):
-        np.testing.assert_array_equal(found.orbit(k).displacement("2"), curve.orbit(k).displacement("2"))
+        same_products(found.orbit(k).displacement("2"), curve.orbit(k).displacement("2"))
 
 
 @pytest.mark.slow

@@ -8,6 +8,7 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.plot import plot_harmonics, save_pictures
 from sbfem_petsc.results.harmonics import harmonics_table, write_harmonics
+from tests.systems import same_products
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +43,7 @@ def test_file(orbits, tmp_path):
     w, k = 2.0 * np.pi * 5.0, 1e4
     exact = -1j / (k - w**2 + 1j * w * 2.0 * 0.05 * np.sqrt(k))  # under sin w t
     np.testing.assert_allclose(found["free_1_N"][1], exact, rtol=1e-9)
-    np.testing.assert_array_equal(found["stop"], orbits["stop"].harmonics("A")[:6])
+    same_products(found["stop"], orbits["stop"].harmonics("A")[:6])
     assert abs(found["stop"][0]) > 0.1 * abs(found["stop"][1])
 
 

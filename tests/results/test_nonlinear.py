@@ -14,6 +14,7 @@ from sbfem_petsc.dynamics.own_tone import OwnTone
 from sbfem_petsc.plot import plot_backbone, plot_branches, plot_quasi_periodic
 from sbfem_petsc.reduction.reduced_model import ReducedModel
 from tests.fuzz import examples
+from tests.systems import same_products
 
 MADE = {
     "backbone": examples.backbone,
@@ -82,7 +83,7 @@ def test_a_backbone_gives_its_motions(tmp_path):
     result = examples.backbone()
     sb.save_result(result, tmp_path / "backbone.h5")
     found = sb.read_result(tmp_path / "backbone.h5")
-    np.testing.assert_array_equal(found.orbit(-1).displacement("A"), result.orbit(-1).displacement("A"))
+    same_products(found.orbit(-1).displacement("A"), result.orbit(-1).displacement("A"))
 
 
 def test_tori_are_gone_on_with(tmp_path):

@@ -9,6 +9,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.results.orbits import read_orbit, save_orbit
+from tests.systems import same_products
 
 LOAD = sb.PointForce("A", fy=300.0)
 
@@ -32,15 +33,17 @@ def test_what_is_read_is_what_was_found(orbit, tmp_path):
     save_orbit(orbit, path)
     found = read_orbit(path)
     assert orbit.contact_resultant.max() > 1.0 and repr(found) == repr(orbit)
-    for name in ("time", "state", "multipliers", "gap", "contact_force", "contact_resultant"):
+    for name in ("time", "state", "multipliers"):
         np.testing.assert_array_equal(getattr(found, name), getattr(orbit, name), err_msg=name)
+    for name in ("gap", "contact_force", "contact_resultant"):
+        same_products(getattr(found, name), getattr(orbit, name), name)
     for name in ("frequency", "periods", "residuals", "path", "products", "converged", "points", "stable"):
         assert getattr(found, name) == getattr(orbit, name), name
     np.testing.assert_array_equal(found.multiplier_error, orbit.multiplier_error)
     for point in orbit.points:
         for ask in ("displacement", "velocity", "acceleration", "harmonics"):
-            np.testing.assert_array_equal(getattr(found, ask)(point), getattr(orbit, ask)(point), err_msg=ask)
-    np.testing.assert_array_equal(found.stress_intensity(), orbit.stress_intensity())
+            same_products(getattr(found, ask)(point), getattr(orbit, ask)(point), ask)
+    same_products(found.stress_intensity(), orbit.stress_intensity())
 
 
 @pytest.mark.slow
@@ -57,7 +60,7 @@ def test_the_file_explains_itself(orbit, tmp_path):
         points = {str(group.attrs["name"]): group["harmonics_y"][()] for group in file["points"].values()}
     assert len(seen) > 20
     assert not [name for name, attributes in seen.items() if not {"unit", "description"} <= attributes]
-    np.testing.assert_array_equal(points["A"], orbit.harmonics("A"))
+    same_products(points["A"], orbit.harmonics("A"))
 
 
 def test_a_read_orbit_is_a_first_guess(model, tmp_path):

@@ -139,7 +139,7 @@ def test_equations_of_few_shapes_are_kept(monkeypatch):
         found.append(sb.modal(model, 3).frequencies)
         assert len(calls) == times * model.shapes
         assert all(group.solution.equations is None for group in model.moving_groups)
-    np.testing.assert_array_equal(*found)
+    np.testing.assert_allclose(*found, rtol=1e-9)  # what two runs of an eigensolver may differ by
 
 
 def cracked():

@@ -72,8 +72,11 @@ def test_materials_of_two_names_and_equal_values(tmp_path):
         one, two = (
             sb.static(sb.Model(mesh, given, clamped=None, supports=HELD), load) for given in (same, named)
         )
-        assert two.stress_intensity == one.stress_intensity
-        assert two.energy_release_rate == one.energy_release_rate and two.t_stress == one.t_stress
+        for name in ("stress_intensity", "energy_release_rate", "t_stress"):  # products of two runs
+            found, expected = getattr(two, name), getattr(one, name)
+            assert found == {
+                tip: pytest.approx(values, rel=1e-9, abs=1e-9) for tip, values in expected.items()
+            }
     # the last one pressed, its crack closed: K_I is rounding
     assert abs(two.stress_intensity["c"][0]) < 1e-9
     pulled = sb.static(sb.Model(mesh, named, clamped=None, supports=HELD), PULL)
