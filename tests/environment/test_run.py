@@ -165,27 +165,28 @@ class TestReadyEnvironment:
 
 
 class TestStamp:
-    """An environment counts as ready only with a stamp that fits: written last, so an interrupted run leaves
-    none.
-    """
+    """An environment counts as ready only with a stamp that fits."""
 
     @staticmethod
-    def state(project):
-        result = project.function("venv_is_ready && echo ready; venv_can_be_updated && echo updatable; true")
+    def is_ready(project):
+        result = project.function("take_ready_venv && echo ready; true")
         assert result.returncode == 0, result.stderr
-        return result.stdout.split()
+        return result.stdout == "ready\n"
 
     def test_complete(self, ready):
-        assert self.state(ready) == ["ready", "updatable"]
+        assert self.is_ready(ready)
 
     def test_interrupted(self, ready):
         (ready.venv / "made-by-run").unlink()
-        assert self.state(ready) == []
+        assert not self.is_ready(ready)
 
     def test_other_requirements(self, ready):
-        with open(ready.directory / "pyproject.toml", "a") as file:
-            file.write("# changed\n")
-        assert self.state(ready) == ["updatable"]
+        """Those of the environment, not what other tools keep in the same file."""
+        requirements = ready.directory / "pyproject.toml"
+        requirements.write_text(requirements.read_text().replace("line-length = 110", "line-length = 80"))
+        assert self.is_ready(ready)
+        requirements.write_text(requirements.read_text().replace('"h5py>=', '"h5py>=9'))
+        assert not self.is_ready(ready)
 
     @pytest.mark.parametrize(
         "command",
@@ -200,21 +201,133 @@ class TestStamp:
     def test_developers_packages_come_with_their_first_command(self, ready, command):
         """Until then a user's environment does without; from then on every command finds it ready."""
         result = ready.function(f"""
-            report() {{ venv_is_ready && echo ready || echo "${{extras[*]}}"; }}
+            report() {{ take_ready_venv && echo ready || echo "${{extras[*]}}"; }}
             (choose_extras sbfem run case.toml; report)
-            (choose_extras {command}; report; stamp_text >"$stamp")
+            (choose_extras {command}; report; take_venv "$root/.venv"; stamp_text >"$stamp")
             choose_extras python examples/beam_notch.py; report""")
         assert result.stdout.splitlines() == ["ready", "plot test dev docs", "ready"], result.stderr
 
     def test_moved(self, ready, tmp_path):
         ready.directory = ready.directory.rename(tmp_path / "moved")
-        assert self.state(ready) == []
+        assert not self.is_ready(ready)
 
-    @pytest.mark.skipif(shutil.which("flock") is None, reason="no flock on this system")
+
+# What would install something is replaced: a folder with one file, slowly or killed on the way.
+MAKING = """
+step() {
+    [[ ${SLOW-} != "$1" ]] || sleep 1
+    [[ ${KILLED-} != "$1" ]] || kill -KILL $BASHPID
+}
+install_system_packages() { step system; }
+quietly() { step venv; touch "$venv/python"; }
+fill_venv() { echo half >"$venv/content"; step fill; echo whole >"$venv/content"; }
+compile_kernels() { :; }
+link_system_petsc() { step link; }
+check_venv() { step check; }
+mv() { step stamp; command mv "$@"; }
+rm() { [[ $1 != -f ]] || step last; command rm "$@"; }
+"""
+STEPS = "system venv fill link check stamp last".split()
+
+
+@pytest.mark.skipif(shutil.which("flock") is None, reason="no flock on this system")
+class TestMaking:
+    """Environments are made beside what is there, which is neither changed nor removed; what an interrupted
+    ./run has begun counts for nothing.
+    """
+
+    @staticmethod
+    def make(project, *command, **variables):
+        text = f"{MAKING}\nchoose_extras {' '.join(command)}\nmake_venv_alone; echo $venv"
+        return project.function(f"set -e\n{text}", variables=variables)
+
+    @staticmethod
+    def contents(folder):
+        return {path: path.stat().st_mtime_ns for path in (folder, *folder.rglob("*"))}
+
+    def changed_requirements(self, project):
+        path = project.directory / "pyproject.toml"
+        path.write_text(path.read_text().replace('"h5py>=', '"h5py>=9'))
+
+    def test_a_change_is_made_beside(self, project):
+        first = self.make(project, "python")
+        assert first.stdout == f"{project.venv}\n", first.stderr
+        before = self.contents(project.venv)
+        self.changed_requirements(project)
+        second = self.make(project, "python")
+        assert second.stdout == f"{project.venv}-2\n", second.stderr
+        assert f"{project.venv} stays as it is, for programs that use it: remove it" in second.stderr
+        assert self.contents(project.venv) == before
+        # another ./run finds it, makes nothing and says nothing
+        again = self.make(project, "python")
+        assert (again.stdout, again.stderr) == (f"{project.venv}-2\n", "")
+
+    @pytest.mark.parametrize("step", STEPS)
+    def test_killed_at_any_step(self, project, step):
+        assert self.make(project, "python").returncode == 0
+        before = self.contents(project.venv)
+        self.changed_requirements(project)
+        killed = self.make(project, "pytest", KILLED=step)
+        assert killed.returncode != 0 and killed.stdout == ""
+        assert self.contents(project.venv) == before
+        found = self.make(project, "pytest")
+        assert found.stdout == f"{project.venv}-2\n", found.stderr
+        assert Path(f"{project.venv}-2/content").read_text() == "whole\n"
+        assert self.contents(project.venv) == before
+        assert sorted(path.name for path in project.directory.glob(".venv*")) == [
+            ".venv",
+            ".venv-2",
+            ".venv.lock",
+        ]
+
+    @pytest.mark.parametrize("step", STEPS[:-1])
+    def test_a_first_start_that_was_killed(self, project, step):
+        assert self.make(project, "python", KILLED=step).returncode != 0
+        assert not project.function("take_ready_venv && echo ready; true").stdout
+        found = self.make(project, "python")
+        assert found.stdout == f"{project.venv}\n" and (project.venv / "content").read_text() == "whole\n"
+
+    @pytest.mark.parametrize("what", ["a file", "a folder", "a link"])
+    def test_what_it_did_not_make_stays(self, project, tmp_path, what):
+        """An environment of a user's own, or one that another version of this script has left half made."""
+        (tmp_path / "theirs" / "lib").mkdir(parents=True)
+        if what == "a file":
+            project.venv.touch()
+        elif what == "a folder":
+            shutil.copytree(tmp_path / "theirs", project.venv)
+        else:
+            (tmp_path / "theirs" / "unfinished").touch()
+            project.venv.symlink_to(tmp_path / "theirs")
+        before = self.contents(project.venv) | self.contents(tmp_path / "theirs")
+        assert self.make(project, "python").stdout == f"{project.venv}-2\n"
+        assert self.contents(project.venv) | self.contents(tmp_path / "theirs") == before
+
+    def test_extras_only_grow(self, project):
+        """Also where the requirements have changed meanwhile and a command of a user's makes the next one."""
+        assert self.make(project, "pytest").stdout == f"{project.venv}\n"
+        assert self.make(project, "python").stdout == f"{project.venv}\n"
+        self.changed_requirements(project)
+        assert self.make(project, "python").stdout == f"{project.venv}-2\n"
+        assert self.make(project, "pytest").stdout == f"{project.venv}-2\n"
+
+    @pytest.mark.parametrize("first, made", [("pytest", [".venv"]), ("python", [".venv", ".venv-2"])])
+    def test_two_at_once(self, project, first, made):
+        """One makes it, the other waits and takes it if it is enough: neither takes what the other has."""
+        second = "python" if first == "pytest" else "pytest"
+        result = project.function(f"""{MAKING}
+            SLOW=fill
+            (choose_extras {first}; make_venv_alone; echo "$venv") &
+            until [[ -e $root/.venv/content ]]; do sleep 0.05; done
+            (choose_extras {second}; make_venv_alone; echo "$venv") & wait""")
+        found = [Path(line).name for line in result.stdout.splitlines()]
+        assert found == [".venv", made[-1]], result.stderr
+        assert result.stderr.count("waiting for another ./run") == 1
+        assert [path.parent.name for path in sorted(project.directory.glob(".venv*/made-by-run"))] == made
+
     def test_of_several_at_once_one_makes_it_and_the_others_wait(self, project):
-        result = project.function("""
-            make_venv() { venv_is_ready && return 0; echo made; sleep 0.5; stamp_text >"$stamp"; }
-            make_venv_alone & make_venv_alone & make_venv_alone & wait; venv_is_ready && echo ready""")
+        result = project.function(f"""{MAKING}
+            fill_venv() {{ echo made; sleep 0.5; }}
+            make_venv_alone & make_venv_alone & make_venv_alone & wait; take_ready_venv && echo ready""")
         assert result.stdout.split() == ["made", "ready"], result.stderr
         assert result.stderr.count("waiting for another ./run") == 2
 
