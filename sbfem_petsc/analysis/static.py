@@ -141,7 +141,7 @@ def _unresolved(found: Static) -> float:
     """Share of the contact resultant that pairs and pressure modes do not carry; 0 where that is nothing
     beside the loads. It falls with the square of the loads: those that vanish leave one of rounding.
     """
-    missed = sum(found.unresolved_contact.values())
+    missed = sum(map(abs, found.unresolved_contact.values()))
     loads = found.model.comm.allreduce(float(np.abs(found.columns.nodal).sum()))
     return missed / (missed + max(found.contact_resultant, 0.0)) if missed > NEGLIGIBLE * loads else 0.0
 

@@ -188,9 +188,10 @@ class Static:
     @agreed()
     def unresolved_contact(self) -> dict[str, float]:
         """Contact next to the tip of each V-notch that neither pairs nor pressure modes carry, N; in closed
-        form from the K_I < 0 that they leave. `contact_resultant` is too small by their sum. Collective.
+        form from the K_I that they leave. `contact_resultant` is too small by about their sum; a negative one
+        stands for modes that carry too much, where the contact ends inside a tip's S-element. Collective.
         """
-        return unresolved_contact(self.model, self.stress_intensity)
+        return unresolved_contact(self.model, self.stress_intensity, self.equilibrium.force)
 
     @functools.cached_property
     @agreed()

@@ -16,6 +16,13 @@ the length of the faces, K the stiffness, A = `SElement.radial` and F = E0^-1:
 
 The polynomials are the Bernstein polynomials of degree modes - 1: none is negative, so that coefficients >= 0
 and mean gaps >= 0 are a complementarity problem as that of node pairs is.
+
+Faces that close a wedge of the angle alpha press with ``-E' alpha / (4 pi) ln r`` next to the tip, as a wedge
+disclination does (U = E' alpha / (8 pi) r^2 ln r), which no polynomial follows: without it closed faces leave
+a K_I < 0. A last mode ``2 (xi - 1 - ln xi)`` (``-ln xi`` beside the uniform mode alone) has the logarithm, is
+not negative either and has the mean 1. ``xi^t ln xi`` is the derivative of xi^t by t, and all that belongs to
+it is the derivative of what belongs to xi^t: with the tractions as states ``xi^P s``, P = `growth` has the
+powers t + 1 on its diagonal and couples the logarithm's state to that of the uniform traction.
 """
 
 from __future__ import annotations
@@ -39,11 +46,11 @@ TOLERANCE = 1e-8
 class FaceTractions:
     """Traction modes on the faces of a non-dimensional open S-element with n boundary unknowns.
 
-    There are m = directions x modes coefficients, all modes of the first direction first. A coefficient is
-    the *force* of its mode: the traction is ``sum_k force_k modes / (L h thickness) b_k(xi)`` with the
-    Bernstein polynomials b_k, so that the forces of a direction add up to the resultant. Its conjugate is the
-    *mean* of what the direction takes, weighted with b_k. For an S-element of size h (m), modulus E (Pa) and
-    a thickness (m), placed with a rotation R (`congruence.Placement`)::
+    There are m = directions x modes coefficients, all modes of the first direction first, a logarithm last. A
+    coefficient is the *force* of its mode: the traction is ``sum_k force_k / (L h thickness) b_k(xi)`` with
+    the modes b_k (`shapes`), whose means are 1, so that the forces of a direction add up to the resultant.
+    Its conjugate is the *mean* of what the direction takes, weighted with b_k. For an S-element of size h
+    (m), modulus E (Pa) and a thickness (m), placed with a rotation R (`congruence.Placement`)::
 
         mean (m)         rows @ u + flexibility @ force / (E thickness) + initial mean     u (n,) in m
         nodal forces (N) rows.T @ force                          force (m,) in N
@@ -60,14 +67,18 @@ class FaceTractions:
     directions : (d, 2, 2) array
         Vectors on the first and on the last face (node) for each direction, in the reference frame.
     modes : int
+        Of each direction.
+    logarithm : bool
+        Whether the last of them is the logarithm.
     lengths : (d,) array
         Length of the loaded faces of each direction, in units of the size.
     forcing : (n, m) array
-        ``xi u,xi = A u - forcing @ (xi^powers * monomials)``.
-    powers : (m,) array
-        t + 1 of the monomials.
+        ``xi u,xi = A u - forcing @ xi^growth @ monomials @ force``.
+    growth : (m, m) array
+        P.
     monomials : (m, m) array
-        Coefficients of the monomials (stresses in units of E) from the forces in units of E h thickness.
+        Coefficients of the monomials, and of -ln xi (stresses in units of E), from the forces in units of E h
+        thickness.
     reciprocity : float
         Relative difference between the nodal forces of particular solutions and the moments' rows.
     """
@@ -76,9 +87,10 @@ class FaceTractions:
     flexibility: np.ndarray
     directions: np.ndarray
     modes: int
+    logarithm: bool
     lengths: np.ndarray
     forcing: np.ndarray
-    powers: np.ndarray
+    growth: np.ndarray
     monomials: np.ndarray
     reciprocity: float
 
@@ -86,8 +98,22 @@ class FaceTractions:
         """(modes,): means of a quantity that varies linearly from the tip to the boundary, as an initial gap
         does; in the unit of the two values.
         """
-        fraction = np.arange(1, self.modes + 1) / (self.modes + 1.0)
+        polynomials = self.modes - self.logarithm
+        fraction = np.arange(1, polynomials + 1) / (polynomials + 1.0)
+        if self.logarithm:
+            fraction = np.append(fraction, 0.25 if polynomials == 1 else 1.0 / 6.0)
         return at_tip + (at_boundary - at_tip) * fraction
+
+    def shapes(self, levels: np.ndarray) -> np.ndarray:
+        """(l, modes): the modes, each of the mean 1, at levels in [0, 1]; a logarithm is infinite at 0."""
+        polynomials = self.modes - self.logarithm
+        values = polynomials * bernstein(polynomials, levels)
+        if not self.logarithm:
+            return values
+        x = np.asarray(levels, dtype=float)
+        with np.errstate(divide="ignore"):
+            last = -np.log(x) if polynomials == 1 else 2.0 * (x - 1.0 - np.log(x))
+        return np.column_stack([values, last])
 
     def traction(self, force: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """Traction of each direction along the faces.
@@ -97,7 +123,7 @@ class FaceTractions:
         force : (m,) or (m, c) array
             N.
         levels : (l,) array
-            xi: 0 at the tip, 1 on the boundary.
+            xi: 0 at the tip, where a logarithm is infinite, 1 on the boundary.
 
         Returns
         -------
@@ -105,10 +131,11 @@ class FaceTractions:
             To be divided by size and thickness for Pa.
         """
         force = np.asarray(force, dtype=float)
-        values = bernstein(self.modes, levels)
         split = force.reshape(len(self.lengths), self.modes, *force.shape[1:])
-        scaled = split * (self.modes / self.lengths).reshape(-1, *[1] * (split.ndim - 1))
-        return np.einsum("lk,dk...->ld...", values, scaled)
+        scaled = split / self.lengths.reshape(-1, *[1] * (split.ndim - 1))
+        # a logarithm that does not act leaves the traction finite at the tip
+        acting = np.moveaxis(split, 1, 0).reshape(self.modes, -1).any(axis=1)
+        return np.einsum("lk,dk...->ld...", self.shapes(levels)[:, acting], scaled[:, acting])
 
     def layer(self) -> np.ndarray:
         """(modes, modes): what an elastic layer between the faces, of the opening 1 for the pressure 1, adds
@@ -122,12 +149,13 @@ class FaceTractions:
 
     def uniform_force(self, traction: np.ndarray) -> np.ndarray:
         """(m,): forces of uniform tractions (d,); to be multiplied by size and thickness for Pa to give N."""
-        return np.repeat(np.asarray(traction, dtype=float) * self.lengths / self.modes, self.modes)
+        shares = np.full(self.modes, 1.0 / (self.modes - self.logarithm))
+        shares[self.modes - self.logarithm :] = 0.0
+        return np.outer(np.asarray(traction, dtype=float) * self.lengths, shares).ravel()
 
     def inflow(self, force: np.ndarray, levels: np.ndarray) -> np.ndarray:
         """(l, n, c): what the tractions add to ``xi u,xi - A u``, for forces (m, c) / (E thickness), in m."""
-        states = (self.monomials @ force)[None] * (np.asarray(levels)[:, None] ** self.powers)[..., None]
-        return -(self.forcing @ states)
+        return -(self.forcing @ (_grown(self.growth, levels) @ (self.monomials @ force)))
 
     def resultant(self, force: np.ndarray) -> np.ndarray:
         """(d,): sum of the forces (m,) of each direction, in their unit."""
@@ -143,6 +171,13 @@ def _along_the_face(modes: int) -> tuple[np.ndarray, np.ndarray]:
     at, weights = np.polynomial.legendre.leggauss(power * modes)
     at = 0.5 * (at + 1.0)
     return at**power, 0.5 * weights * power * at ** (power - 1)
+
+
+def _grown(growth: np.ndarray, levels: np.ndarray) -> np.ndarray:
+    """(l, m, m): xi^P. P couples states of one power alone: its part off the diagonal comes with ln xi."""
+    xi, powers = np.asarray(levels, dtype=float)[:, None, None], growth.diagonal()
+    logarithm = np.log(np.where(xi > 0.0, xi, 1.0))
+    return xi ** powers[:, None] * (np.eye(len(growth)) + logarithm * (growth - np.diag(powers)))
 
 
 def bernstein(modes: int, levels: np.ndarray) -> np.ndarray:
@@ -195,6 +230,7 @@ def face_tractions(
     radial: np.ndarray,
     directions: np.ndarray | None = None,
     modes: int = 4,
+    logarithm: bool = False,
 ) -> FaceTractions:
     """Traction modes on the faces of an open S-element.
 
@@ -207,7 +243,9 @@ def face_tractions(
         Vectors on the first and last face; default: the opening alone (`opening_direction`). Tangential
         contact adds `sliding_direction`, loads use `single_face_directions`.
     modes : int
-        Polynomials a direction, at least 1 (constant); 4 carry a crack's contact to 5e-4 of the resultant.
+        Polynomials a direction, at least 1 (constant).
+    logarithm : bool
+        One mode more a direction, for faces that close a wedge.
 
     Raises
     ------
@@ -248,32 +286,45 @@ def face_tractions(
             f"the reciprocity of its face tractions is violated by {reciprocity:.2g} (round-off is at most "
             f"{TOLERANCE:.0g}): the radial solution is inaccurate; use a lower order or a rounder tip element"
         )
-    rows = np.stack([moments(power) for power in powers])  # (modes, n, d)
-    rows = rows.transpose(2, 0, 1).reshape(count * modes, n)
+    table, growth = [moments(power) for power in powers], np.diag(powers)
+    if logarithm:
+        # of -ln xi: the derivative of those of xi^t by -t at t = 0
+        table.append(np.linalg.solve(radial.T + np.eye(n), table[0]))
+        growth = linalg.block_diag(growth, 1.0)
+        growth[0, -1] = -1.0
+    rows = np.stack(table).transpose(2, 0, 1).reshape(-1, n)  # from (modes, n, d)
     forcing = cholesky_solve(cholesky(coefficients.e0, "coefficient matrix E0"), rows.T)
-    powers = np.tile(powers, count)
-    # forces of Bernstein modes -> tractions at the monomials
-    scale = modes / lengths
-    monomials = np.kron(np.diag(scale), _monomials_of_bernstein(modes).T)
-    flexibility = (rows @ forcing) / (powers[:, None] + powers[None, :])
+    growth = np.kron(np.eye(count), growth)
+    monomials = np.kron(np.diag(1.0 / lengths), _monomials(modes, logarithm))
+    # int_0^1 r^T F r dxi / xi of the modes' r = rows^T xi^P monomials: positive even where monomials cancel
+    levels, weights = _along_the_face(modes + logarithm)
+    states = _grown(growth, levels) @ monomials
+    flexibility = np.einsum(
+        "l,lki,lkj->ij", weights / levels, rows.T @ states, forcing @ states, optimize=True
+    )
     return FaceTractions(
         monomials.T @ rows,
-        symmetric(monomials.T @ flexibility @ monomials),
+        symmetric(flexibility),
         directions,
-        modes,
+        modes + logarithm,
+        logarithm,
         lengths,
         forcing,
-        powers,
+        growth,
         monomials,
         reciprocity,
     )
 
 
-def _monomials_of_bernstein(modes: int) -> np.ndarray:
-    """(modes, modes): row k holds the monomial coefficients of the Bernstein polynomial b_k."""
-    degree = modes - 1
+def _monomials(polynomials: int, logarithm: bool) -> np.ndarray:
+    """(modes, modes): column k holds the coefficients of xi^0, xi^1 ..., and of -ln xi, of mode k."""
+    degree, modes = polynomials - 1, polynomials + logarithm
     table = np.zeros((modes, modes))
-    for k in range(modes):
-        for t in range(k, modes):
-            table[k, t] = comb(degree, t) * comb(t, k) * (-1.0) ** (t - k)
+    for k in range(polynomials):
+        for t in range(k, polynomials):
+            table[t, k] = polynomials * comb(degree, t) * comb(t, k) * (-1.0) ** (t - k)
+    if logarithm and polynomials == 1:
+        table[-1, -1] = 1.0
+    elif logarithm:
+        table[[0, 1, -1], -1] = -2.0, 2.0, 2.0
     return table

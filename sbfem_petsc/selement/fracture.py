@@ -45,16 +45,17 @@ class TStressRow:
 
         T is then the stress along the crack in the presence of the pressure, as in the body under tension
         that superposition relates it to. A traction on one face alone has a logarithm, and no T of its own;
-        the part of T that has a limit is given, with the logarithm taken as zero on the element's boundary.
+        the part of T that has a limit is given, with the logarithm taken as zero on the element's boundary. A
+        pressure with a logarithm leaves none: nan.
         """
         if self._space is None:
-            return np.full(len(tractions.powers), np.nan)
+            return np.full(len(tractions.growth), np.nan)
         space = self._space
         inflow = space.amplitudes @ tractions.forcing
         rest_inflow = space.rest_amplitudes @ tractions.forcing
         identity = np.eye(len(space.rest_generator))
-        columns = np.zeros(len(tractions.powers))
-        for i, power in enumerate(tractions.powers):
+        columns = np.zeros(len(tractions.growth))
+        for i, power in enumerate(tractions.growth.diagonal()):
             if power == 1.0:
                 # the linear part of the field: along the other modes it follows the pressure
                 linear = -space.rest @ linalg.solve(identity - space.rest_generator, rest_inflow[:, i])
@@ -62,7 +63,10 @@ class TStressRow:
                 shifted = power * np.eye(len(inflow)) - space.generator
                 linear = space.fields @ linalg.solve(shifted, inflow[:, i])
             columns[i] = self._stress_of @ linear
-        return columns @ tractions.monomials
+        columns = columns @ tractions.monomials
+        if tractions.logarithm:
+            columns.reshape(-1, tractions.modes)[:, -1] = np.nan
+        return columns
 
 
 def t_stress_row(

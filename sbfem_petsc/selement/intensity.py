@@ -125,11 +125,10 @@ class IntensityRows:
         displacements.
         """
         inflow = self.amplitudes @ tractions.forcing
-        identity = np.eye(len(self.generator))
-        parts = [
-            linalg.solve(p * identity - self.generator, inflow[:, i]) for i, p in enumerate(tractions.powers)
-        ]
-        return self.strength @ np.reshape(parts, inflow.T.shape).T @ tractions.monomials
+        if not len(inflow):
+            return np.zeros((2, inflow.shape[1]))
+        following = linalg.solve_sylvester(-self.generator, tractions.growth, inflow)
+        return self.strength @ following @ tractions.monomials
 
 
 def intensity_rows(

@@ -65,10 +65,8 @@ def radial_displacement(
     start = rest.T @ boundary
     if faces is not None:
         tractions, force = faces
-        m = len(tractions.powers)
-        inner = np.block(
-            [[inner, -rest.T @ tractions.forcing], [np.zeros((m, n - 2)), np.diag(tractions.powers)]]
-        )
+        m = len(tractions.growth)
+        inner = np.block([[inner, -rest.T @ tractions.forcing], [np.zeros((m, n - 2)), tractions.growth]])
         outer = np.concatenate([outer, -translations.T @ tractions.forcing], axis=1)
         start = np.concatenate([start, tractions.monomials @ force])
     transfer = linalg.solve(inner.T, outer.T).T  # a B^-1

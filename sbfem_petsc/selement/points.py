@@ -205,7 +205,7 @@ def point_operators(
         raise ValueError(f"point {missing} lies outside the S-element; take only points that `locate` finds")
     n = len(radial)
     at_point = PointRows(*sectors, located=located, closed=closed)
-    m = 0 if tractions is None else len(tractions.powers)
+    m = 0 if tractions is None else len(tractions.growth)
     boundary, force = np.eye(n, n + m), np.eye(m, n + m, k=n)
     count = len(located.edge)
     displacement, stress = np.empty((count, 2, n + m)), np.empty((count, 3, n + m))

@@ -166,11 +166,10 @@ def load_columns(model, loads) -> LoadColumns:
         acting = [forces.get(faces.number) for forces in collected]
         if all(forces is None for forces in acting):
             continue
-        modes, first = faces.modes, gap.pairs + faces.modes * faces.number
         table = np.stack([np.zeros(len(faces.flexibility)) if f is None else f for f in acting], axis=1)
         tip_forces[faces.number] = table
         means = faces.flexibility @ table
-        gaps[first : first + modes] = means[:modes]
+        gaps[faces.contact] = means[: faces.modes]
         intensities[2 * faces.number : 2 * faces.number + 2] = tips.faces[faces.number] @ table
         flexibility += table.T @ means
     if accelerations.any():

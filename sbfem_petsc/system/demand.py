@@ -42,7 +42,7 @@ def require_factor(model: Any) -> None:
     """
     if PETSc.Options().getString("static_ksp_type", "preonly") != "preonly":
         return  # an iterative solver's memory is another one
-    block = min(256, len(model.pairs) + model.tip_modes * len(model.tip_elements))
+    block = min(256, int(model.tip_rows[-1]))
     needed = factor_memory(model) + 16.0 * model.boundary_unknowns * block
     require_memory(
         "static",

@@ -11,8 +11,10 @@ from ..material import SectorMaterials
 from ..petsc import MPI
 from ..selement.fracture import energy_release_rate, interface_energy_release_rate, t_stress_row
 
-# Instants along the faces inside a tip element at which the pressure is given, from the tip.
+# Places along the faces inside a tip element at which the pressure is given, from the tip (0) to its
+# boundary. Where the faces close a wedge, the pressure at the tip itself is infinite.
 LEVELS = np.linspace(0.0, 1.0, 9)
+NEXT_TO_TIP = 1e-3
 # Exponents as close to 1/2 are a crack's as far as the contact next to its tip is concerned.
 NEARLY_A_CRACK = 1e-2
 
@@ -40,16 +42,20 @@ def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> 
     return dict(zip(intensities, values.tolist()))
 
 
-def unresolved_contact(model, intensities: dict[str, tuple[float, float]]) -> dict[str, float]:
-    """Resultant of the contact next to each tip of a V-notch that pairs and pressure modes do not carry, N.
-    Collective.
+def unresolved_contact(
+    model, intensities: dict[str, tuple[float, float]], force: np.ndarray
+) -> dict[str, float]:
+    """Resultant of the contact next to each tip at a wedge between the faces that pairs and pressure modes do
+    not carry under forces (c,) of the contact rows, N. Collective.
 
     Where K_I < 0 is left, the faces overlap next to the tip, whatever the opening alpha between them. With
     contact they touch over the length ``c = 2 pi (K_I / (E' alpha))^2`` under the pressure ``E' alpha / (4
     pi) ln((1 + s) / (1 - s))``, s^2 = 1 - r / c, whose resultant is ``K_I^2 / (E' alpha)``: dislocations of
     the constant density alpha ahead of a crack that ends at c (Thomson 1986). That holds where c is small
-    against the S-element at the tip, which is what pressure modes do not see. Faces that are tied close no
-    wedge, and those with a layer between them have a K_I of their own.
+    against the S-element at the tip, which is what pressure modes do not see. Where the contact ends inside
+    it, some modes carry too little or, with K_I > 0 left, too much: that counts as negative. Where it ends
+    beyond it, K_I is rounding. Faces that are tied close no wedge, and those with a layer between them have a
+    K_I of their own.
     """
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
@@ -58,12 +64,17 @@ def unresolved_contact(model, intensities: dict[str, tuple[float, float]]) -> di
         first = factors[number][0]
         crack = abs(model.tips.exponents[number][0] - 0.5) < NEARLY_A_CRACK
         rigid = model.contact_laws[model.cracks[tip.crack].name] == Unilateral()
-        if not (rigid and tip.opening > 0.0 and first < 0.0 and crack and material.isotropic):
+        at_tip, at_boundary = model.tip_gaps[number]
+        wedge = at_tip == 0.0 and at_boundary > 0.0
+        rows = force[model.tip_rows[number] : model.tip_rows[number + 1]]
+        left = first < 0.0 or 0 < np.count_nonzero(rows) < len(rows)
+        if not (rigid and wedge and left and crack and material.isotropic):
             continue
         shear = material.elasticity[2, 2]
         kappa = 1.0 + 2.0 * shear / (material.elasticity[0, 1] + shear)
         stiffness = 8.0 * shear / (kappa + 1.0) * material.modulus  # E'
-        values[number] = first**2 / (stiffness * tip.opening) * model.thickness
+        opening = at_boundary / abs(tip.arc[1] - tip.arc[0])
+        values[number] = -first * abs(first) / (stiffness * opening) * model.thickness
     model.comm.Allreduce(MPI.IN_PLACE, values)
     return dict(zip(intensities, values.tolist()))
 
@@ -113,15 +124,12 @@ def t_stresses(
         values[number] = float((row * field[group.nodes[member]]).sum())
         faces = tractions.get(number)
         if faces is not None:
-            first = model.gap_operator.pairs + faces.modes * number
-            forces = np.zeros(len(faces.tractions.powers))
-            forces[: faces.modes] = force[first : first + faces.modes]
+            forces = faces.pressing(force)
             if number in tip_forces:
                 forces += tip_forces[number][:, 0]
-            if forces.any():
-                values[number] += float(form.of_tractions(faces.tractions) @ forces) / (
-                    size * model.thickness
-                )
+            acting = np.flatnonzero(forces)
+            stress = form.of_tractions(faces.tractions)[acting] @ forces[acting]
+            values[number] += float(stress) / (size * model.thickness)
     model.comm.Allreduce(MPI.IN_PLACE, values)
     return {tip.name: float(value) for tip, value in zip(model.tip_elements, values)}
 
@@ -131,7 +139,6 @@ def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
     whole.
     """
     result = np.zeros((len(model.part.nodes), 2))
-    gap = model.gap_operator
     if model.comm.rank == 0:
         mine = model.part.nodes
         for (right, left), normal, value in zip(model.pairs.nodes, model.pairs.normal, force):
@@ -140,8 +147,7 @@ def contact_nodal_forces(model, force: np.ndarray) -> np.ndarray:
                 if value and row < len(mine) and mine[row] == node:
                     result[row] += sign * value * normal
     for faces in model.tip_faces:
-        first = gap.pairs + faces.modes * faces.number
-        forces = faces.rows[: faces.modes].T @ force[first : first + faces.modes]
+        forces = faces.rows[: faces.modes].T @ force[faces.contact]
         np.add.at(result, faces.group.nodes[faces.member], forces.reshape(-1, 2))
     return result
 
@@ -171,23 +177,17 @@ def contact_pressure(model, force: np.ndarray, crack: str | None = None) -> tupl
     chosen = np.flatnonzero(model.pairs.crack == number)
     position = [model.pairs.arc[chosen]]
     pressure = [force[chosen] / (model.pairs.weight[chosen] * model.thickness)]
-    inside = {
-        faces.number: _mode_pressure(model, faces, force)
-        for faces in model.tip_faces
-        if model.tip_elements[faces.number].crack == number
-    }
-    for part in model.comm.allgather(inside):
-        for tip, values in part.items():
-            at_tip, at_boundary = model.tip_elements[tip].arc
-            position.append(at_tip + LEVELS * (at_boundary - at_tip))
-            pressure.append(values)
+    inside = []
+    for faces in model.tip_faces:
+        tip = model.tip_elements[faces.number]
+        if tip.crack == number:
+            levels = np.maximum(LEVELS, NEXT_TO_TIP) if faces.wedge else LEVELS
+            tractions = faces.tractions.traction(faces.pressing(force), levels)[:, 0]
+            place = tip.arc[0] + levels * (tip.arc[1] - tip.arc[0])
+            inside.append((place, tractions / (faces.size * model.thickness)))
+    for place, values in (found for part in model.comm.allgather(inside) for found in part):
+        position.append(place)
+        pressure.append(values)
     where, what = np.concatenate(position), np.concatenate(pressure)
     order = np.argsort(where, kind="stable")
     return where[order], what[order]
-
-
-def _mode_pressure(model, faces, force: np.ndarray) -> np.ndarray:
-    first = model.gap_operator.pairs + faces.modes * faces.number
-    forces = np.zeros(len(faces.tractions.powers))
-    forces[: faces.modes] = force[first : first + faces.modes]
-    return faces.tractions.traction(forces, LEVELS)[:, 0] / (faces.size * model.thickness)

@@ -50,24 +50,24 @@ class GapOperator:
 
 def gap_operator(model) -> GapOperator:
     """The contact rows of a model. Collective."""
-    pairs, modes = len(model.pairs), model.tip_modes
-    inside = modes * len(model.tip_elements)
+    pairs, count = len(model.pairs), int(model.tip_rows[-1])
     laws, entries = list(_laws(model)), []
     compliance = np.array([law.compliance for law in laws])
     if model.comm.rank == 0:  # known to all: one rank gives them
         entries.append(_entries(np.arange(pairs), model.pair_unknowns.reshape(pairs, 4), _pair_rows(model)))
-    initial, blocks = np.zeros(pairs + inside), np.zeros((inside, modes))
+    initial, blocks = np.zeros(count), []
     for faces in model.tip_faces:
-        first = modes * faces.number
+        modes, numbers = faces.modes, np.arange(count)[faces.contact]
         unknowns = model.part.unknowns[faces.group.nodes[faces.member]].ravel()
-        numbers = pairs + first + np.arange(modes)
         entries.append(_entries(numbers, np.tile(unknowns, (modes, 1)), faces.rows[:modes]))
         initial[numbers] = faces.initial_gap()
-        layer = compliance[numbers[0]] * faces.layer(model.thickness)
-        blocks[first : first + modes] = faces.flexibility[:modes, :modes] + layer
-    for array in (initial, blocks):
-        model.comm.Allreduce(MPI.IN_PLACE, array)
+        block = faces.flexibility[:modes, :modes] + compliance[faces.first] * faces.layer(model.thickness)
+        blocks.append(_entries(numbers, np.tile(numbers, (modes, 1)), block))
+    model.comm.Allreduce(MPI.IN_PLACE, initial)
     initial[:pairs] = model.pairs.gap
+    every, layers = np.arange(pairs), compliance[:pairs] / (model.pairs.weight * model.thickness)
+    own = [(every, every, layers), *(block for part in model.comm.allgather(blocks) for block in part)]
+    at, across, flexibility = (np.concatenate(parts) for parts in zip(*own))
     row_laws = RowLaws.of(laws)
     rows, unknowns, coefficients = (np.concatenate(parts) for parts in zip(_entries(*_NOTHING), *entries))
     return GapOperator(
@@ -75,10 +75,10 @@ def gap_operator(model) -> GapOperator:
             model.comm,
             model.ranges,
             (rows, unknowns, coefficients),
-            pairs + inside,
+            count,
         ),
         row_laws.rest(initial),
-        _own_flexibility(compliance[:pairs] / (model.pairs.weight * model.thickness), blocks),
+        sparse.csr_array(sparse.coo_array((flexibility, (at, across)), shape=(count, count))),
         pairs,
         row_laws,
     )
@@ -102,24 +102,10 @@ def _entries(numbers: np.ndarray, unknowns: np.ndarray, values: np.ndarray) -> T
     return np.repeat(numbers, unknowns.shape[1]), unknowns.ravel(), values.ravel()
 
 
-def _own_flexibility(layers: np.ndarray, blocks: np.ndarray) -> sparse.csr_array:
-    """The pairs' layers (m/N) on the diagonal, then one block (modes, modes) for each tip element."""
-    pairs, (inside, modes) = len(layers), blocks.shape
-    rows = pairs + np.repeat(np.arange(inside), modes)
-    tips = np.repeat(np.arange(inside // max(modes, 1)), modes * modes)
-    columns = pairs + modes * tips + np.tile(np.arange(modes), inside)
-    every = np.arange(pairs)
-    entries = (
-        np.concatenate([layers, blocks.ravel()]),
-        (np.concatenate([every, rows]), np.concatenate([every, columns])),
-    )
-    return sparse.csr_array(sparse.coo_array(entries, shape=(pairs + inside,) * 2))
-
-
 def _laws(model) -> Iterator[ContactLaw]:
     """The law of each contact row: its crack's."""
     for crack, moves in zip(model.pairs.crack, _pair_rows(model).any(axis=1)):
         # a pair whose two nodes are held fixed has no flexibility, and nothing for a law to do
         yield model.contact_laws[model.cracks[crack].name] if moves else Unilateral()
-    for tip in model.tip_elements:
-        yield from [model.contact_laws[model.cracks[tip.crack].name]] * model.tip_modes
+    for tip, count in zip(model.tip_elements, np.diff(model.tip_rows)):
+        yield from [model.contact_laws[model.cracks[tip.crack].name]] * int(count)

@@ -191,10 +191,7 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
                 local[kind][first + row] = (unknowns, scale * form[row, : forms.unknowns])
             if faces is not None:
                 columns = scale * form[:, forms.unknowns :] / faces.stiffness
-                place = model.gap_operator.pairs + faces.modes * faces.number
-                contact[kind][first : first + 2 + kind, place : place + faces.modes] = columns[
-                    :, : faces.modes
-                ]
+                contact[kind][first : first + 2 + kind, faces.contact] = columns[:, : faces.modes]
                 table = face_forms[kind].setdefault(
                     faces.number, np.zeros(((2 + kind) * count, columns.shape[1]))
                 )

@@ -51,9 +51,7 @@ class Field:
         """
         forces = {}
         for faces in model.tip_faces:
-            first = model.gap_operator.pairs + faces.modes * faces.number
-            total = np.zeros(len(faces.tractions.powers))
-            total[: faces.modes] = force[first : first + faces.modes]
+            total = faces.pressing(force)
             if faces.number in loads:
                 total += loads[faces.number]
             forces[faces.number] = total
@@ -203,7 +201,7 @@ def _loaded_faces(model: Structure, group: Group, state: Field) -> tuple[FaceTra
         if k is None or faces.number not in state.tip_forces:
             continue
         if forces is None:
-            tractions, forces = faces.tractions, np.zeros((len(faces.tractions.powers), len(rows)))
+            tractions, forces = faces.tractions, np.zeros((len(faces.tractions.growth), len(rows)))
         forces[:, k] = state.tip_forces[faces.number] / faces.stiffness
     return None if tractions is None or forces is None else (tractions, forces)
 

@@ -28,7 +28,7 @@ from .gap_operator import GapOperator, gap_operator
 from .places import Places, places
 from .rows import Rows
 from .shapes import Group, solve_groups, turned_both
-from .tip_faces import TipFaces, tip_faces
+from .tip_faces import TipFaces, tip_faces, tip_gaps, tip_rows
 from .tips import TipIntensities, TipPlace, tip_intensities, tip_places
 
 
@@ -57,7 +57,7 @@ class Numbers(NamedTuple):
     thickness : float
         m.
     tip_modes : int
-        Pressure modes on the faces inside each tip element.
+        Polynomials of the pressure on the faces inside each tip element.
     """
 
     continued_fraction: int
@@ -282,6 +282,18 @@ class Structure:
     def tip_places(self) -> list[TipPlace]:
         """The tip elements that this rank holds."""
         return tip_places(self)
+
+    @functools.cached_property
+    def tip_gaps(self) -> np.ndarray:
+        """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
+        return tip_gaps(self)
+
+    @functools.cached_property
+    def tip_rows(self) -> np.ndarray:
+        """(tips + 1,): first contact row of each tip element, and the number of all contact rows.
+        Collective.
+        """
+        return tip_rows(self)
 
     @functools.cached_property
     def tip_faces(self) -> list[TipFaces]:

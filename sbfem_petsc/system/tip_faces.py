@@ -7,7 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from meshing.mesh_arrays import Tip
+
 from ..parallel import collective
+from ..petsc import MPI
 from ..selement.coefficients import SElementError
 from ..selement.face_tractions import (
     FaceTractions,
@@ -23,34 +26,55 @@ from .shapes import Group
 class TipFaces:
     """Traction modes on the faces of one tip element that this rank holds.
 
-    The first `modes` of them press the faces apart (contact); then follow tractions along x and y of the
-    reference frame on the first and on the last face.
+    The first `modes` of them press the faces apart (contact): polynomials, and the logarithm where the faces
+    close a wedge. Among all modes the others are tractions along x and y of the reference frame on the first
+    and on the last face.
 
     Attributes
     ----------
     number : int
         Of the tip among those with an element.
+    first : int
+        Contact row of its first mode.
+    modes : int
+        Number of its contact rows.
     group : Group
     member : int
         Row of the group.
     tractions : FaceTractions
-    modes : int
     stiffness : float
         E times the thickness, N/m.
     sets : (str, str)
         Edge sets to which the first and the last face of the reference shape belong.
-    given_gaps : (float, float) or None
-        Initial gaps at the tip and on the element's boundary, m, where they are not those of the drawn faces.
+    gaps : (2,) array
+        Initial gaps at the tip and on the element's boundary, m.
     """
 
     number: int
+    first: int
+    modes: int
     group: Group
     member: int
     tractions: FaceTractions
-    modes: int
     stiffness: float
     sets: tuple[str, str]
-    given_gaps: tuple[float, float] | None = None
+    gaps: np.ndarray
+
+    @property
+    def contact(self) -> slice:
+        """Its contact rows."""
+        return slice(self.first, self.first + self.modes)
+
+    @property
+    def wedge(self) -> bool:
+        """Whether a contact row is the logarithm's."""
+        return self.modes == self.tractions.modes
+
+    def pressing(self, force: np.ndarray) -> np.ndarray:
+        """(m,): forces of all modes from those of the contact rows (c,), N."""
+        forces = np.zeros(len(self.tractions.growth))
+        forces[: self.modes] = force[self.contact]
+        return forces
 
     @property
     def size(self) -> float:
@@ -76,13 +100,11 @@ class TipFaces:
 
     def layer(self, thickness: float) -> np.ndarray:
         """(modes, modes): flexibility of an elastic layer of 1 m^3/N between the faces, m/N."""
-        return self.tractions.layer() / (self.size * thickness)
+        return self.tractions.layer()[: self.modes, : self.modes] / (self.size * thickness)
 
     def initial_gap(self) -> np.ndarray:
         """(modes,): mean gaps of the undeformed faces, m."""
-        if self.given_gaps is not None:
-            return self.tractions.initial_mean(*self.given_gaps)
-        return self.tractions.initial_mean(0.0, _drawn_gap(self.group.shape, self.size))
+        return self.tractions.initial_mean(*self.gaps)[: self.modes]
 
     def uniform(
         self, edge_set: str, traction: Callable[[np.ndarray], np.ndarray], thickness: float
@@ -101,9 +123,39 @@ class TipFaces:
         return self.tractions.uniform_force(values) * self.size * thickness
 
 
+# Share of the gap on the boundary of a tip element up to which one at the tip is what a straight line through
+# the gaps of curved faces leaves there: faces that stand apart at the tip would close no wedge.
+_AT_THE_TIP = 0.1
+
+
+def tip_gaps(model) -> np.ndarray:
+    """(tips, 2): initial gaps at each tip and on the boundary of its S-element, m. Collective."""
+    gaps = np.zeros((len(model.tip_elements), 2))
+    for number, group, member in model.tip_places:
+        drawn = _drawn_gap(group.shape, float(group.sizes[member]))
+        given = _given_gaps(model, model.tip_elements[number])
+        gaps[number] = (0.0, drawn)
+        if given is not None and abs(given[1] - drawn) > 1e-6 * max(given[1], drawn):
+            gaps[number] = given
+    model.comm.Allreduce(MPI.IN_PLACE, gaps)
+    return gaps
+
+
+def tip_rows(model) -> np.ndarray:
+    """(tips + 1,): first contact row of each tip element, and the number of all rows: behind the pairs, one
+    for each polynomial, and one for the logarithm where faces that are not tied close a wedge. Collective.
+    """
+    tied = [model.contact_laws[model.cracks[tip.crack].name].tied for tip in model.tip_elements]
+    at_tip, at_boundary = model.tip_gaps.T
+    wedges = (at_tip == 0.0) & (at_boundary > 0.0) & ~np.array(tied, dtype=bool)
+    counts = (model.tip_modes + wedges) * (model.tip_modes > 0)
+    return len(model.pairs) + np.concatenate([[0], np.cumsum(counts)])
+
+
 def tip_faces(model) -> list[TipFaces]:
     """Those of the tip elements that this rank holds. Collective."""
     found: list[TipFaces] = []
+    first, gaps = model.tip_rows, model.tip_gaps
     shared: dict[int, FaceTractions] = {}  # similar tip elements have the same
     if not model.tip_modes:
         return found
@@ -115,13 +167,21 @@ def tip_faces(model) -> list[TipFaces]:
                     shared[id(group)] = _tractions(group, material, model.tip_modes)
                 except SElementError as error:
                     raise SElementError(f"tip {model.tip_elements[place.number].name}: {error}") from None
-            tractions, stiffness = shared[id(group)], material.modulus * model.thickness
-            gaps = _given_gaps(model, group, place.member, place.number)
-            sets = model.tip_elements[place.number].faces
+            number, sets = place.number, model.tip_elements[place.number].faces
             if np.linalg.det(group.rotations[place.member]) < 0.0:
                 sets = sets[::-1]  # a reflected shape runs through the element's chain backwards
             found.append(
-                TipFaces(place.number, group, place.member, tractions, model.tip_modes, stiffness, sets, gaps)
+                TipFaces(
+                    number,
+                    int(first[number]),
+                    int(first[number + 1] - first[number]),
+                    group,
+                    place.member,
+                    shared[id(group)],
+                    material.modulus * model.thickness,
+                    sets,
+                    gaps[number],
+                )
             )
     return found
 
@@ -132,24 +192,24 @@ def _drawn_gap(shape: np.ndarray, size: float) -> float:
     return size * opening if opening > 1e-12 else 0.0  # faces of a closed crack coincide to round-off
 
 
-def _given_gaps(model, group: Group, member: int, number: int) -> tuple[float, float] | None:
-    """Initial gaps at the tip and on the boundary of its element, m, from the pair there and the next one, if
-    they are not those of the drawn faces.
+def _given_gaps(model, tip: Tip) -> tuple[float, float] | None:
+    """Gaps at a tip and on the boundary of its element, m, on the straight line through those of the pair
+    there and of the next one.
     """
-    tip, pairs, part = model.tip_elements[number], model.pairs, model.part
-    ends = np.sort(part.nodes[group.nodes[member][[0, -1]]])
-    here = np.flatnonzero((np.sort(pairs.nodes, axis=1) == ends).all(axis=1) & (pairs.crack == tip.crack))
-    drawn = _drawn_gap(group.shape, float(group.sizes[member]))
-    if not len(here) or abs(pairs.gap[here[0]] - drawn) <= 1e-6 * max(pairs.gap[here[0]], drawn):
-        return None
-    first = int(here[0])
+    pairs, (start, stop) = model.pairs, tip.arc
     line = np.flatnonzero(pairs.crack == tip.crack)
-    beyond = np.abs(pairs.arc[line] - pairs.arc[first])
-    beyond[pairs.arc[line] == pairs.arc[first]] = np.inf
-    second = int(line[np.argmin(beyond)])
-    reach = float(group.sizes[member] * np.linalg.norm(group.shape[[0, -1]], axis=1).mean())
-    slope = float(pairs.gap[second] - pairs.gap[first]) / float(beyond.min())
-    return max(float(pairs.gap[first]) - reach * slope, 0.0), float(pairs.gap[first])
+    outwards = np.sign(stop - start) * (pairs.arc[line] - start)
+    line = line[np.argsort(outwards, kind="stable")]
+    outwards = np.sort(outwards, kind="stable")
+    reach = abs(stop - start)
+    here = np.searchsorted(outwards, reach * (1.0 - 1e-6))
+    beyond = np.searchsorted(outwards, reach * (1.0 + 1e-6))
+    if here == beyond or beyond == len(line):
+        return None  # its pair has been made one with another crack's, or is the only one
+    first, second = pairs.gap[line[[here, beyond]]]
+    slope = (second - first) / (outwards[beyond] - outwards[here])
+    at_tip = first - reach * slope
+    return (at_tip if at_tip > _AT_THE_TIP * first else 0.0), first
 
 
 def _tractions(group: Group, material, modes: int) -> FaceTractions:
@@ -162,4 +222,5 @@ def _tractions(group: Group, material, modes: int) -> FaceTractions:
         radial=group.solution.radial,
         directions=directions,
         modes=modes,
+        logarithm=True,
     )

@@ -112,11 +112,9 @@ def tip_intensities(model) -> TipIntensities:
             exponents[number] = form.exponents
             errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
             if number in tractions:
-                modes = tractions[number].modes
-                faces = tractions[number].tractions
-                columns[number] = form.placed_of_tractions(faces, rotation, size, model.thickness)
-                first = model.gap_operator.pairs + modes * number
-                contact[2 * number : 2 * number + 2, first : first + modes] = columns[number][:, :modes]
+                faces = tractions[number]
+                columns[number] = form.placed_of_tractions(faces.tractions, rotation, size, model.thickness)
+                contact[2 * number : 2 * number + 2, faces.contact] = columns[number][:, : faces.modes]
     exponents, contact, errors = (model.comm.allreduce(array) for array in (exponents, contact, errors))
     gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
     return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns, errors)

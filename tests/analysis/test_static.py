@@ -55,30 +55,29 @@ def test_displacements(case, force, tolerance):
 
 @pytest.mark.parametrize("force", [100, 300])
 def test_default_resultant(case, force):
-    """Part of the notch and all of it closed: the contact resultant within 1e-3 on the default mesh, and next
-    to no stress intensity that would close the tip.
+    """Part of the notch and all of it closed: the contact resultant within 3e-5 on the default mesh (1e-4
+    where the contact ends between two pairs), and no stress intensity of the closed tip.
     """
     name, model = case
     solution = sb.static(model, sb.PointForce("A", fy=float(force)))
     exact = statics(name, f"{force} N")["cracks"][0]["resultant"]
-    assert solution.contact_resultant == pytest.approx(exact, rel=1e-3)
+    assert solution.contact_resultant == pytest.approx(exact, rel=1e-4 if name == "x80_total_nu30" else 3e-5)
     if name == "x80_mouth2um_nu33":
-        assert abs(solution.stress_intensity["crack1"][0]) < 0.02e6
+        assert abs(solution.stress_intensity["crack1"][0]) < 10.0
     assert solution.active.all() == (force == 300)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("force", [100, 300])
-def test_resultant_converges_with_the_tip(force):
-    """Tip elements of 50, 20, 5 and 2 micrometres: the error of the resultant falls to 0.5 %."""
+def test_resultant_of_any_tip(force):
+    """Tip elements of 50, 20, 5, 2 and .05 micrometres: the resultant is the same, K_I is none."""
     exact = statics("x80_mouth2um_nu33", f"{force} N")["cracks"][0]["resultant"]
-    low = []
-    for tip_size in (5e-5, 2e-5, 5e-6, 2e-6):
+    for tip_size in (5e-5, 2e-5, 5e-6, 2e-6, 5e-8):
         model = sb.Model(paper_beam().mesh(tip_size=tip_size), ALUMINIUM)
-        low.append(1.0 - sb.static(model, sb.PointForce("A", fy=float(force))).contact_resultant / exact)
+        found = sb.static(model, sb.PointForce("A", fy=float(force)))
+        assert found.contact_resultant == pytest.approx(exact, rel=3e-5)
+        assert abs(found.stress_intensity["crack1"][0]) < 10.0
         model.destroy()
-    assert (np.diff(low) < 0).all()
-    assert low[2] < 0.01 and abs(low[3]) < 0.005
 
 
 def test_one_pass_tie(case):
@@ -370,7 +369,9 @@ def test_given_gaps_are_those_of_a_notch():
         model = sb.Model(mesh, ALUMINIUM)
         found = sb.static(model, sb.PointForce("A", fy=100.0))
         gaps = model.tip_faces[0].initial_gap()
-        results.append([found.contact_resultant, found.stress_intensity["crack1"][0], *gaps])
+        first, second = found.stress_intensity["crack1"]
+        assert abs(first) < 2e-3 * abs(second)  # of order 3
+        results.append([found.contact_resultant, *gaps])
     drawn, given = np.array(results)
-    assert drawn[0] > 9000 and drawn[2] > 0
+    assert drawn[0] > 9000 and len(gaps) == 5 and (drawn > 0).all()
     assert np.abs(given / drawn - 1).max() < 1e-4

@@ -201,20 +201,27 @@ def test_what_a_closing_wedge_leaves_is_one_of_rigid_faces_that_come_apart(law, 
 
 
 def test_a_layer_on_the_modes_of_a_tip():
-    """Integrals of two Bernstein polynomials in closed form: the layer's energy of a tip's pressures."""
-    model = two_notches(tip_modes=4, contact_laws={"crack1": sb.Tied(LAYER)}, thickness=0.01)
+    """Integrals of two Bernstein polynomials, and of 2 (x - 1 - ln x) with them and itself, in closed form:
+    the layer's energy of a tip's pressures.
+    """
+    model = two_notches(tip_modes=4, contact_laws={"crack1": sb.Unilateral(LAYER)}, thickness=0.01)
     bare = two_notches(tip_modes=4, thickness=0.01).gap_operator.flexibility.toarray()
     added = model.gap_operator.flexibility.toarray() - bare
     first = len(model.pairs)
     faces = next(faces for faces in model.tip_faces if model.tip_elements[faces.number].name == "crack1")
     area = faces.size * faces.tractions.lengths[0] * 0.01
-    degree = np.arange(4)
-    both = np.array(
-        [[math.comb(3, j) * math.comb(3, k) / math.comb(6, j + k) / 7.0 for k in degree] for j in degree]
-    )
-    block = slice(first + 4 * faces.number, first + 4 * faces.number + 4)
+    both = np.empty((5, 5))
+    for j in range(4):
+        for k in range(4):
+            both[j, k] = 16.0 * math.comb(3, j) * math.comb(3, k) / math.comb(6, j + k) / 7.0
+        both[4, j] = both[j, 4] = 8.0 * sum(
+            math.comb(3, t) * math.comb(t, j) * (-1.0) ** (t - j) * (1 / (t + 2) - t / (t + 1) ** 2)
+            for t in range(j, 4)
+        )
+    both[4, 4] = 10.0 / 3.0
+    block = slice(first + 5 * faces.number, first + 5 * faces.number + 5)
     # a difference of numbers 1e3 times as large
-    np.testing.assert_allclose(added[block, block], LAYER / area * 16.0 * both, rtol=1e-9)
+    np.testing.assert_allclose(added[block, block], LAYER / area * both, rtol=1e-9)
     added[block, block] = 0.0
     mine = np.flatnonzero([model.cracks[k].name == "crack1" for k in model.pairs.crack])
     np.testing.assert_allclose(added[mine, mine], LAYER / (model.pairs.weight[mine] * 0.01), rtol=1e-12)
