@@ -94,10 +94,11 @@ def structured_plate(
         right, left = along[rows, columns], again[rows, columns]
         sets[f"{name}_right"], sets[f"{name}_left"] = right, left
         start, end = (_place(vertices[v]) for v in (ends[right[0], 0], ends[right[-1], 1]))
-        named.append(Crack(name, start, (1.0, 0.0), 0.0, end[0] - start[0], -1))
+        length = end[0] - start[0]
+        named.append(Crack(name, start, (1.0, 0.0), 0.0, length, -1))
         both = (f"{name}_left", f"{name}_right")
-        tips.append(Tip(f"{name}:1", k, start, (1.0, 0.0), 0.0, -1, both))
-        tips.append(Tip(f"{name}:2", k, end, (-1.0, 0.0), 0.0, -1, both[::-1]))
+        tips.append(Tip(f"{name}:1", k, start, (1.0, 0.0), 0.0, -1, both, (0.0, 0.0)))
+        tips.append(Tip(f"{name}:2", k, end, (-1.0, 0.0), 0.0, -1, both[::-1], (length, length)))
         pairs.append(_pairs(edges[right], edges[left], nodes, k))
     return BoundaryMesh(
         order,

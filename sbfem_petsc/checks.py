@@ -203,8 +203,8 @@ def index_of(owner: str, name: str, value: Any, count: int) -> int:
     return index % count
 
 
-def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "") -> np.ndarray:
-    """`value` as a new array of finite floats with so many dimensions.
+def real_array(owner: str, name: str, value: Any, dimensions: int | None, unit: str = "") -> np.ndarray:
+    """`value` as a new array of finite floats with so many dimensions; None: any.
 
     Raises
     ------
@@ -221,7 +221,7 @@ def real_array(owner: str, name: str, value: Any, dimensions: int, unit: str = "
         raise ValueError(f"{owner}: {name} has rows of different lengths") from None
     if array.dtype.kind not in "iuf":
         raise TypeError(f"{owner}: {name} = {shown(value)} must be an array of real numbers{in_unit}")
-    if array.ndim != dimensions:
+    if dimensions is not None and array.ndim != dimensions:
         raise ValueError(f"{owner}: {name} has {array.ndim} dimensions, {dimensions} are expected")
     array = array.astype(float)
     if not np.isfinite(array).all():

@@ -61,10 +61,7 @@ class Signal:
         return self._checked_values(t, 1)
 
     def _checked_values(self, t, side: int) -> np.ndarray:
-        times = np.asarray(t)
-        if times.dtype.kind not in "iuf":
-            raise TypeError(f"{type(self).__name__}: t = {shown(t)} must be times, numbers in s")
-        return self._values(times.astype(float), side)[()]
+        return self._values(real_array(type(self).__name__, "t", t, None, "s"), side)[()]
 
     def _values(self, t: np.ndarray, side: int = 0) -> np.ndarray:
         """Values, where the signal jumps those before (side -1), at (0) or behind it (1)."""

@@ -411,7 +411,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     ],
     "Step": [lambda: {"amplitude": 1.0, "time": 0.1, "rise": 0.1}],
     "Samples": [lambda: {"time": [0.0, 1.0, 2.0], "value": [0.0, 1.0, 0.0], "interpolation": "linear"}],
-    "Custom": [lambda: {"function": np.sin, "highest_frequency": 1.0, "amplitude": 1.0}],
+    "Custom": [lambda: {"function": np.sin, "highest_frequency": 1.0, "amplitude": 1.0, "breaks": (0.5,)}],
     "Constant": [lambda: {"value": 1.0}],
     "on_root": [lambda: {"comm": MPI.COMM_WORLD, "work": lambda: 1}],
     "Beam": [
