@@ -12,10 +12,11 @@ from scipy.spatial import cKDTree
 
 from meshing.cells.arrangement import Arrangement
 from meshing.cells.complex import CellComplex
-from meshing.cells.filling import fill_polygon
+from meshing.cells.filling import Star, fill_polygon
 
 _GROWTH = 0.45  # of edges with the distance
 _STAR = 0.4  # radius of a star, relative to the distance of the nearest other thing
+_RIM = 0.77  # edges of a star's rim, relative to its radius
 _STAR_SIZE = 0.6  # relative to the largest edge
 _SPOKE = math.radians(46.0)  # widest angle between spokes
 _KINK = math.radians(20.0)  # a kink from here on has a star
@@ -95,7 +96,7 @@ def plan_region(body: Arrangement, size: float) -> RegionPlan:
         stars[vertex] = min(_STAR * min(clear), _STAR_SIZE * size)
         turn = np.linspace(0, 2 * math.pi, 9)[:-1]
         rim = vertices[vertex] + stars[vertex] * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-        sizes.add(rim, 0.77 * stars[vertex])
+        sizes.add(rim, _RIM * stars[vertex])
     lengths = np.array([math.dist(vertices[a], vertices[b]) for a, b in segments])
     for (a, b), length in zip(segments, lengths):
         sizes.add(vertices[[a, b]], max(length, 1e-300))
@@ -245,6 +246,7 @@ def fill_region(
         np.array([cells.vertices[v] for v in inside]).reshape(-1, 2),
         plan.sizes.largest,
         [(local[a], local[b]) for a, b in segments],
+        [Star(local[vertex_of[v]], radius, _RIM * radius) for v, radius in plan.stars.items()],
     )
     numbers += inside
     numbers += [cells.add_vertex(*point) for point in added]
