@@ -77,6 +77,9 @@ def test_printed_tables(ran):
         "58 of 71 pairs in contact",
     ):
         assert title in text
+    # at 1 N faces touch within the tip's S-element alone: the row says so, in the place of an error of -1
+    first = next(line for line in text.splitlines() if "contact resultant, N" in line)
+    assert "0.0 + 1.9 at the tip" in first and "tip too large" in first and "e+00" not in first
 
 
 @pytest.mark.slow
