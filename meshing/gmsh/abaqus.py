@@ -224,7 +224,7 @@ class _Deck:
         labels = []
         for line, row in card.rows:
             try:
-                label, where = int(row[0]), [float(re.sub("[dD]", "e", x) or 0.0) for x in row[1:4]]
+                label, where = _number(row[0]), [float(re.sub("[dD]", "e", x) or 0.0) for x in row[1:4]]
             except ValueError:
                 card.refuse(f"does not hold a number and coordinates: {', '.join(row)}", line)
             if label in self.nodes:
@@ -281,13 +281,14 @@ class _Deck:
                 found.labels.update(dict.fromkeys(label for label in labels if label in known))
                 continue
             for part in parts:
-                if not part.lstrip("+-").isdigit():
+                if not part.isdecimal():
                     found.labels.update(self._known(card, part.strip("\"'"), sets))
                     continue
-                if int(part) not in known:
+                (label,) = self._integers(card, line, [part])
+                if label not in known:
                     what = "element" if kind == "ELSET" else "node"
-                    card.refuse(f"has {what} {part}, which does not exist", line)
-                found.labels[int(part)] = None
+                    card.refuse(f"has {what} {label}, which does not exist", line)
+                found.labels[label] = None
 
     @staticmethod
     def _set(card: _Card, kind: str, sets: dict[str, _Set]) -> _Set:
@@ -310,9 +311,16 @@ class _Deck:
     @staticmethod
     def _integers(card: _Card, line: int, row: list[str]) -> list[int]:
         try:
-            return [int(part) for part in row]
+            return [_number(part) for part in row]
         except ValueError:
             card.refuse(f"does not hold whole numbers: {', '.join(row)}", line)
+
+
+def _number(text: str) -> int:
+    """A label; ValueError if it is none, or longer than any."""
+    if len(text) > 18:
+        raise ValueError
+    return int(text)
 
 
 def _kind(card: _Card) -> tuple[int, tuple[int, ...]]:

@@ -272,6 +272,7 @@ def test_random_decks(tmp_path, seed):
         (("2, 2, 3, 6, 5", "2, 2, 3, 6,"), {}, "ends within element 2"),
         (("2, 2, 3, 6, 5", "1, 2, 3, 6, 5"), {}, "holds element 1, which there is already"),
         (("2, 2, 3, 6, 5", "2, 2, 3, 6, x"), {}, "does not hold whole numbers: 2, 2, 3, 6, x"),
+        (("2, 2, 3, 6, 5", "9" * 19 + ", 2, 3, 6, 5"), {}, "does not hold whole numbers: 999"),
         (("6, 2., 1.", "6, 2., one"), {}, "*NODE in line 9 does not hold a number and coordinates"),
         (("6, 2., 1.", "5, 2., 1."), {}, "holds node 5, which there is already"),
         ((", ELSET=brass", ""), {}, "element 2 is in no set, whose name is the material's"),
