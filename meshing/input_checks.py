@@ -10,6 +10,8 @@ from collections.abc import Mapping
 import numpy as np
 
 HIGHEST_ORDER = 20
+# Beyond which areas and their squares leave the range of numbers.
+LARGEST = 1e100
 
 
 def shown(value: object) -> str:
@@ -25,9 +27,15 @@ def number(item: str, name: str, value: object) -> float:
     """`value` as a finite float, or the error that names it."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise TypeError(f"{item}: {name} is {shown(value)}, a number was expected.")
-    if not math.isfinite(value):
-        raise ValueError(f"{item}: {name} is {value}, a finite number was expected.")
-    return float(value)
+    try:
+        result = float(value)
+    except OverflowError:
+        result = math.inf
+    if not abs(result) <= LARGEST:
+        raise ValueError(
+            f"{item}: {name} is {shown(value)}, a finite number of at most {LARGEST:g} was expected."
+        )
+    return result
 
 
 def positive(item: str, name: str, value: object, unit: str = "m") -> float:
@@ -45,7 +53,9 @@ def checked_order(order: object) -> int:
             f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected."
         )
     if not 1 <= order <= HIGHEST_ORDER:
-        raise ValueError(f"mesh: order is {order}, a whole number from 1 to {HIGHEST_ORDER} was expected.")
+        raise ValueError(
+            f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected."
+        )
     return int(order)
 
 
@@ -65,6 +75,19 @@ def choice(item: str, name: str, value: object, options: tuple[str, ...]) -> str
     return value
 
 
+def checked_name(owner: str, name: object) -> str:
+    """`name` as a string that is not empty and can be printed, or the error that names it; `owner` is what
+    has it, "mesh: points has".
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"{owner} the name {shown(name)}, a non-empty string was expected.")
+    if not name.strip() or not name.isprintable():
+        raise ValueError(
+            f"{owner} the name {shown(name)}, a non-empty string without control characters was expected."
+        )
+    return name
+
+
 def named_points(points: object) -> Mapping[str, object]:
     """Points by their names, none for None, or the error that says otherwise."""
     if points is None:
@@ -75,8 +98,7 @@ def named_points(points: object) -> Mapping[str, object]:
             "expected."
         )
     for name in points:
-        if not isinstance(name, str) or not name.strip():
-            raise TypeError(f"mesh: points has the name {shown(name)}, a non-empty string was expected.")
+        checked_name("mesh: points has", name)
     return points
 
 
@@ -89,5 +111,5 @@ def checked_faces(extent: float, face_size: object, face_edges: object) -> tuple
     if isinstance(face_edges, bool) or not isinstance(face_edges, (int, np.integer)):
         raise TypeError(f"mesh: face_edges is {shown(face_edges)}, a whole number was expected.")
     if not 1 <= face_edges <= 1000:
-        raise ValueError(f"mesh: face_edges is {face_edges}, 1 to 1000 was expected.")
+        raise ValueError(f"mesh: face_edges is {shown(face_edges)}, 1 to 1000 was expected.")
     return None if face_size is None else positive("mesh", "face_size", face_size), int(face_edges)

@@ -23,6 +23,8 @@ class Bounds(NamedTuple):
 
 
 ANY = Bounds()
+# Integers beyond any that counts something.
+MOST = 10**18
 
 
 def real(
@@ -85,11 +87,13 @@ def integer(owner: str, name: str, value: Any, *, least: int | None = None, most
     if isinstance(value, bool) or not isinstance(value, numbers.Integral):
         raise TypeError(f"{owner}: {name} = {shown(value)} must be an integer")
     number = int(value)
-    if (least is not None and number < least) or (most is not None and number > most):
+    if number < (-MOST if least is None else least) or number > (MOST if most is None else most):
         if least is not None and most is not None:
             wanted = f"between {least} and {most}"
+        elif least is not None and number < least:
+            wanted = f"at least {least}"
         else:
-            wanted = f"at least {least}" if least is not None else f"at most {most}"
+            wanted = f"at most {MOST:g} in size" if most is None else f"at most {most}"
         raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}")
     return number
 

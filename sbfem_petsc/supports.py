@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import math
-import numbers
 from dataclasses import dataclass
 
-from .checks import shown
+from .checks import Bounds, real, shown
 
 
 @dataclass(frozen=True)
@@ -38,16 +36,15 @@ class Support:
             value = getattr(self, name)
             if type(value).__name__ in ("bool", "bool_"):
                 object.__setattr__(self, name, bool(value))
-            elif isinstance(value, numbers.Real):
-                object.__setattr__(self, name, float(value))
-            value = getattr(self, name)
-            if not isinstance(value, bool) and not (
-                isinstance(value, float) and math.isfinite(value) and value >= 0
-            ):
-                raise (ValueError if isinstance(value, float) else TypeError)(
+                continue
+            try:
+                stiffness = real("Support", name, value, within=Bounds(least=0.0))
+            except (TypeError, ValueError) as error:
+                raise type(error)(
                     f"Support({self.where!r}): {name} = {shown(value)} must be True (fixed), False (free) "
                     "or a stiffness >= 0 (N/m^3 on edges, N/m on a point)"
-                )
+                ) from None
+            object.__setattr__(self, name, stiffness)
 
     @property
     def fixed(self) -> tuple[bool, bool]:

@@ -137,9 +137,12 @@ class CrackLine:
 
     def __post_init__(self) -> None:
         item = "CrackLine" if self.name is None else f"CrackLine {shown(self.name)}"
-        if self.name is not None and (not isinstance(self.name, str) or not self.name or ":" in self.name):
+        if self.name is not None and (
+            not isinstance(self.name, str) or not self.name or ":" in self.name or not self.name.isprintable()
+        ):
             raise TypeError(
-                f"{item}: name is {shown(self.name)}, a non-empty string without ':' was expected."
+                f"{item}: name is {shown(self.name)}, a non-empty string without ':' and control "
+                "characters was expected."
             )
         object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
         object.__setattr__(self, "opening", number(item, "opening", self.opening))

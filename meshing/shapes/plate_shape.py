@@ -13,6 +13,7 @@ from meshing.input_checks import shown
 from meshing.shapes.features import CrackLine, Hole, corners_of, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
+_FARTHEST = 3e6  # coordinates, relative to the body's diagonal
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
 
 
@@ -66,6 +67,13 @@ class PlateShape:
 
     def _check_outline(self) -> None:
         corners = np.array(self.outline)
+        away = float(np.abs(corners).max())
+        if not away <= _FARTHEST * self.diagonal:
+            raise ValueError(
+                f"Plate: the outline of size {self.diagonal:g} m reaches to {away:g} m from the origin, more "
+                f"than {_FARTHEST:g} times as far, where coordinates have too few digits; move it to the "
+                "origin."
+            )
         least = 1e-6 * self.diagonal
         for i, (first, second) in enumerate(zip(corners, np.roll(corners, -1, axis=0)), 1):
             if math.dist(first, second) <= least:

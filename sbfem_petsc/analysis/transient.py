@@ -421,6 +421,8 @@ def _begin_unreduced(record: HistoryFile, integrator: UnreducedIntegrator, loads
         "damped_modes": len(march.omega),
         "rayleigh": np.array(model.rayleigh),
         "pairs": model.gap_operator.pairs,
+        "continued_fraction": model.continued_fraction,
+        "unknowns": model.unknowns,
     }
     texts = {"points": tuple(model.points), "tips": model.tips.names}
     record.begin(integrator.columns, settings, loads.signals, texts=texts, fingerprint=march.fingerprint())

@@ -206,10 +206,10 @@ class HistoryFile:
             found = Contents.read(file)
         mine, theirs = self._contents.settings, found.settings
         for name, value in mine.items():
-            if name != "count" and not close(theirs[name], value):
+            if name != "count" and (name not in theirs or not close(theirs[name], value)):
                 raise ValueError(
-                    f"{WHAT} {self.path!r} was written with {name} = {theirs[name]}, not {value}; restart "
-                    "with the same value, or name another file"
+                    f"{WHAT} {self.path!r} was written with {name} = {theirs.get(name)}, not {value}; "
+                    "restart with the same value, or name another file"
                 )
         if found.texts != {k: tuple(v) for k, v in self._contents.texts.items()} or not all(
             close(found.arrays[name], array) for name, array in self._contents.arrays.items()

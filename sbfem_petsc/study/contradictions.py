@@ -15,8 +15,8 @@ from .problems import Path, Problem, one_of
 
 # Names that the summary of a run uses itself.
 RESERVED = ("run",)
-# Names of files, and of groups in them.
-_FILED = re.compile(r"[^/\\.\s][^/\\]*")
+# Names of files, and of groups in them, and bytes of a name that leave room for endings.
+_FILED, _LONGEST = re.compile(r"[^/\\.\s][^/\\]*"), 120
 _PERIODIC = ("harmonic", "constant")
 # Signals that each kind of analysis understands beside numbers.
 _SIGNALS = {
@@ -149,16 +149,23 @@ def _loads(case: Any, folder: str) -> Iterator[Problem]:
                 yield Problem((*path, "stop"), "= 0 and start = 0 leave no oscillation; one must be positive")
 
 
+def _filed(name: str) -> bool:
+    """Whether files can bear a name."""
+    return bool(_FILED.fullmatch(name)) and name.isprintable() and len(name.encode()) <= _LONGEST
+
+
 def _analyses(case: Any) -> Iterator[Problem]:
     for name, analysis in case.analyses.items():
         path: Path = ("analyses", name)
-        if name in RESERVED or not _FILED.fullmatch(name):
-            yield Problem(path, "cannot be a name of an analysis; use letters, digits, '-' and '_'")
+        if name in RESERVED or not _filed(name):
+            yield Problem(
+                path, "cannot be a name of an analysis; use letters, digits, '-' and '_', at most 100 of them"
+            )
         for place in getattr(analysis, "stress_at", {}):
-            if not _FILED.fullmatch(place):
+            if not _filed(place):
                 yield Problem(
                     (*path, "stress_at", place),
-                    "cannot be a name of a place; use letters, digits, '-' and '_'",
+                    "cannot be a name of a place; use letters, digits, '-' and '_', at most 100 of them",
                 )
         yield from _analysis_loads(case, path, analysis)
         if analysis.kind == "modal":

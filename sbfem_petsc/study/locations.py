@@ -17,6 +17,7 @@ from ..checks import require_regular
 from .problems import CaseError, Path, Problem
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_DIGITS = re.compile(r"[\d_]+")
 _BARE_VALUE = re.compile(r"[^,\]}\n#]*")
 
 
@@ -51,6 +52,11 @@ def parse(text: str, file: str) -> tuple[dict[str, Any], dict[Path, int]]:
                 )
             ],
         ) from None
+    except ValueError:  # Python's limit for texts of numbers
+        longest = max(_DIGITS.finditer(text), key=lambda found: len(found[0]))
+        line = text.count("\n", 0, longest.start()) + 1
+        words = f"a number of {len(longest[0]):,d} digits is too long; write it as 1e9 is written"
+        raise CaseError(file, [Problem((), words, line)]) from None
     return data, _Scanner(text).scan()
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ..checks import shown
 from .tables import kind_names, member_of
 
 Path = tuple[str | int, ...]
@@ -73,7 +74,7 @@ def written(path: Path) -> str:
         if isinstance(part, int):
             text += f"[{part}]"
             continue
-        key = part if re.fullmatch(r"[\w-]+", part) else f'"{part}"'
+        key = part if re.fullmatch(r"[\w-]{1,80}", part) else f'"{shown(part)[1:-1]}"'
         text += f".{key}" if text else key
     return text
 
@@ -181,30 +182,30 @@ def _sentence(item: Any, path: Path, table: type[BaseModel] | None, kinds: list[
         field = table.model_fields.get(key) if table is not None else None
         what = f" ({field.description}{in_unit})" if field is not None else ""
         return f"is missing{what}; add it"
-    shown = f"= {_shown(value)}"
+    given = f"= {_shown(value)}"
     if kind in ("union_tag_not_found", "union_tag_invalid"):
         names = _quoted(str(context.get("expected_tags", ""))) or kinds
         if not isinstance(value, dict):
-            return f"{shown} must be a table" + (" or a number" if "number" in names else "")
+            return f"{given} must be a table" + (" or a number" if "number" in names else "")
         return f"has no kind; {one_of(name for name in names if name != 'number')}"
     if kind == "literal_error":
-        return f"{shown} is unknown; {one_of(_quoted(context['expected'].replace(' or ', ', ')), value)}"
+        return f"{given} is unknown; {one_of(_quoted(context['expected'].replace(' or ', ', ')), value)}"
     if kind in _BOUNDS:
         name, words = _BOUNDS[kind]
-        return f"{shown} must be {words} {context[name]:g}{in_unit}"
+        return f"{given} must be {words} {context[name]:g}{in_unit}"
     if kind in ("too_short", "too_long"):
         bound = context["min_length" if kind == "too_short" else "max_length"]
         words = "at least" if kind == "too_short" else "at most"
         return f"has {context['actual_length']} entries; {words} {bound} expected{in_unit}"
     if kind == "string_too_short":
-        return f"{shown} must not be empty"
+        return f"{given} must not be empty"
     if kind == "value_error":
         return str(context["error"])
-    return f"{shown}: {item['msg']}"
+    return f"{given}: {item['msg']}"
 
 
 def _shown(value: Any) -> str:
-    return str(value).lower() if isinstance(value, bool) else repr(value)
+    return str(value).lower() if isinstance(value, bool) else shown(value)
 
 
 def _quoted(listed: str) -> list[str]:

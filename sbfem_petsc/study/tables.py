@@ -6,7 +6,7 @@ import types
 import typing
 from typing import Annotated, Any
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
 
 
 class Table(BaseModel):
@@ -21,7 +21,15 @@ def item(default: Any = ..., *, text: str, unit: str = "", **bounds: Any) -> Any
 
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
-Name = Annotated[str, Field(min_length=1)]
+
+
+def _printable(name: str) -> str:
+    if not name.isprintable():
+        raise ValueError(f"= {name!r} holds control characters; use letters, digits, '-' and '_'")
+    return name
+
+
+Name = Annotated[str, Field(min_length=1), AfterValidator(_printable)]
 
 
 def _listed(value: Any) -> Any:

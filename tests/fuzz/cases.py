@@ -89,7 +89,9 @@ class Case:
         if USERS in text or (self.label == "function" and self.parameter.name == "work"):
             return "sentence", ""  # the user's own function failed
         value = VALUES[self.label]
-        names = (self.parameter.name, self.owner.split(".")[-1], str(value) or repr(value), repr(value))
+        names = (self.parameter.name, self.owner.split(".")[-1])
+        with contextlib.suppress(ValueError):  # Python's limit for the digits of a number
+            names = (*names, str(value) or repr(value), repr(value))
         if self.parameter.name in POINTS:
             names = (*names, "point")
         named = text.split(":")[0] in OWNERS or any(

@@ -241,11 +241,15 @@ EDGE = CrackLine([(0.05, 0.1), (0.05, 0.06)])
         (lambda: Plate(SQUARE, cracks=[CrackLine([(0.05, 0.1), (0.05, 0.06)], name="edge1")]), "given twice"),
         (lambda: Plate(SQUARE, cracks=[EDGE, CrackLine(EDGE.points, name="crack1")]), "given twice"),
         (lambda: CrackLine([(0, 0)]), "has 1 points, at least 2"),
+        (lambda: Plate([(0, 0), (1e200, 0), (1e200, 1e200)]), "x of point 2 is 1e+200, a finite number"),
+        (lambda: Plate([(0, 0), (10**400, 0), (1, 1)]), "x of point 2 is 1000"),
+        (lambda: Plate([(1e9 + x, 1e9 + y) for x, y in SQUARE]), "coordinates have too few digits"),
+        (lambda: CrackLine([(0, 0), (1, 1)], name="a\0b"), "control characters"),
         (lambda: CrackLine([(0, 0), (0, 0), (1, 1)]), "stands twice in a row"),
         (lambda: CrackLine([(0, 0), (1, 1)], opening=-1), "opening is -1"),
         (lambda: CrackLine([(0, 0), (1, 1)], opening=90), "draw a wider notch"),
         (lambda: CrackLine([(0, 0), (1, 1, 1)]), "a pair (x, y) was expected"),
-        (lambda: CrackLine([(0, 0), (1, 1)], name="a:b"), "without ':'"),
+        (lambda: CrackLine([(0, 0), (1, 1)], name="a:b"), "without ':' and"),
     ],
 )
 def test_refused_plates(plate, says):

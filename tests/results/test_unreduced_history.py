@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam
 from meshing.warnings import IncompleteHistory
 from sbfem_petsc.dynamics import unreduced_history as module
 from sbfem_petsc.results.history import read_history
@@ -224,6 +225,22 @@ def test_another_runs_file_is_refused(model, tmp_path):
         with pytest.raises(ValueError, match=words):
             sb.transient(**{"model": model, "load": LOAD, "file": path, "restart": True, **RUN, **options})
     assert path.read_bytes() == content
+
+
+@pytest.mark.slow
+def test_another_continued_fraction_is_refused(tmp_path):
+    """Of a body that answers alike within a step, with states of another size."""
+    load, path = sb.PointForce("A", fy=sb.Harmonic(1.0, 500.0)), tmp_path / "h.h5"
+    mesh, content = Beam(0.1, 0.01).mesh(order=3), b""
+    for terms in (2, 3, 1):
+        other = sb.Model(mesh, sb.Material(70e9, 0.33, 2700), continued_fraction=terms)
+        if not content:
+            sb.transient(other, load, 2e-3, 1e-4, reduction=None, file=path)
+            content = path.read_bytes()
+            continue
+        with pytest.raises(ValueError, match=f"continued_fraction = 2, not {terms}"):
+            sb.transient(other, load, 2e-3, 1e-4, reduction=None, file=path, restart=True)
+        assert path.read_bytes() == content
 
 
 @pytest.mark.slow

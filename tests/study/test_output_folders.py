@@ -304,6 +304,33 @@ def test_nothing_of_a_strangers_file_becomes_part_of_a_page(folder):
     assert told.count(name) >= 2 and "\x1b" not in told
 
 
+def test_results_of_a_case_that_names_files_elsewhere(tmp_path):
+    """Those are kept with the results, from which it is drawn and exported without them; their names lead
+    nowhere.
+    """
+    (tmp_path / "case" / "data").mkdir(parents=True)
+    (tmp_path / "other").mkdir()
+    places = ("data/wave.csv", "../other/wave.csv", str(tmp_path / "other" / "third.csv"))
+    text = CASE[: CASE.index("[loads.push]")] + CASE[CASE.index("[output]") :]
+    for k, place in enumerate(places):
+        (tmp_path / "case" / place).write_text(f"time,value\n0,0\n1e-4,{k + 1.0}\n1,{k + 1.0}\n")
+        signal = f'{{ kind = "samples", file = "{place}" }}'
+        text += f'\n[loads.l{k}]\nkind = "point_force"\npoint = "A"\nfy = {signal}\n'
+        text += f'[analyses.a{k}]\nkind = "load_history"\nload = "l{k}"\ntimes = [0.0, 0.5]\n'
+    text = text.replace("pictures = false", "pictures = true")
+    out = tmp_path / "out"
+    done = sbfem("run", written(tmp_path / "case", text), "--output", out, "--quiet")
+    assert done.code == 0, done.err
+    before = contents(out / "pictures")
+    shutil.rmtree(tmp_path / "case")
+    shutil.rmtree(tmp_path / "other")
+    for command in (("plot", out), ("export", out, "--csv"), ("report", out)):
+        done = sbfem(*command)
+        assert done.code == 0, done.err
+    assert set(contents(out / "pictures")) == set(before) and len(before) == 3
+    assert sorted(os.listdir(tmp_path)) == ["out"]
+
+
 def test_failures_and_bytes_between_rows(tmp_path):
     """A later success takes the place of a failure, and a failure not that of a success; what is between the
     rows, or damaged, costs no other row.

@@ -348,6 +348,27 @@ def test_refused(fault):
         assert int(found[1]) == line
 
 
+# Names of analyses that no file can bear, or that a terminal would obey.
+BAD_NAMES = ['"pu\\u0000sh"', '"pu\\u001b[2Jsh"', '"pu\\nsh"', "p" * 300, f'"{70 * "é"}"']
+
+
+@pytest.mark.parametrize("name", BAD_NAMES)
+def test_names_that_no_file_can_bear(name):
+    said = refused(CASE.replace("[analyses.push]", f"[analyses.{name}]"))
+    assert "line 39" in said and "use letters, digits" in said and "\n" not in said
+    assert len(said) < 400 and "\0" not in said and "\x1b" not in said
+
+
+@pytest.mark.parametrize("digits", [400, 5000, 100_000])
+@pytest.mark.parametrize("key", ["young = 70e9", "order = 3", "x = 0.05"])
+def test_numbers_of_many_digits(key, digits):
+    """Python refuses to read them, or to make a floating-point number of them."""
+    name, line = key.split(" = ")[0], CASE.splitlines().index(key) + 1
+    said = refused(CASE.replace(key, f"{name} = {'9' * digits}"))
+    assert f"line {line}: " in said.splitlines()[0] and len(said) < 600
+    assert f"{digits:,d} digits" in said or f"{name} = " in said
+
+
 def test_several_at_once():
     """All faults of a file are told, in the order of their tables."""
     text = CASE.replace("length = 0.1", "length = -1.0").replace("young = 70e9", "yung = 70e9")
