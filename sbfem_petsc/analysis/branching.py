@@ -142,9 +142,9 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         try:
             fixed = shoot_along(
                 period,
-                (bifurcation.state + share * norm * direction, bifurcation.value),
+                (bifurcation.state + share * norm * direction, bifurcation.own_value),
                 ParameterRange(
-                    branch.parameter, bifurcation.value, bifurcation.value, branch.fixed_frequency
+                    branch.parameter, bifurcation.own_value, bifurcation.own_value, branch.fixed_frequency
                 ),
                 condition,
             )

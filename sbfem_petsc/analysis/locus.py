@@ -105,7 +105,7 @@ def locus(
             )
         start, stop, points = _check(what, start, stop, parameter, points, progress)
         _require_effect(what, branch, parameter)
-        frequency, factor = branch.conditions(bifurcation.value)
+        frequency, factor = branch.conditions(bifurcation.own_value)
         value = factor if parameter == "load" else 1.0
         if start == stop or not min(start, stop) <= value <= max(start, stop):
             raise ValueError(
@@ -240,7 +240,7 @@ def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
         frequency = line.frequency[k] + share * (line.frequency[k + 1] - line.frequency[k])
         state = line.states[k] + share * (line.states[k + 1] - line.states[k])
         near = np.linalg.norm(state - item.state) < ONE * branch.period.size(item.state)
-        if near and abs(frequency - item.value) < ONE * np.ptp(branch.value):
+        if near and abs(frequency - item.own_value) < ONE * np.ptp(branch.value):
             return True
     return False
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import SolveError
+from . import extrapolation
 from .branch_zero import between, find_zero, place_of
 from .continuation import Continuation, ContinuationPoint
 from .stability import Multipliers, multipliers_of
@@ -27,7 +28,7 @@ class Bifurcation:
         "grazing": a pair begins or ceases to touch, and the multiplier is inside the unit circle on one side
         and outside on the other, however near.
     value : float
-        Frequency (Hz) or load factor.
+        Frequency (Hz) or load factor, extrapolated from the steps to none of their error.
     multiplier : complex
         The one that passes the unit circle.
     state : (2 m,) array
@@ -36,6 +37,11 @@ class Bifurcation:
         Its Floquet direction.
     after : int
         Index of the point of the branch behind it.
+    own_value : float
+        Where it is in the branch's own steps, whose are its state, multiplier and direction.
+    error : float
+        Uncertainty of `value`, by motions in twice and four times the steps; nan where these tell nothing and
+        `value` is `own_value`.
     row : int or None
         Contact row that begins or ceases to touch, where a grazing point knows it.
     """
@@ -46,10 +52,15 @@ class Bifurcation:
     state: np.ndarray
     direction: np.ndarray
     after: int
+    own_value: float
+    error: float
     row: int | None = None
 
     def __repr__(self) -> str:
-        return f"Bifurcation({self.kind} at {self.value:.7g}, multiplier {self.multiplier:.6g})"
+        return (
+            f"Bifurcation({self.kind} at {self.value:.7g} +- {self.error:.1g}, "
+            f"multiplier {self.multiplier:.6g})"
+        )
 
 
 def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
@@ -73,9 +84,7 @@ def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurca
         one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
         if one != other:
             crossing = _crossing(continuation, k, max(one, other) - 1, found)
-            # a real multiplier through +1 at a turning point is the fold itself, which has been found by its
-            # turn
-            if crossing is not None and not (crossing.kind == "branch point" and _turns(points, k)):
+            if crossing is not None:
                 result.append(crossing)
     return result
 
@@ -125,26 +134,17 @@ def _fold(continuation: Continuation, k: int) -> Bifurcation:
             continue
         point, one, other = find_zero(continuation, first, slope, ends)
         point = _by_secant(continuation, first, slope, (point, one, other))
-        values = multipliers_of(point.fixed)
-        nearest = int(np.argmin(np.abs(values.values - 1.0)))
-        return Bifurcation(
-            "fold",
-            point.value,
-            complex(values.values[nearest]),
-            point.fixed.state,
-            values.direction(nearest),
-            first + 1,
-        )
-    values = multipliers_of(points[k].fixed)
+        return _fold_at(continuation, first, point)
+    return _fold_at(continuation, k, points[k])
+
+
+def _fold_at(continuation: Continuation, k: int, point: ContinuationPoint) -> Bifurcation:
+    """A point between point k and the next one as a fold."""
+    values = multipliers_of(point.fixed)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
-    return Bifurcation(
-        "fold",
-        points[k].value,
-        complex(values.values[nearest]),
-        points[k].fixed.state,
-        values.direction(nearest),
-        k + 1,
-    )
+    multiplier, (value, error) = complex(values.values[nearest]), extrapolation.fold(continuation, k, point)
+    state, direction = point.fixed.state, values.direction(nearest)
+    return Bifurcation("fold", value, multiplier, state, direction, k + 1, point.value, error)
 
 
 def _by_secant(
@@ -209,4 +209,12 @@ def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipl
     )
     rows = np.flatnonzero(one.fixed.touching != other.fixed.touching)
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
-    return Bifurcation(kind, point.value, value, point.fixed.state, at.direction(rank), k, row)
+    # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
+    if kind == "branch point" and _turns(points, k):
+        return None
+    if kind == "grazing":
+        place, error = extrapolation.jump(continuation, k - 1, (point, one, other))
+    else:
+        place, error = extrapolation.passage(continuation, k - 1, (point, one, other), value)
+    state, direction = point.fixed.state, at.direction(rank)
+    return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

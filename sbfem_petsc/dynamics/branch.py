@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import dataclass, field
 
@@ -13,7 +14,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
 from .bifurcations import Bifurcation
 from .fixed_point import FixedPoint
-from .orbit import FLOOR, Orbit, axis_number, make_orbit
+from .orbit import FLOOR, Orbit, axis_number, make_orbit, multiplier_error, verdict_of
 from .period_map import Period
 
 
@@ -39,8 +40,8 @@ class Branch:
     multipliers : (n, k) complex array
         By falling modulus; k = 0 for a linear response.
     multiplier_error : (n,) array
-        Uncertainty of the largest modulus, measured on the points next to a change of the verdict, nan
-        elsewhere.
+        Uncertainty of the largest modulus (see `Orbit`), measured where the verdict may depend on it, nan
+        elsewhere; inf where twice the steps have no motion.
     iterations : (n,) int array
         Newton iterations.
     bifurcations : tuple of Bifurcation
@@ -89,14 +90,20 @@ class Branch:
 
     @property
     def stable(self) -> np.ndarray:
-        """(n,) bool, True throughout where stability was not asked for: no multiplier outside the unit circle
-        by more than the uncertainty.
+        """(n,) bool, True throughout where stability was not asked for: no multiplier is outside the unit
+        circle. Where their uncertainty does not allow that verdict (`undecided`) it is what they say.
         """
-        return (
-            np.abs(self.multipliers[:, 0]) <= 1.0 + np.nan_to_num(self.multiplier_error, nan=FLOOR)
-            if self.multipliers.shape[1]
-            else np.ones(len(self.value), dtype=bool)
-        )
+        if not self.multipliers.shape[1]:
+            return np.ones(len(self.value), dtype=bool)
+        return np.abs(self.multipliers[:, 0]) <= 1.0 + FLOOR
+
+    @property
+    def undecided(self) -> np.ndarray:
+        """(n,) bool: where the multipliers' uncertainty does not allow a verdict."""
+        if not self.multipliers.shape[1]:
+            return np.zeros(len(self.value), dtype=bool)
+        largest, error = np.abs(self.multipliers[:, 0]), np.nan_to_num(self.multiplier_error, posinf=np.inf)
+        return np.array([verdict_of(*both) is None for both in zip(largest, error)])
 
     @property
     def converged(self) -> np.ndarray:
@@ -140,6 +147,7 @@ class Branch:
             first[0]: self.value,
             first[1]: other,
             "stable": self.stable.astype(int),
+            "undecided": self.undecided.astype(int),
             "contact_peak_N": self.contact_peak,
         }
         for point in self.points if points is None else names_of("to_csv", "points", points):
@@ -151,12 +159,17 @@ class Branch:
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""
         k = index_of("orbit", "k", k, len(self.value))
-        driven = self.period.at(*self.conditions(float(self.value[k])))
+        conditions = self.conditions(float(self.value[k]))
+        driven = self.period.at(*conditions)
         motion = driven.run(self.states[k])
         fixed = FixedPoint(
             self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
         )
-        return make_orbit(fixed, self.multipliers[k], float(self.multiplier_error[k]), "point of a curve")
+        values, error = self.multipliers[k], float(self.multiplier_error[k])
+        if len(values) and math.isnan(error):
+            later = functools.partial(multiplier_error, self.period, fixed, values[0], *conditions)
+            return make_orbit(fixed, values, later, "point of a curve")
+        return make_orbit(fixed, values, error, "point of a curve")
 
     def conditions(self, value: float) -> tuple[float, float]:
         """Forcing frequency (Hz) and load factor of a value of the parameter."""
@@ -173,6 +186,8 @@ class Branch:
         unit = " Hz" if self.parameter == "frequency" else ""
         asked = self.multipliers.shape[1] or not self.period.pairs
         verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
+        if self.undecided.any():
+            verdict += f", {int(self.undecided.sum())} undecided"
         return (
             f"Branch({len(self.value)} points over {self.parameter} {self.value.min():.6g} to "
             f"{self.value.max():.6g}{unit}, {verdict}, "

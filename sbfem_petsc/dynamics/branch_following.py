@@ -18,8 +18,9 @@ from .branch_range import ContinuationSettings, ParameterRange
 from .branch_zero import beside, between
 from .continuation import Continuation, ContinuationPoint
 from .excitation import one_sided
+from .extrapolation import uncertainty_at
 from .fixed_point import FixedPoint
-from .orbit import modal_motion, multiplier_error
+from .orbit import FLOOR, NEAR, modal_motion
 from .period_map import Period
 from .several_periods import distances, minimal_periods
 from .stability import Multipliers, multipliers_of
@@ -37,6 +38,9 @@ CHORD, STEEP, BEND, PEAK, SHORT, PASSES = 0.015, 0.3, 0.3, 0.005, 0.005, 6
 HALVINGS = 8
 # Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
 AHEAD = 1e-4
+# The multipliers' uncertainty is measured at every so many points, and where the largest modulus is off 1 by
+# no more than so many times that of its neighbours.
+SPARSE, FAR = 32, 5.0
 # A branch that first leads away from its range may do so by this share of the parameter or of the range.
 EXCURSION = 0.02
 
@@ -314,16 +318,29 @@ def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None])
 
 
 def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
-    """(n,): uncertainty of the largest modulus at the unstable points next to stable ones, whose verdict
-    alone may depend on it, nan elsewhere.
+    """(n,): uncertainty of the largest modulus where the verdict may depend on it, nan elsewhere.
+
+    Of the points whose modulus is near 1 it is measured at those on either side of a change of the verdict,
+    at the nearest one between two changes and here and there; then at all that are not far from 1 beside
+    what was measured next to them.
     """
-    stable = np.array([np.abs(item.values[0]) <= 1.0 for item in found])
-    beside_stable = np.append(stable[1:], False) | np.append(False, stable[:-1])
-    result = np.full(len(found), np.nan)
-    for k in np.flatnonzero(~stable & beside_stable):
-        point = continuation.points[k]
-        frequency, factor = continuation.parameter.conditions(point.value)
-        result[k] = multiplier_error(continuation.period, point.fixed, frequency, found[k], factor)
+    largest = np.array([abs(item.values[0]) for item in found])
+    result, off = np.full(len(found), np.nan), np.abs(largest - 1.0)
+    if len(found) < 2:
+        return result
+    changes = np.flatnonzero(np.diff(largest > 1.0 + FLOOR)) + 1
+    asked = {0, *changes, *(changes - 1), *range(0, len(found), SPARSE)}
+    asked |= {begin + int(part.argmin()) for begin, part in zip([0, *changes], np.split(off, changes))}
+    while asked:
+        for k in asked:
+            if off[k] < NEAR:
+                result[k] = uncertainty_at(continuation, k, largest)
+        known = np.flatnonzero(result > FLOOR)
+        if not len(known):
+            break
+        beside = np.searchsorted(known, np.arange(len(found)))
+        near = np.maximum(*(result[known[np.clip(beside + side, 0, len(known) - 1)]] for side in (-1, 0)))
+        asked = set(np.flatnonzero(np.isnan(result) & (off < np.minimum(NEAR, FAR * near))))
     return result
 
 

@@ -10,6 +10,7 @@ from numpy.polynomial import polynomial
 
 from ..errors import SolveError
 from .continuation import HELD, SPAN, Continuation, ContinuationPoint
+from .period_map import Period
 from .shooting import shoot_along
 
 # How far along the arc between two points a zero is located; the same where the function is steep or pairs
@@ -32,7 +33,50 @@ def between(
     """A point of the branch at a fraction of the way from point k to the next one (see `across`); `known` are
     such points by their fractions.
     """
-    parameter = continuation.parameter
+    ends = {0.0: continuation.points[k], 1.0: continuation.points[k + 1], **beside(continuation, k)}
+    places, weights = _weights(ends, fraction)
+    near = np.tensordot(weights, [_derivative(continuation, k, ends[place]) for place in places], 1)
+    found = {**ends, **(known or {})}
+    places, weights = _weights(found, fraction)
+    start = (
+        weights @ np.array([found[place].fixed.state for place in places]),
+        float(weights @ np.array([found[place].value for place in places])),
+    )
+    return _in_plane(continuation, continuation.period, (k, fraction), start, near)
+
+
+def in_finer_steps(
+    continuation: Continuation,
+    times: int,
+    place: tuple[int, float],
+    start: tuple[np.ndarray, float],
+    near: ContinuationPoint,
+) -> ContinuationPoint:
+    """As `between`, of motions in so many times the steps: at a fraction of the way from point k, from a
+    state and a value of the parameter, with the derivative at a point nearby.
+    """
+    return _in_plane(
+        continuation, continuation.finer(times), place, start, _derivative(continuation, place[0], near)
+    )
+
+
+def _derivative(continuation: Continuation, k: int, point: ContinuationPoint) -> np.ndarray:
+    """Of x(T), along the parameter too where it is free in the planes across the way from point k."""
+    held = not across(continuation, k)[1][:-1].any()
+    return point.fixed.monodromy if held else point.derivative(continuation.parameter.name)
+
+
+def _in_plane(
+    continuation: Continuation,
+    period: Period,
+    place: tuple[int, float],
+    start: tuple[np.ndarray, float],
+    near: np.ndarray,
+) -> ContinuationPoint:
+    """The motion of a period in the plane at a fraction of the way from point k to the next one, by Newton's
+    method from a start with a derivative nearby.
+    """
+    (k, fraction), parameter = place, continuation.parameter
     one, other = continuation.points[k : k + 2]
     size, normal = across(continuation, k)
     held = not normal[:-1].any()
@@ -40,23 +84,13 @@ def between(
         one.fixed.state + fraction * (other.fixed.state - one.fixed.state),
         one.value + fraction * (other.value - one.value),
     )
-    ends = {0.0: one, 1.0: other, **beside(continuation, k)}
-    places, weights = _weights(ends, fraction)
-    derivatives = [
-        point.fixed.monodromy if held else point.derivative(parameter.name)
-        for point in (ends[place] for place in places)
-    ]
-    near = np.tensordot(weights, derivatives, 1)
-    found = {**ends, **(known or {})}
-    places, weights = _weights(found, fraction)
-    start = weights @ np.array([found[place].fixed.state for place in places])
-    begin = value if held else float(weights @ np.array([found[place].value for place in places]))
+    begin = value if held else start[1]
 
     def condition(state, change):
         slope = size / parameter.extent * normal[-1]
         return float(normal[:-1] @ (state - guess) + slope * (change + begin - value)), normal[:-1], slope
 
-    fixed = shoot_along(continuation.period, (start, begin), parameter, None if held else condition, near)
+    fixed = shoot_along(period, (start[0], begin), parameter, None if held else condition, near)
     return ContinuationPoint(fixed, float(begin if held else fixed.parameters[0]))
 
 

@@ -110,9 +110,16 @@ class Continuation:
         self.length, self.reason = FIRST, ""
         self.advice = "take more steps a period, or see -shooting_snes_monitor"
         self.sign: float | None = None
+        self._finer: dict[int, Period] = {}
         # the fewest forcing periods after which the first motion repeats itself; a branch of several has
         # ended where it meets one of fewer
         self.periods, self.fallen = minimal_periods(first.fixed), ""
+
+    def finer(self, times: int) -> Period:
+        """The period in so many times the steps."""
+        if times not in self._finer:
+            self._finer[times] = self.period.in_steps(times * self.period.steps)
+        return self._finer[times]
 
     def driven(self, value: float) -> DrivenPeriod:
         """The driven period of a value of the parameter."""

@@ -20,6 +20,7 @@ from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .branch import Branch
+from .extrapolation import extrapolated
 from .fixed_point import FixedPoint
 from .locus_point import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion
@@ -162,33 +163,20 @@ def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
     """Where a row begins (or ceases) to touch between the points k - 1 and k."""
     inside, outside = (k - 1, k) if closes else (k, k - 1)
     begin, end = float(branch.value[inside]), float(branch.value[outside])
-    family = OpenRowFamily(branch.period, row, "load")
-    found: dict[float, FixedPoint] = {}
-
-    def gap(value: float) -> float:
-        guess = branch.states[inside]
-        if found:  # the nearest one that is known, moved as the linear motion does
-            near = min(found, key=lambda other: abs(other - value))
-            moved = family.at(*branch.conditions(value)).linear_state
-            guess = found[near].state + moved - found[near].driven.linear_state
-        found[value] = shoot(family.period, guess, *branch.conditions(value))
-        fixed = found[value]
-        return least(family.gap(fixed.driven, fixed.motion, 1.0)[:-1])
-
+    own = _LeastGap(branch, branch.period, row, branch.states[inside])
     reach = NEAR * max(abs(end - begin), 1e-9 * abs(begin))
     try:
-        first, last = gap(begin), gap(end)
+        first, last = own(begin), own(end)
         if first * last <= 0.0:
-            solved = root_scalar(gap, bracket=(begin, end), xtol=1e-13 * abs(begin), rtol=1e-13)
+            solved = root_scalar(own, bracket=(begin, end), xtol=1e-13 * abs(begin), rtol=1e-13)
+            root, converged = float(solved.root), solved.converged
         else:  # the branch turns at the corner that grazing makes
-            ahead = begin + 0.05 * (end - begin)
-            solved = root_scalar(gap, x0=begin, x1=ahead, xtol=1e-13 * abs(begin), rtol=1e-13)
-        root = solved.root
+            root, converged = own.root(begin, begin + 0.05 * (end - begin))
         # a change of sign is no zero where the orbit jumps to another motion
         missed = (
-            not solved.converged
+            not converged
             or abs(root - begin) > reach
-            or not (abs(gap(float(root))) <= ZERO * max(abs(first), abs(last), abs(first - last)))
+            or not (abs(own(root)) <= ZERO * max(abs(first), abs(last), abs(first - last)))
         )
     except SolveError:
         root, missed = begin, True
@@ -198,6 +186,38 @@ def _grazing(branch: Branch, k: int, row: int, closes: bool) -> Bifurcation:
             f"the branch, at {begin:.8g} and {end:.8g}, was not found; give a branch with a smaller "
             "largest_step"
         )
-    state = found[float(root)].state
+    state = own.found[root].state
+
+    def located(times: int) -> float:
+        finer = _LeastGap(branch, branch.period.in_steps(times * branch.period.steps), row, state)
+        found, converged = finer.root(root, root + 1e-3 * (end - begin))
+        if not converged or abs(found - root) > reach:
+            raise SolveError(f"row {row} does not begin to touch there in {times} times the steps")
+        return found
+
+    value, error = extrapolated(root, located)
     direction = np.zeros(len(state), complex)
-    return Bifurcation("grazing", float(root), complex(np.nan), state, direction, k, row)
+    return Bifurcation("grazing", value, complex(np.nan), state, direction, k, root, error, row)
+
+
+class _LeastGap:
+    """Least gap of a row on the motions of a period without it, over the parameter of a branch."""
+
+    def __init__(self, branch: Branch, period: Period, row: int, state: np.ndarray):
+        self.branch, self.first = branch, state
+        self.family = OpenRowFamily(period, row, "load")
+        self.found: dict[float, FixedPoint] = {}
+
+    def __call__(self, value: float) -> float:
+        conditions, guess = self.branch.conditions(value), self.first
+        if self.found:  # the nearest one that is known, moved as the linear motion does
+            near = min(self.found, key=lambda other: abs(other - value))
+            moved = self.family.at(*conditions).linear_state
+            guess = self.found[near].state + moved - self.found[near].driven.linear_state
+        fixed = self.found[value] = shoot(self.family.period, guess, *conditions)
+        return least(self.family.gap(fixed.driven, fixed.motion, 1.0)[:-1])
+
+    def root(self, one: float, other: float) -> tuple[float, bool]:
+        """By secants from two values, and whether it has converged."""
+        solved = root_scalar(self, x0=one, x1=other, xtol=1e-13 * abs(one), rtol=1e-13)
+        return float(solved.root), bool(solved.converged)

@@ -8,12 +8,14 @@ derivatives.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from .fixed_point import FixedPoint
 from .newton import RELATIVE, ROUND_OFF
-from .orbit import FLOOR, moved_by_half_a_step
+from .orbit import uncertainty_of
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .periodic_schur import product_eigenvalues
 
@@ -156,22 +158,23 @@ def shoot_segments(
     return segmented.joined(found, motions, residuals), segmented, motions
 
 
-def segmented_stability(segmented: SegmentedPeriod, motions: list[PeriodMotion]) -> tuple[np.ndarray, float]:
-    """Multipliers of a motion, as the eigenvalues of the product of its segments' derivatives, and the
-    uncertainty of the largest modulus: its change with the time grid moved by half a step.
+def segmented_stability(
+    segmented: SegmentedPeriod, motions: list[PeriodMotion]
+) -> tuple[np.ndarray, Callable[[], float]]:
+    """Multipliers of a motion, as the eigenvalues of the product of its segments' derivatives, and what
+    computes the uncertainty of the largest modulus, by the same motion in twice the steps.
     """
     values = product_eigenvalues(segmented.derivatives(motions, located=True))
-    driven, p = segmented.driven, segmented.driven.period
-    moved = moved_by_half_a_step(p)
-    guess = [
-        np.concatenate(
-            [p.weights * 0.5 * (m.states[0] + m.states[1]), 0.5 * (m.velocities[0] + m.velocities[1])]
-        )
-        for m in motions
-    ]
-    try:
-        _, other, turned = shoot_segments(moved, driven.frequency, len(motions), np.array(guess))
-    except SolveError:
-        return values, np.nan
-    changed = product_eigenvalues(other.derivatives(turned, located=True))[0]
-    return values, max(FLOOR, float(abs(np.abs(changed) - np.abs(values[0]))))
+    frequency, period = segmented.driven.frequency, segmented.driven.period
+    begins = [np.append(period.weights * motion.states[0], motion.velocities[0]) for motion in motions]
+
+    def error() -> float:
+        finer = period.in_steps(2 * period.steps)
+        try:
+            _, other, found = shoot_segments(finer, frequency, len(begins), np.array(begins))
+        except SolveError:
+            return np.nan
+        changed = product_eigenvalues(other.derivatives(found, located=True))[0]
+        return uncertainty_of(abs(values[0]) - abs(changed))
+
+    return values, error

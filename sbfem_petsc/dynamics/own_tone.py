@@ -276,4 +276,4 @@ def first_circle(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[
     states = bifurcation.state + share * own.period.size(bifurcation.state) * wave
     rotation = float(np.angle(multiplier)) / (2.0 * np.pi)
     plane = np.append(wave.ravel() / np.linalg.norm(wave), [0.0, 0.0])
-    return Circle(states, rotation, bifurcation.value), plane
+    return Circle(states, rotation, bifurcation.own_value), plane

@@ -126,7 +126,7 @@ def amplitude_at(curve: Branch, item: Bifurcation, point: str) -> float:
     """Amplitude of a point at a bifurcation, integrated from its state, m."""
     alone = replace(
         curve,
-        value=np.array([item.value]),
+        value=np.array([item.own_value]),
         states=item.state[None],
         multipliers=np.zeros((1, 0), dtype=complex),
         multiplier_error=np.zeros(1),
@@ -212,7 +212,9 @@ def _draw(
             continue
         shade = next(colour)
         found = in_order(curve)
-        marks = [(item.after, item.value, amplitude_at(curve, item, point) / divisor[name]) for item in found]
+        marks = [
+            (item.after, item.own_value, amplitude_at(curve, item, point) / divisor[name]) for item in found
+        ]
         # the legend shows the solid line whichever part comes first
         axes.plot([], [], color=shade, linewidth=1.1, label=name or "_")
         for stable, x, y in smooth(split(curve.value, heights[name], curve.stable, marks)):
@@ -296,7 +298,7 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
     factor, label = (1.0, "point of the curve") if turns else abscissa({"": curve})
     x = np.arange(float(len(largest))) if turns else curve.value * factor
     marked = [item for item in in_order(curve) if _decides(curve, item)]
-    at = [item.after - 0.5 if turns else item.value * factor for item in marked]
+    at = [item.after - 0.5 if turns else item.own_value * factor for item in marked]
     crossings = [
         (item.after, place, 0.0)
         for item, place in zip(marked, at)

@@ -92,7 +92,7 @@ def plot_swept(
 
 def _draw_branch(axes: Axes, branch: Branch, point: str, along: float, factor: float) -> None:
     """Stable parts solid, unstable ones dashed, black."""
-    marks = [(item.after, item.value, amplitude_at(branch, item, point)) for item in in_order(branch)]
+    marks = [(item.after, item.own_value, amplitude_at(branch, item, point)) for item in in_order(branch)]
     named: set[bool] = set()
     for stable, x, y in smooth(split(branch.value, branch.amplitude(point), branch.stable, marks)):
         name = None if stable in named else "stable" if stable else "unstable"

@@ -21,7 +21,7 @@ from .lock import WriterLock
 from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
 from .sound import number, numbers, text, truth, whole
 
-WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 1
+WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 2
 # Seconds between two updates of a file.
 PAUSE = 2.0
 # Length of the next step of a branch that nobody follows.
@@ -34,7 +34,7 @@ ARRAYS = {
     "point_subharmonics": ("m", "amplitudes at j f / periods"),
     "contact_peak": ("N", "largest contact resultant"),
     "multipliers": ("1", "Floquet multipliers"),
-    "multiplier_error": ("1", "uncertainty of their largest modulus, nan where it was not measured"),
+    "multiplier_error": ("1", "uncertainty of their largest modulus, nan where not measured, inf: unknown"),
     "iterations": ("1", "Newton iterations"),
 }
 
@@ -72,13 +72,17 @@ def write_branch(
         for name, (unit, meaning) in ARRAYS.items():
             put(file, name, getattr(branch, name), unit or _unit(branch.parameter), meaning)
         put(file, "stable", branch.stable, "1", "whether small disturbances die out")
+        put(file, "undecided", branch.undecided, "1", "whether the uncertainty leaves that open")
         put(file, "excitation/orders", period.excitation.orders, "1", "multiples of f / periods")
         put(file, "excitation/amplitudes", period.excitation.amplitudes, "unit of the load", "one-sided")
         write_reduced_model(file.create_group("reduced_model"), branch.reduced)
         for k, item in enumerate(branch.bifurcations):
             group = file.create_group(f"bifurcations/{k:03d}")
             group.attrs.update(
-                {"kind": item.kind, "value": item.value, "multiplier": item.multiplier, "after": item.after}
+                {
+                    name: getattr(item, name)
+                    for name in ("kind", "value", "multiplier", "after", "own_value", "error")
+                }
             )
             if item.row is not None:
                 group.attrs["row"] = item.row

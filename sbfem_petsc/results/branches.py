@@ -59,6 +59,8 @@ def read_branch(path: str) -> Branch:
                 numbers(group, "state", size),
                 numbers(group, "direction", size, kinds="fc"),
                 whole(group, "after", most=count),
+                number(group, "own_value"),
+                number(group, "error", finite=False),
                 whole(group, "row") if "row" in group.attrs else None,
             )
             for group in groups

@@ -179,11 +179,16 @@ def _periodic(
     values["residual"] = (float(result.residuals[-1]), "1")
     if len(result.multipliers):
         values["largest_multiplier"] = (float(np.abs(result.multipliers[0])), "1")
-        values["stable"] = (float(result.stable), "1")
+        values["stable"] = (_truth(result.stable), "1")
     balance = energy_balance(case, table, result)
     if balance is not None:
         values["energy_error"] = (balance, "1")
     return values
+
+
+def _truth(verdict: bool | None) -> float:
+    """1 or 0, nan for none."""
+    return math.nan if verdict is None else float(verdict)
 
 
 def _add_harmonics(values: Values, ending: str, point: str, u: np.ndarray, periods: int) -> None:
@@ -224,7 +229,7 @@ def _quasi_periodic(
     }
     if len(result.exponents):
         values["largest_exponent"] = (float(result.exponents[0]), "1/s")
-        values["stable"] = (float(result.stable), "1")
+        values["stable"] = (_truth(result.stable), "1")
     for point in points:
         values[f"lines/{point}"] = (line_values(result, named, point), "m")
         values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")

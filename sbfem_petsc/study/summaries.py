@@ -175,7 +175,7 @@ def _periodic(result: Any, points: Sequence[str]) -> Tree:
             "half the peak-to-peak of u_y",
         ),
         "converged": Quantity(bool(result.converged)),
-        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for"),
+        "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
         "time": Quantity(result.time, "s", "instants of one period"),
         "displacement": _of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
@@ -297,10 +297,16 @@ def _curve(result: Any, points: Sequence[str]) -> Tree:
         "amplitude": _of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
         "harmonics": _of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
         "stable": Quantity(result.stable, "1", "stability of each point"),
+        "undecided": Quantity(result.undecided, "1", "whether its uncertainty leaves that open"),
         "converged": Quantity(result.converged),
         "contact_peak": Quantity(result.contact_peak, "N", "largest contact resultant"),
         "bifurcations": [
-            {"kind": item.kind, "value": float(item.value), "multiplier": complex(item.multiplier)}
+            {
+                "kind": item.kind,
+                "value": float(item.value),
+                "error": float(item.error),
+                "multiplier": complex(item.multiplier),
+            }
             for item in result.bifurcations
         ],
         "complete": Quantity(bool(result.complete)),
