@@ -105,6 +105,7 @@ def swept_response(
                 f"sweep of 2 to {MOST:g} is expected"
             )
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
+        loads = loads.over(duration, rest=False)
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
             raise ValueError(f"{what}: no load oscillates; give a number, the amplitude of the swept sine")
     highest = max(start, stop)

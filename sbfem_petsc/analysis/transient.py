@@ -132,12 +132,12 @@ def transient(
     with collective(comm):
         loads = loading("transient", model, load)
         duration = positive("transient", "duration", duration, "s")
-        loads = loads.over(duration)
         step = None if step is None else positive("transient", "step", step, "s")
         modes = optional_integer("transient", "modes", modes, least=1)
         decimation = optional_integer("transient", "decimation", decimation, least=1)
         _check(duration, step, contact, scheme)
         _check_start(start)
+        loads = loads.over(duration, isinstance(start, str) and start == "rest")
         check_reduction("transient", reduction)
         check_progress("transient", progress)
         if file is not None:
@@ -160,7 +160,7 @@ def transient(
                 "transient: start in modal coordinates is for the reduced model; give functions of x and y"
             )
     require_compiler("transient", comm)
-    highest, jumps = loads.highest_frequency, loads.jumps(duration)
+    highest, jumps = loads.highest_frequency, loads.jumps
     with contextlib.ExitStack() as stack:
         record = None
         if file is not None:

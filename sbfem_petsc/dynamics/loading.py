@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from numbers import Real
 from typing import Any
+
+import numpy as np
 
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
@@ -17,7 +20,7 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals.sampling import known
 from ..signals.signal import Constant, Signal, as_signal
 from ..system.model import Model
-from ..system.resolution import warn_of_band
+from ..system.resolution import warn_of_band, warn_of_jumps
 
 # Hz: what a structure can be driven at.
 FASTEST = 1e15
@@ -46,29 +49,48 @@ class Loading:
         Empty for a system of matrices, which has unit loads of its own.
     signals : tuple of Signal
         One for each unit load of the system.
+    duration : float
+        s; inf for steady states.
+    rest : bool
+        Whether they act on a structure at rest.
     """
 
     units: tuple[Load, ...]
     signals: tuple[Signal, ...]
+    duration: float = math.inf
+    rest: bool = False
 
     @property
     def highest_frequency(self) -> float:
         """Hz, of the bands that are known; 0 where no signal has one."""
         return max((s.highest_frequency or 0.0 for s in self.signals), default=0.0)
 
-    def over(self, duration: float) -> Loading:
-        """The same in a history of this duration (s), in which all bands are known.
+    def over(self, duration: float, rest: bool) -> Loading:
+        """The same in a history of this duration (s), from rest or not, in which all bands are known.
 
         Raises
         ------
         ValueError
             If a function of time changes too often to be sampled.
         """
-        return replace(self, signals=tuple(known(signal, duration) for signal in self.signals))
+        signals = tuple(known(signal, duration) for signal in self.signals)
+        return Loading(self.units, signals, duration, rest)
 
-    def jumps(self, duration: float) -> bool:
-        """Whether a load jumps between t = 0 and `duration` (s)."""
-        return any(0.0 < instant < duration for s in self.signals for instant in s.breaks)
+    @property
+    def sudden(self) -> list[int]:
+        """Loads that jump, act at once on a structure at rest, or whose highest frequency is not known."""
+        return [
+            k
+            for k, s in enumerate(self.signals)
+            if s.highest_frequency is None
+            or (self.rest and s.after(0.0) != 0.0)
+            or any(0.0 <= t < self.duration and s.before(t) != s.after(t) for t in s.breaks)
+        ]
+
+    @property
+    def jumps(self) -> bool:
+        """Whether a load jumps behind t = 0."""
+        return any(0.0 < instant < self.duration for s in self.signals for instant in s.breaks)
 
 
 def loading(
@@ -166,7 +188,11 @@ def _refuse_ambiguous(owner: str, load: Any) -> None:
 
 
 def serving(
-    owner: str, system: Model | ReducedModel, loads: Loading, modes: int | None, highest: float
+    owner: str,
+    system: Model | ReducedModel,
+    loads: Loading,
+    modes: int | None,
+    highest: float,
 ) -> ReducedModel:
     """The reduced model for an analysis: the system itself, or one made of the model and kept there.
     Collective.
@@ -193,4 +219,10 @@ def serving(
     result = reduced(system, loads.units, modes or default_modes(system, highest))
     assert result.modal is not None
     warn_of_band(owner, result.modal, result.damping, highest)
+    with collective(system.comm):  # functions of a user
+        places = [result.loads.index(loads.units[k]) for k in loads.sudden]
+    moved = (result.load_modes.T[places] / np.where(result.omega > 0.0, result.omega, np.inf)) ** 2
+    whole = moved.sum(axis=1) + result.load_flexibility[places, places]
+    acting = whole > 0.0
+    warn_of_jumps(owner, result.modal, result.damping, moved[acting] / whole[acting, None], loads.duration)
     return result

@@ -34,6 +34,9 @@ WARNED = 7e-4
 # Relative error of an amplitude beyond which the user is warned, and the damping ratio that an undamped mode
 # is looked at with: next to a resonance the error of its frequency counts times the inverse of the ratio.
 WARNED_AMPLITUDE, LEAST_DAMPING = 3e-3, 1e-3
+# Share of the displacement under a load that jumps in modes that are not computed beyond which the user is
+# warned: on a cantilever under tension peaks were off by an eighth of it.
+WARNED_MISSING = 0.03
 # Errors of stress intensity factors in units of that of the exponents at their tips, and the error beyond
 # which the user is warned. Edge and inclined cracks in materials of E_1 / E_2 = 3, 14 and 40 at 0, 30 and 75
 # degrees, orders 4 to 7: 3 in the middle, 1 to 9 in nearly all of them, i.e. right within a factor of 3.
@@ -131,6 +134,50 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
             f"{near[worst] + 1} ({own[worst]:.5g} Hz) changes its amplitude by {_share(errors[worst])}",
             model,
             highest,
+        )
+
+
+def warn_of_jumps(owner: str, found: Modal, ratios: np.ndarray, shares: np.ndarray, duration: float) -> None:
+    """Warn if errors of modes, or modes that are not computed, change by more than `WARNED_AMPLITUDE` what
+    loads without a highest frequency move. Collective.
+
+    Parameters
+    ----------
+    found : Modal
+    ratios : (modes,) array
+        Of damping.
+    shares : (loads, modes) array
+        Of the static displacement under each such load in each mode.
+    duration : float
+        Of the motion, s: what a mode's frequency is off by adds up as long, or until it has died out.
+    """
+    model, most = found.model, shares.max(axis=0, initial=0.0)
+    missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
+    if missing > WARNED_MISSING:
+        warnings.warn(
+            f"{owner}: a load jumps, or has no known highest frequency, and {missing:.1g} of the "
+            f"displacement under it is that of modes above the {len(most)} computed ones, which end at "
+            f"{found.frequencies[-1]:.4g} Hz: it follows the load at once instead of swinging; ask for more "
+            "modes",
+            MeshWarning,
+            stacklevel=caller_level(),
+        )
+    moved = np.flatnonzero(most > WARNED_AMPLITUDE)
+    if not len(moved) or not needs_look(model, 2.0 * float(found.frequencies[moved[-1]])):
+        return
+    turns = np.minimum(
+        2.0 * np.pi * found.frequencies[moved] * duration, 1.0 / np.maximum(ratios[moved], LEAST_DAMPING)
+    )
+    # an error takes no more of an amplitude than all of it
+    errors = most[moved] * np.minimum(_kept_errors(found, moved.tolist()) * turns, 1.0)
+    worst = int(np.argmax(errors))
+    if errors[worst] > WARNED_AMPLITUDE:
+        frequency = float(found.frequencies[moved[worst]])
+        _warn(
+            f"{owner}: a load jumps, or has no known highest frequency, and the error of mode "
+            f"{moved[worst] + 1} ({frequency:.5g} Hz) changes what it moves by {_share(errors[worst])}",
+            model,
+            frequency,
         )
 
 

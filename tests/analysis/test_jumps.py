@@ -1,5 +1,7 @@
 """Loads that jump within a step: closed forms of the modes, event integration, energy and restarts."""
 
+import warnings
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -188,3 +190,29 @@ def test_unreduced(cracked, contact):
     fine = sb.transient(cracked, load, 8e-3, 2e-6, decimation=100, **options)
     size = np.abs(fine.displacement("A")).max()
     assert np.abs(coarse.displacement("A") - fine.displacement("A")).max() < 2e-2 * size
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        sb.EdgeLoad("right", ty=sb.Step(1.0)),
+        sb.EdgeLoad("right", tx=sb.Step(1.0, time=1e-4)),
+        sb.EdgeLoad("right", tx=1.0),
+    ],
+)
+def test_cells_too_large_are_told(load):
+    """A jump moves all modes: it is told where cells are too large for those that count, and the motion is
+    5e-3 off or more.
+    """
+
+    def motion(modes, **mesh):
+        model = sb.Model(Beam(0.4, 0.1).mesh(**mesh), ALUMINIUM, clamped="left", damping=RATIO)
+        history = sb.transient(model, load, 4e-3, modes=modes, decimation=1)
+        return history.time, np.linalg.norm(history.displacement("A"), axis=1)
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sb.MeshWarning)
+        time, fine = motion(100, order=6, size=0.04)
+    with pytest.warns(sb.MeshWarning, match="a load jumps, .* the error of mode .* changes what it moves"):
+        instants, coarse = motion(None, order=2, size=0.1)
+    assert np.abs(np.interp(time, instants, coarse) - fine).max() > 5e-3 * fine.max()
