@@ -282,7 +282,8 @@ def test_start_at_equilibrium(model):
         np.broadcast_to(static.contact_force, history.contact_force.shape),
         atol=1e-5 * static.contact_force.max(),
     )
-    np.testing.assert_allclose(history.stress_intensity()[-1], static.stress_intensity["crack1"], rtol=1e-6)
+    factors = np.array(static.stress_intensity["crack1"])  # K_I of the closed notch is what rounding leaves
+    np.testing.assert_allclose(history.stress_intensity()[-1], factors, atol=1e-6 * np.abs(factors).max())
 
 
 @pytest.mark.slow
