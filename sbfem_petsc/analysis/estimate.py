@@ -15,7 +15,7 @@ from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 
 from ..checks import Bounds, integer, real, shown
 from ..errors import SolveError, caller_level, on_all_ranks
-from ..parallel import agreed
+from ..parallel import agree, agreed
 from ..system.model import Model
 
 # From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
@@ -260,6 +260,12 @@ def refined(
                     made, model = model, None
                     raise on_all_ranks(
                         TypeError(f"{owner}: make_model returned {made!r}, a Model was expected")
+                    )
+                if not done:  # the ranks of a function's models are known from here on
+                    agree(
+                        model.comm,
+                        owner,
+                        {"quantity": sought.solve, "accuracy": accuracy, "levels": levels},
                     )
             with _told_once(done):
                 warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for

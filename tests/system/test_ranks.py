@@ -100,6 +100,8 @@ DIFFERENT = {
     "sb.transient(model, sb.PointForce('A', fy=sb.Custom(waves[rank])), 1e-3, 1e-4, modes=4)": "load differs",
     "sb.transient(model, push, 1e-3, 1e-4, modes=4, start=(waves[rank], None))": "start differs",
     "sb.static(others[rank], push)": "model differs",
+    "sb.estimate(lambda mesh, **o: model, size, accuracy=1e-2 * (1 + rank))": "accuracy differs",
+    "sb.estimate(lambda mesh, **o: model, sizes[rank])": "quantity differs",
     "sb.static(model, sb.PointForce('A', fy=1.0 + rank)).stress((0.02, 0.005))": "load differs",
     "pushes[rank].stress((0.02, 0.005))": "self differs",
     "pushes[rank].displacement((0.02, 0.005))": "self differs",
@@ -125,6 +127,8 @@ import json
 model, said = structure(), {}
 others = model, structure()
 waves = [lambda t, a=a: a * np.sin(t) for a in (1.0, 2.0)]
+sizes = [lambda model, a=a: a * model.unknowns for a in (1.0, 2.0)]
+size = sizes[0]
 pushes = [sb.static(model, sb.PointForce("A", fy=fy)) for fy in (1.0, 2.0)]
 for case in json.loads(sys.argv[1]):
     try:
