@@ -53,8 +53,9 @@ __all__ = [
     "version_line",
 ]
 
-# The one that has started PETSc, which keeps no order between threads.
-_THREAD = threading.current_thread()
+# The thread that PETSc, which keeps no order between threads, works for, and what guards a change of it.
+_at_work: list[threading.Thread] = []
+_changing = threading.Lock()
 OUT_OF_MEMORY = 55  # PETSc's PETSC_ERR_MEM
 # Stages of -log_view, registered in one order on all ranks.
 STAGES = ("Mesh", "S-elements", "Inertia", "Assembly", "Factorisation", "Contact", "Modes", "Steps")
@@ -70,13 +71,17 @@ _LOGGED = {name: PETSc.Log.Stage(f"sbfem: {name}") for name in STAGES}
 
 
 def require_thread() -> None:
-    """Raise a RuntimeError unless this is the thread in which PETSc was started."""
+    """Raise a RuntimeError unless this is the thread that first called PETSc, or that one has ended."""
     here = threading.current_thread()
-    if here is not _THREAD:
-        raise RuntimeError(
-            f"a call in the thread {here.name!r} needs PETSc, which was started in {_THREAD.name!r} and "
-            "works in that thread alone: call it there, or start a process for it"
-        )
+    if _at_work and _at_work[0] is here:
+        return
+    with _changing:
+        if _at_work and _at_work[0].is_alive():
+            raise RuntimeError(
+                f"a call in the thread {here.name!r} needs PETSc, which works for {_at_work[0].name!r} alone "
+                "as long as that thread lives: call it there, or start a process for it"
+            )
+        _at_work[:] = [here]
 
 
 @contextlib.contextmanager
