@@ -11,11 +11,9 @@ from ..capacity import PlannedFile, default_decimation, require_disk, require_me
 from ..errors import caller_level, on_all_ranks
 from ..petsc import MPI
 from ..recording.history_file import FormerRun
+from ..signals.signal import STEPS_A_PERIOD
 from .integration import Steps
 
-# Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega
-# h)^2 / 12 = 3e-5.
-STEPS_A_PERIOD = 320
 # With contact, the default step is at most this share of the highest mode's period: pairs that open and close
 # excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
 # closed, 40 to 160 modes: up to 0.9 the errors of displacement and contact resultant are below 1e-5 and 1e-3;

@@ -13,13 +13,13 @@ from scipy.interpolate import CubicSpline
 
 from ..checks import choice, positive, real, real_array, require_regular
 from ..checks import path as checked_path
-from .signal import ROUND_OFF, Signal
+from .signal import ROUND_OFF, STEPS_A_PERIOD, Signal
 
 # Share of the oscillation's energy below `Samples.highest_frequency`.
 ENERGY_SHARE = 0.9999
-# Steps a period of `highest_frequency` that a history takes by default, and what a corner between two of them
-# may do to the value, as a share of the largest one, before a step has to end at it.
-STEPS_A_PERIOD, CORNER = 320, 0.01
+# What a corner within a step of the default length may do to the value, as a share of the largest one, before
+# a step has to end at it.
+CORNER = 0.01
 # Farthest time (s) and largest value, whose squares a spectrum still holds.
 LATEST, LARGEST = 1e15, 1e140
 

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .signal import Custom, Signal, Sum
+from .signal import STEPS_A_PERIOD, Custom, Signal, Sum
 
 # Samples of a span of time: at first, so that what is a hundred thousandth of it is seen, and at most.
 FIRST, MOST = 2**17, 2**20
 # Fewest steps that follow from them.
 FEWEST = 2**11
 # Where between two samples a function is looked at, and how far from their line it may be, as a share of its
-# amplitude: as a tone is from chords over this part of its period, (2 pi / 320)^2 / 8.
-STEPS_A_PERIOD, BETWEEN = 320, 0.381966
+# amplitude: as a tone is from chords of the default steps.
+BETWEEN = 0.381966
 AGREE = (2.0 * np.pi / STEPS_A_PERIOD) ** 2 / 8.0
 # Parts of the span in each of which they have to be near to the lines.
 PARTS = 64

@@ -14,6 +14,9 @@ from ..checks import Bounds, real, real_array, shown
 
 # Relative to a step: times that miss an end by less are at it, since k * dt is rounded.
 ROUND_OFF = 1e-9
+# Steps a period of the highest load frequency by default: loads are interpolated linearly, an error of (omega
+# h)^2 / 12 = 3e-5.
+STEPS_A_PERIOD = 320
 # Relative to an instant: how far times that round-off has moved are from it at most.
 JUST = 1e-3 * ROUND_OFF
 
