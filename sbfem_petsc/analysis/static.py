@@ -151,10 +151,12 @@ def _warn_of_contact(found: Static) -> None:
     if share <= UNRESOLVED:
         return
     missed = found.unresolved_contact
-    name = max(missed, key=missed.__getitem__)
+    name = max(missed, key=lambda tip: abs(missed[tip]))
+    total = sum(missed.values())
+    off = f"misses about {total:.4g} N" if total >= 0.0 else f"is too large by about {-total:.4g} N"
     warnings.warn(
         f"static: next to the tip of {name} the faces touch over less than its S-element resolves: the "
-        f"contact resultant of {found.contact_resultant:.4g} N misses about {sum(missed.values()):.4g} N, "
+        f"contact resultant of {found.contact_resultant:.4g} N {off}, "
         "see unresolved_contact; give a smaller tip_size",
         MeshWarning,
         stacklevel=caller_level(),

@@ -62,8 +62,8 @@ class Model(Structure):
     supports : sequence of Support
         Further supports: single directions, elastic supports.
     tip_modes : int
-        Polynomials of the contact pressure on the faces inside each tip element, which carry no nodes; 0: no
-        contact there.
+        Polynomials of the contact pressure on the faces inside each tip element, which carry no nodes; where
+        faces that stand apart may close up to the tip a logarithm acts beside them. 0: no contact there.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
