@@ -11,8 +11,8 @@ from tests.systems import one_mass, two_masses
 
 GROUP = Group(
     "curves",
-    1e-10,
-    "1e-10: the instruction sets of other processors move points by up to 9e-12;\n"
+    1e-9,
+    "1e-9: the instruction sets of other processors move points by up to 2e-10;\n"
     "1e-8 of bifurcations, which secants find, and of peaks (6e-10).",
 )
 TURN = 2.0 * np.pi
