@@ -4,7 +4,10 @@ implicit.
 A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix
 factorised once (`unreduced_steps`). Nodes on crack faces have mass here. The contact force is that of the
 step alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's
-acceleration, so contact dissipates and never feeds energy in.
+acceleration, so contact dissipates and never feeds energy in. A node that closes loses the energy of its own
+mass, however short the step: over the burst of a lightly damped cantilever 7e-3, 1.9e-3, 2.2e-3, 1.0e-3 and
+1.2e-3 of what is supplied with 400, 800, 1600, 3200 and 6400 steps a period of the first mode. Halving steps,
+as those of reduced models are, would not take this away.
 
 The model's damping ratio is that of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T; everything
 above them is undamped but for Rayleigh's a M + b K.
