@@ -21,7 +21,9 @@ from ..system.model import Model
 # From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
 # of the edges along faces.
 ORDERS, CELLS, TIPS, FACES = 2, 0.75, 0.4, 1.5
-# Changes are taken to fall no faster than to this part of the one before.
+# Changes are taken to fall no faster than to this part of the one before, nor is a result taken to be nearer
+# than where two such falls would leave it: a last change may be small by accident, as that of an error which
+# changes its sign.
 FASTEST = 0.3
 # Relative errors that may be asked for.
 FINEST, COARSEST = 1e-13, 0.1
@@ -67,7 +69,8 @@ class Estimate:
     value : float, array or dict of these
         Of the finest level.
     error : float
-        Estimate of its relative error: the last change, or less where changes fall fast.
+        Estimate of its relative error: the last change, or less where changes fall fast, but no less than
+        0.09 of the change before.
     first_error : float
         That of the first level, which is the default mesh unless `start` says otherwise: its distance from
         the finest one.
@@ -402,4 +405,5 @@ def _last_error(done: list[Level]) -> float:
     if len(changes) < 2:
         return changes[0] if changes else math.inf
     ratio = max(changes[-1] / max(changes[-2], 1e-300), FASTEST)
-    return changes[-1] * ratio / (1.0 - ratio) if ratio < 0.5 else changes[-1]
+    left = changes[-1] * ratio / (1.0 - ratio) if ratio < 0.5 else changes[-1]
+    return max(left, FASTEST**2 * changes[-2])

@@ -8,6 +8,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Plate, VNotch
+from sbfem_petsc.analysis.estimate import Level, _last_error
 from tests.reference import frequencies, paper_beam, statics
 from tests.systems import ALUMINIUM
 from tests.validation.peer import cantilever
@@ -261,3 +262,39 @@ def test_wrong_input():
         sb.estimate(small, lambda model: "x")
     with pytest.raises(sb.SolveError, match="not finite"):
         sb.estimate(small, lambda model: math.nan)
+
+
+def errors_of_two_kinds(fast, slow, count):
+    """Errors of so many levels whose last two are the same by accident: a large part that falls fast, as by
+    the order, and a small one of the other sign that falls slowly, as that of a corner.
+    """
+    falls = np.arange(count)
+    last = [factor ** (count - 2) * (1.0 - factor) for factor in (fast, slow)]
+    return 1e-2 * (fast**falls - last[0] / last[1] * slow**falls)
+
+
+@pytest.mark.parametrize("count", [3, 4, 5])
+@pytest.mark.parametrize("slow", [0.25, 0.35, 0.45])
+@pytest.mark.parametrize("fast", [0.03, 0.06, 0.12])
+@pytest.mark.parametrize("aside", [0.0, 1e-2, -1e-2])
+def test_a_last_change_that_is_small_by_accident(fast, slow, count, aside):
+    """The error told is at least a third of the exact one, where the change alone told as good as none."""
+    errors = errors_of_two_kinds(fast, slow, count)
+    errors[-1] *= 1.0 + aside
+    changes = [math.nan, *np.abs(np.diff(errors)).tolist()]
+    told = _last_error([Level({}, {}, 0, 1.0 + e, change) for e, change in zip(errors, changes)])
+    assert abs(errors[-1]) < 3.0 * told
+
+
+def test_an_estimate_of_two_kinds_of_errors():
+    """The same by levels of a beam, of which the quantity is known: the error is told before the result."""
+    errors = errors_of_two_kinds(0.06, 0.35, 3)
+    found = sb.estimate(
+        beam_model(Beam(0.04, 0.005)),
+        lambda model: 1.0 + errors[(model.order - 1) // 2],
+        start={"order": 1},
+        accuracy=1e-3,
+        levels=3,
+    )
+    assert found.levels[-1].change < 1e-12
+    assert found.error / 3.0 < abs(found.value - 1.0) < 3.0 * found.error
