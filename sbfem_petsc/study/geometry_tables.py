@@ -70,8 +70,13 @@ class GmshGeometry(Table):
     """A gmsh model with physical groups: surfaces are materials, curves edge sets, points named points."""
 
     kind: Literal["gmsh"] = item(text="a model of gmsh's")
-    file: Name = item(text="path of a .msh, .geo, .step or .brep file, relative to the case file")
-    scale: float = item(1.0, text="factor on the file's lengths: 1e-3 for a model in mm", gt=0)
+    file: Name = item(text="path of a .msh, .geo, .step, .brep or .inp file, relative to the case file")
+    scale: float | None = item(
+        None,
+        text="length of the file's unit: 1e-3 for a model in mm; default: that of STEP and IGES, else 1",
+        unit="m",
+        gt=0,
+    )
 
 
 Geometry = by_kind(BeamGeometry, PlateGeometry, GmshGeometry)

@@ -90,10 +90,9 @@ def mesh(case: Case) -> BoundaryMesh:
     tables = case.tables
     options = {key: getattr(tables.mesh, key) for key in tables.mesh.model_fields_set}
     if tables.geometry.kind == "gmsh":
-        if tables.geometry.scale != 1.0:
-            options["scale"] = tables.geometry.scale
         with located(case, "geometry", "file"):
-            found = read_gmsh(case.resolve(tables.geometry.file), **options)
+            file, scale = case.resolve(tables.geometry.file), tables.geometry.scale
+            found = read_gmsh(file, scale=scale, **options)
     else:
         body = shape(case)
         points = {name: (x, y) for name, (x, y) in tables.points.items()}

@@ -3,6 +3,7 @@
 import json
 import pathlib
 import types
+import warnings
 
 import numpy as np
 import pytest
@@ -238,3 +239,20 @@ def test_nonlinear_starter_case_runs(tmp_path):
 
 def test_sweep_table():
     assert case_from_text(CASE + SWEEP).tables.sweep.parameters["loads.push.fy"].count == 3
+
+
+@pytest.mark.slow
+def test_the_unit_of_a_drawing(tmp_path):
+    """A case file says as read_gmsh does that a large model is meant: 1.0 is not the same as none."""
+    drawing = 'SetFactory("OpenCASCADE");\nRectangle(1) = {0, 0, 0, 60, 30};\nMesh.MeshSizeMax = 20;\n'
+    (tmp_path / "part.geo").write_text(drawing + 'Physical Surface("material") = {1};\n')
+    for scale, width, said in (("", 60.0, True), ("scale = 1.0", 60.0, False), ("scale = 1e-3", 0.06, False)):
+        text = f'[geometry]\nkind = "gmsh"\nfile = "part.geo"\n{scale}\n[material]\n'
+        text += "young = 70e9\npoisson = 0.33\ndensity = 2700.0\n[model]\nclamped = []\n"
+        text += '[analyses.modes]\nkind = "modal"\ncount = 1\n'
+        case = case_from_text(text, folder=str(tmp_path))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always")
+            found = objects.mesh(case)
+        assert np.ptp(found.nodes[:, 0]) == pytest.approx(width)
+        assert any("it is 60 m wide" in str(one.message) for one in caught) == said
