@@ -19,8 +19,8 @@ from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
 SAME = 1e-9
-# Lines up to which motions over time are products with their waves; of more, Fourier transforms, and those
-# that move the modes by less than this share of all, in velocity, are left out.
+# Lines up to which motions over time are products with their waves; of more, Fourier transforms, and of those
+# that move the modes by less than this share of all, in velocity, the modes know nothing.
 LINES, TAIL = 64, 3e-5
 # Lines that are looked at together.
 BLOCK = 4096
@@ -45,11 +45,14 @@ class Excitation:
     amplitudes : (k, loads) complex array
     periods : int
         Forcing periods 1 / f in the common period.
+    further : Excitation or None
+        Lines that hardly move the modes, but belong to the loads themselves.
     """
 
     orders: np.ndarray
     amplitudes: np.ndarray
     periods: int
+    further: Excitation | None = None
 
     @classmethod
     def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:
@@ -95,27 +98,31 @@ class Excitation:
 
     def repeated(self, times: int) -> Excitation:
         """The same loads with `times` their common period."""
-        return Excitation(self.orders * times, self.amplitudes, self.periods * times)
+        further = self.further and self.further.repeated(times)
+        return Excitation(self.orders * times, self.amplitudes, self.periods * times, further)
 
     def scaled(self, factor: float) -> Excitation:
         """The oscillating part times a factor; the constant part stays."""
-        return Excitation(
-            self.orders, np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes, self.periods
-        )
+        amplitudes = np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes
+        return replace(self, amplitudes=amplitudes, further=self.further and self.further.scaled(factor))
 
     @property
     def oscillating(self) -> Excitation:
         """Without the constant part."""
-        keep = self.orders > 0
-        return Excitation(self.orders[keep], self.amplitudes[keep], self.periods)
+        return self._lines(self.orders > 0)
 
     def below(self, order: float) -> Excitation:
         """Without lines from this order on, if there are more than a few."""
-        keep = self.orders < order if len(self.orders) > LINES else np.s_[:]
-        return replace(self, orders=self.orders[keep], amplitudes=self.amplitudes[keep])
+        if len(self.orders) <= LINES:
+            return self
+        further = self.further and self.further._lines(self.further.orders < order)
+        return replace(self._lines(self.orders < order), further=further)
+
+    def _lines(self, chosen: np.ndarray) -> Excitation:
+        return replace(self, orders=self.orders[chosen], amplitudes=self.amplitudes[chosen])
 
     def moving(self, reduction: ReducedModel, frequency: float) -> Excitation:
-        """Without the lines that hardly move the modes, if there are more than a few."""
+        """With the lines that hardly move the modes as further ones, if there are more than a few."""
         r, sizes = reduction, np.empty(len(self.orders))
         if len(sizes) <= LINES:
             return self
@@ -127,7 +134,13 @@ class Excitation:
             )
             sizes[block] = np.linalg.norm(omega * moved, axis=1)
         left = np.sqrt(np.cumsum(sizes[::-1] ** 2))[::-1]
-        return self.below(self.orders[np.count_nonzero(left > TAIL * left[0]) - 1] + 1)
+        moving = left > TAIL * left[0]
+        return replace(self._lines(moving), further=self._lines(~moving))
+
+    def loads(self, count: int) -> np.ndarray:
+        """(count + 1, loads) values at equal steps from 0 to T, both ends."""
+        values = self.over_time(self.amplitudes, count)
+        return values if self.further is None else values + self.further.loads(count)
 
     def over_time(self, amplitudes: np.ndarray, count: int) -> np.ndarray:
         """(count + 1, ...) real values of complex amplitudes (k, ...) at equal steps from 0 to T, both

@@ -124,7 +124,10 @@ class Period:
             if len(self._loaded) > 4:
                 self._loaded.clear()
             r = self.reduced
-            loads = self.over_time(self.excitation.scaled(factor).amplitudes)
+            scaled = self.excitation.scaled(factor)
+            loads = self.over_time(scaled.amplitudes)
+            if scaled.further is not None:
+                loads = loads + scaled.further.loads(self.steps)
             gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
             self._loaded[factor] = loads, gaps
         return self._loaded[factor]
@@ -363,7 +366,7 @@ class DrivenPeriod:
         part = p.excitation.oscillating
         amplitudes, _ = part.response(r, self.frequency)
         gaps = part.over_time(amplitudes @ p.right, p.steps) @ p.left.T
-        gaps += part.over_time(part.amplitudes, p.steps) @ r.gap.loads[: p.pairs].T
+        gaps += part.loads(p.steps) @ r.gap.loads[: p.pairs].T
         return gaps, self._state(
             amplitudes.sum(axis=0).real,
             (2j * np.pi * part.orders[:, None] / self.duration * amplitudes).sum(axis=0).real,

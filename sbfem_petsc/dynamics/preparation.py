@@ -124,7 +124,8 @@ def prepare(
         steps = multiple * math.ceil(steps / multiple)
     elif contact:
         warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
-    excitation = excitation.below(0.5 * steps * excitation.periods)
+    if settings.steps is not None:
+        excitation = excitation.below(0.5 * steps * excitation.periods)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 

@@ -125,7 +125,7 @@ class _UnreducedPeriod:
     ):
         self.fields = fields
         self.march, self.excitation, self.frequency, self.count = march, excitation, frequency, count
-        self.amplitudes = excitation.over_time(excitation.amplitudes, count)
+        self.amplitudes = excitation.loads(count)
         # displacements are weighed with the forcing frequency to be velocities
         self.weight, self.size = 2.0 * np.pi * frequency, march.u.size
         self.products, self.residuals = 0, list[float]()

@@ -74,7 +74,9 @@ def test_pulses_in_a_history(beam):
 @pytest.mark.parametrize("frequency", [20.0, 70.0])
 @pytest.mark.parametrize("duty", [0.5, 0.05, 0.01, 0.003])
 def test_pulse_trains(beam, frequency, duty):
-    """Every harmonic in closed form: those of the pulses times the modes' receptances."""
+    """In closed form: the pulses' harmonics times the modes' receptances. What lines beyond half the steps
+    move without inertia folds back, 1e-7.
+    """
     force = 100.0
     load = sb.PointForce("A", fy=force * sb.Custom(pulses(frequency, duty)))
     orbit = sb.periodic(beam, load, frequency, stability=False)
@@ -88,12 +90,12 @@ def test_pulse_trains(beam, frequency, duty):
         unit * point(part(q), force * part(turns)[:, None], none)[:, 1]
         for unit, part in ((1.0, np.real), (1j, np.imag))
     )
-    np.testing.assert_allclose(orbit.harmonics("A")[:21], lines[:21], rtol=0.0, atol=1e-9 * abs(lines).max())
+    np.testing.assert_allclose(orbit.harmonics("A")[:21], lines[:21], rtol=0.0, atol=1e-6 * abs(lines).max())
     u = np.zeros(len(orbit.time), dtype=complex)
     np.add.at(u, k % len(u), lines)
     u = np.fft.ifft(u, norm="forward").real
-    # at the pulses' ends the residual flexibility's part jumps, which no series meets
-    assert np.abs(orbit.displacement("A")[:, 1] - u).max() < 1e-3 * np.abs(u).max()
+    # next to the pulses' ends this series is not there yet where the residual flexibility's part jumps
+    assert np.abs(orbit.displacement("A")[:, 1] - u).max() < 3e-4 * np.abs(u).max()
 
 
 def stop():
