@@ -17,6 +17,7 @@ from ..loads import as_loads, separate
 from ..parallel import agreed, collective
 from ..petsc import MPI
 from ..system.equilibrium import equilibrium
+from ..system.fracture import notes
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.plausibility import warn_if_large
@@ -185,6 +186,7 @@ def _solved(model: Model, load, contact: bool, solve) -> Static:
         model,
         columns,
         found,
+        notes=notes(model, found.force, columns.tip_forces),
     )
 
 

@@ -64,6 +64,9 @@ class Static:
         The solution in this rank's unknowns.
     estimate : Estimate or None
         Errors, where an accuracy was asked for.
+    notes : tuple of str
+        What K, G and T of its tips do not tell by themselves: units at notches, that of a closed crack along
+        an interface G alone means something, which T it is where faces are pressed. They are printed too.
     """
 
     point_displacements: dict[str, np.ndarray]
@@ -81,6 +84,7 @@ class Static:
     columns: LoadColumns = attribute(repr=False)
     equilibrium: Equilibrium = attribute(repr=False)
     estimate: Any = attribute(default=None, repr=False)
+    notes: tuple[str, ...] = ()
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -104,7 +108,9 @@ class Static:
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
 
-        On an edge between S-elements it is that of one side; under a point force it has no limit.
+        On an edge between S-elements, and where two closed faces of a crack coincide, it is that of one side,
+        of the S-element with the lower number: ask beside a face, 1e-6 of its length away, for the other's.
+        Under a point force it has no limit.
         """
         if isinstance(place, str):
             place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
@@ -216,7 +222,8 @@ class Static:
         for point, u in self.point_displacements.items():
             rows += [(name, point, "", float(value), "m") for name, value in zip(("u_x", "u_y"), u)]
         for tip, factors in self.stress_intensity.items():
-            rows += [(name, tip, "", float(k), "Pa m^(1/2)") for name, k in zip(("K_I", "K_II"), factors)]
+            units = self.model.tips.units(tip)
+            rows += [(name, tip, "", float(k), u) for name, k, u in zip(("K_I", "K_II"), factors, units)]
         rows.append(("contact_resultant", "", "", self.contact_resultant, "N"))
         crack_of = [self.model.cracks[k].name for k in self.model.pairs.crack]
         for name, values, unit in (("contact_force", self.contact_force, "N"), ("gap", self.gap, "m")):
@@ -227,5 +234,5 @@ class Static:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())
         return (
             f"Static({points} m; {int(self.active.sum())} of {len(self.gap)} pairs in contact, resultant "
-            f"{self.contact_resultant:.6g} N; {self.solver})"
+            f"{'; '.join([f'{self.contact_resultant:.6g} N', self.solver, *self.notes])})"
         )

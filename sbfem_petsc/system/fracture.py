@@ -26,8 +26,7 @@ def energy_release_rates(model, intensities: dict[str, tuple[float, float]]) -> 
     values = np.zeros(len(intensities))
     factors = list(intensities.values())
     for number, group, _ in model.tip_places:
-        exponents = model.tips.exponents[number]
-        if not np.allclose(exponents, 0.5, atol=1e-6):
+        if not model.tips.cracks[number]:
             values[number] = np.nan
             continue
         material = model.materials[group.material]
@@ -88,6 +87,42 @@ def _at_interface(intensity: tuple[float, float], material: SectorMaterials) -> 
     return interface_energy_release_rate(
         np.array(intensity), np.stack([part.modulus * part.elasticity for part in (first, last)])
     )
+
+
+def notes(model, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> tuple[str, ...]:
+    """What K, G and T of the tips do not tell by themselves, in sentences. Collective.
+
+    Parameters
+    ----------
+    force, tip_forces
+        As of `t_stresses`.
+    """
+    tips, rows = model.tips, model.tip_rows
+    names, cracks = np.array(tips.names, dtype=object), tips.cracks
+    touching = np.array([force[a:b].any() for a, b in zip(rows, rows[1:])], dtype=bool)
+    loaded = np.zeros(len(names))
+    for number, forces in tip_forces.items():
+        loaded[number] = forces.any()
+    pressed = touching | (model.comm.allreduce(loaded) > 0.0)
+    found = []
+    closed = tips.interfaces & cracks & touching
+    if closed.any():
+        found.append(
+            f"of {listed(names[closed])}, closed along an interface, K_I and K_II are of no field, only "
+            "energy_release_rate is"
+        )
+    for units in dict.fromkeys(tips.units(name) for name in names[~cracks]):
+        alike = [name for name in names[~cracks] if tips.units(name) == units]
+        found.append(
+            f"K_I and K_II of {listed(alike)} are in {units[0]} and {units[1]}, and energy_release_rate is "
+            "nan: stresses at a notch, or a crack that ends at an interface, do not go with r^(-1/2)"
+        )
+    if (pressed & ~tips.interfaces).any():
+        found.append(
+            f"t_stress of {listed(names[pressed & ~tips.interfaces])} is sigma_xx, beside the pressure p on "
+            "the faces; sigma_xx - sigma_yy is T + p"
+        )
+    return tuple(found)
 
 
 def t_stresses(

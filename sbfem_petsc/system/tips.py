@@ -18,6 +18,8 @@ from .shapes import Group
 # Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
 # Rice's complex K in SI units.
 REFERENCE_LENGTH = 1.0
+# How near to 1/2 the exponents of a crack's tip are.
+CRACK = 1e-6
 
 
 class TipPlace(NamedTuple):
@@ -47,6 +49,8 @@ class TipIntensities:
     exponent_errors : (tips,) array
         Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
         exact ones; zero at others.
+    interfaces : (tips,) bool array
+        Whether several materials meet at the tip.
     """
 
     names: tuple[str, ...]
@@ -55,6 +59,20 @@ class TipIntensities:
     contact: np.ndarray
     faces: dict[int, np.ndarray]
     exponent_errors: np.ndarray
+    interfaces: np.ndarray
+
+    @property
+    def cracks(self) -> np.ndarray:
+        """(tips,): whether stresses go with r^(-1/2), as at a crack, so that there is an energy release
+        rate.
+        """
+        return (np.abs(self.exponents - 0.5) <= CRACK).all(axis=1)
+
+    def units(self, tip: str) -> tuple[str, str]:
+        """Of K_I and K_II of a tip."""
+        powers = 1.0 - self.exponents[self.names.index(tip)]
+        one, two = ("Pa m^(1/2)" if abs(p - 0.5) <= CRACK else f"Pa m^{p:.6g}" for p in powers)
+        return one, two
 
     def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
         """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
@@ -80,7 +98,7 @@ def tip_places(model) -> list[TipPlace]:
 def tip_intensities(model) -> TipIntensities:
     """The forms of a model. Collective."""
     tips = model.tip_elements
-    exponents, errors = np.zeros((len(tips), 2)), np.zeros(len(tips))
+    exponents, errors, interfaces = np.zeros((len(tips), 2)), np.zeros(len(tips)), np.zeros(len(tips))
     contact = np.zeros((2 * len(tips), len(model.gap_operator)))
     tractions = {faces.number: faces for faces in model.tip_faces}
     rows: dict[int, tuple[np.ndarray, np.ndarray]] = {}
@@ -109,12 +127,15 @@ def tip_intensities(model) -> TipIntensities:
             placed = form.placed(rotation, size, material.modulus).reshape(2, -1)
             unknowns = model.part.unknowns[group.nodes[member]].ravel()
             rows |= {2 * number + k: (unknowns, placed[k]) for k in (0, 1)}
-            exponents[number] = form.exponents
+            exponents[number], interfaces[number] = form.exponents, isinstance(material, SectorMaterials)
             errors[number] = 0.0 if material.isotropic else np.nan_to_num(form.exponent_error)
             if number in tractions:
                 faces = tractions[number]
                 columns[number] = form.placed_of_tractions(faces.tractions, rotation, size, model.thickness)
                 contact[2 * number : 2 * number + 2, faces.contact] = columns[number][:, : faces.modes]
-    exponents, contact, errors = (model.comm.allreduce(array) for array in (exponents, contact, errors))
+    exponents, contact, errors, interfaces = (
+        model.comm.allreduce(array) for array in (exponents, contact, errors, interfaces)
+    )
     gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
-    return TipIntensities(tuple(tip.name for tip in tips), exponents, gathered, contact, columns, errors)
+    names = tuple(tip.name for tip in tips)
+    return TipIntensities(names, exponents, gathered, contact, columns, errors, interfaces > 0.0)

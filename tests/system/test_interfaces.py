@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy import optimize
 
 import sbfem_petsc as sb
-from meshing import BoundaryMesh, read_gmsh
+from meshing import Beam, BoundaryMesh, VNotch, read_gmsh
 from sbfem_petsc.results.vtu import write_vtu
 from sbfem_petsc.selement.fracture import dundurs
 from tests.numbers.bodies import grid
@@ -50,6 +51,9 @@ def test_closed_crack_that_ends_at_an_interface(ending, tmp_path):
     for point in ("P", "Q"):
         np.testing.assert_allclose(pressed.displacement(point), exact.displacement(point), atol=2e-4)
     assert abs(pressed.stress_intensity["c"][0]) < 1e-3
+    (note,) = pressed.notes
+    power = 1.0 - exponent()
+    assert f"K_I and K_II of 'c' are in Pa m^{power:.4f}"[:-1] in note and note in repr(pressed)
     assert pressed.contact_resultant == pytest.approx(pressed_half(exact), rel=2e-3)
 
 
@@ -82,6 +86,39 @@ def test_materials_of_two_names_and_equal_values(tmp_path):
     pulled = sb.static(sb.Model(mesh, named, clamped=None, supports=HELD), PULL)
     first, second = pulled.stress_intensity["c"]
     assert pulled.energy_release_rate["c"] == pytest.approx((first**2 + second**2) / 2.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0], ids=["closed", "open"])
+def test_what_is_told_of_a_crack_along_an_interface(sign, tmp_path):
+    """Closed, its stresses are not those that Rice's K stands for, and the print says so."""
+    body = model(tmp_path, "along", order=4)
+    found = sb.static(body, [sb.EdgeLoad(edge, pressure=sign) for edge in ("bottom", "top")])
+    told = "of 'c', closed along an interface, K_I and K_II are of no field, only energy_release_rate is"
+    assert found.notes == ((told,) if sign > 0.0 else ()) and (told in repr(found)) == (sign > 0.0)
+    assert found.energy_release_rate["c"] > 0.0
+
+
+@pytest.mark.parametrize("opening, unit", [(0.05, "Pa m^0.499861"), (0.0, "Pa m^(1/2)")])
+def test_units_of_an_open_notch(opening, unit, tmp_path):
+    """Of K_II at 0.05 degrees, Williams' 1 - lambda: the root of sin(lambda w) = lambda sin(w) of a wedge of
+    the angle w = 2 pi - opening, antisymmetric.
+    """
+    wedge = 2.0 * np.pi - np.radians(opening)
+    root = optimize.brentq(lambda x: np.sin(x * wedge) - x * np.sin(wedge), 0.5 - 1e-9, 0.55)
+    mesh = Beam(0.2, 0.02, [VNotch(0.08, 0.01, opening)]).mesh(order=4)
+    body = sb.Model(mesh, sb.Material(70e9, 0.3, 2700))
+    assert body.tips.units("crack1") == ("Pa m^(1/2)", unit)
+    assert abs(body.tips.exponents[0, 1] - root) < 1e-6
+    pulled, pushed = (sb.static(body, sb.PointForce("A", fy=force)) for force in (-1e3, 1e5))
+    assert any(unit in note for note in pulled.notes) == (opening > 0.0)
+    assert np.isnan(pulled.energy_release_rate["crack1"]) == (opening > 0.0)
+    pulled.to_csv(str(tmp_path / "pulled.csv"))
+    (row,) = (line for line in (tmp_path / "pulled.csv").read_text().splitlines() if line.startswith("K_II"))
+    assert row.endswith(unit)
+    told = (
+        "t_stress of 'crack1' is sigma_xx, beside the pressure p on the faces; sigma_xx - sigma_yy is T + p"
+    )
+    assert pushed.notes[-1] == told and told not in pulled.notes
 
 
 @pytest.mark.slow
