@@ -215,6 +215,7 @@ def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipl
     if kind == "grazing":
         place, error = extrapolation.jump(continuation, k - 1, (point, one, other))
     else:
-        place, error = extrapolation.passage(continuation, k - 1, (point, one, other), value)
+        around = [known[end].values for end in (point, one, other)]
+        place, error = extrapolation.passage(continuation, k - 1, (point, one, other), around, value)
     state, direction = point.fixed.state, at.direction(rank)
     return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,7 +13,7 @@ import numpy as np
 from meshing.warnings import BranchWarning
 
 from ..errors import SolveError, caller_level, on_all_ranks
-from .bifurcations import locate
+from .bifurcations import Bifurcation, locate
 from .branch import Branch
 from .branch_range import ContinuationSettings, ParameterRange
 from .branch_zero import beside, between
@@ -179,14 +180,15 @@ def _branch(continuation: Continuation, rows: PointRows, finished: bool) -> Bran
     asked = finished and continuation.settings.stability
     arrived = parameter.reached(points[-1].value)
     found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
+    bifurcations = tuple(locate(continuation, found)) if asked else ()
     return Branch(
         parameter.name,
         np.array([point.value for point in points]),
         np.array([point.fixed.state for point in points]),
         *rows.arrays(),
-        _uncertainty(continuation, found) if asked else np.full(len(points), np.nan),
+        _uncertainty(continuation, found, bifurcations) if asked else np.full(len(points), np.nan),
         np.array([len(point.fixed.residuals) - 1 for point in points]),
-        tuple(locate(continuation, found)) if asked else (),
+        bifurcations,
         continuation.reason or "unfinished",
         len(points) > 1 and arrived,
         period.excitation.periods,
@@ -317,30 +319,35 @@ def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None])
     return excursion([(low, before), (0.0, one), (1.0, other), (high, behind)])
 
 
-def _uncertainty(continuation: Continuation, found: list[Multipliers]) -> np.ndarray:
+def _uncertainty(
+    continuation: Continuation, found: list[Multipliers], bifurcations: tuple[Bifurcation, ...]
+) -> np.ndarray:
     """(n,): uncertainty of the largest modulus where the verdict may depend on it, nan elsewhere.
 
-    Of the points whose modulus is near 1 it is measured at those on either side of a change of the verdict,
-    at the nearest one between two changes and here and there; then at all that are not far from 1 beside
-    what was measured next to them.
+    Beside bifurcations it is expected to be as much as the modulus changes over what the steps move these.
+    Where the modulus is near 1 it is measured here and there, at the nearest point of each stretch of one
+    verdict, and wherever it is not far from 1 beside what is expected there or known next to it.
     """
     largest = np.array([abs(item.values[0]) for item in found])
     result, off = np.full(len(found), np.nan), np.abs(largest - 1.0)
     if len(found) < 2:
         return result
     changes = np.flatnonzero(np.diff(largest > 1.0 + FLOOR)) + 1
-    asked = {0, *changes, *(changes - 1), *range(0, len(found), SPARSE)}
-    asked |= {begin + int(part.argmin()) for begin, part in zip([0, *changes], np.split(off, changes))}
+    nearest = {begin + int(part.argmin()) for begin, part in zip([0, *changes], np.split(off, changes))}
+    asked = {*range(0, len(found), SPARSE), *(nearest - {*changes, *(changes - 1)})}
+    for item in bifurcations:
+        pair = np.array([item.after - 1, item.after])
+        one, other = (continuation.points[k] for k in pair)
+        moved = math.inf if math.isnan(item.error) else abs(item.value - item.own_value) + item.error
+        expected = moved * np.ptp(largest[pair]) / max(abs(other.value - one.value), 1e-300)
+        asked |= {*pair[off[pair] < FAR * expected]}
     while asked:
-        for k in asked:
-            if off[k] < NEAR:
-                result[k] = uncertainty_at(continuation, k, largest)
-        known = np.flatnonzero(result > FLOOR)
-        if not len(known):
-            break
-        beside = np.searchsorted(known, np.arange(len(found)))
-        near = np.maximum(*(result[known[np.clip(beside + side, 0, len(known) - 1)]] for side in (-1, 0)))
-        asked = set(np.flatnonzero(np.isnan(result) & (off < np.minimum(NEAR, FAR * near))))
+        k = asked.pop()
+        if not np.isnan(result[k]) or off[k] > NEAR:
+            continue
+        result[k] = uncertainty_at(continuation, k, largest)
+        beside = {max(k - 1, 0), min(k + 1, len(found) - 1)}
+        asked |= {n for n in beside if result[k] > FLOOR and off[n] < FAR * result[k]}
     return result
 
 

@@ -25,6 +25,8 @@ TIMES = 2, 4
 # Furthest from where it is in the branch's steps that a bifurcation is sought, in chords between two points;
 # what it may be off by, of how far more steps have moved it; steps of a secant at most.
 FURTHEST, CLOSE, MOST = 1.0, 0.05, 8
+# What twice the steps may change, relative, without being looked at in finer ones; that is then what is told.
+FINEST = 1e-6
 # Where multipliers jump the bracket grows by this factor until it holds the jump.
 WIDER = 4.0
 
@@ -62,18 +64,21 @@ def fold(continuation: Continuation, k: int, point: ContinuationPoint) -> tuple[
 
     def located(times: int) -> float:
         nonlocal near
-        near = in_finer_steps(continuation, times, place, (near.fixed.state, near.value), near)
+        near = in_finer_steps(continuation, times, place, (near.fixed.state, near.value), point)
         return near.value
 
     return extrapolated(point.value, located)
 
 
-def passage(continuation: Continuation, k: int, found: Found, value: complex) -> tuple[float, float]:
-    """Value and uncertainty of the point between point k and the next one at which a multiplier passes the
-    unit circle; `found` are that point and its neighbours of either sign.
+def passage(
+    continuation: Continuation, k: int, found: Found, spectra: list[np.ndarray], value: complex
+) -> tuple[float, float]:
+    """Value and uncertainty of the point between point k and the next one at which a multiplier, `value`,
+    passes the unit circle; `found` are that point and its neighbours of either sign, `spectra` all their
+    multipliers.
     """
     try:
-        sought = _Passage(continuation, k, found, value)
+        sought = _Passage(continuation, k, found, spectra, value)
     except SolveError:
         return found[0].value, math.nan
     return extrapolated(sought.own, sought.located)
@@ -90,8 +95,12 @@ def extrapolated(own: float, located: Callable[[int], float]) -> tuple[float, fl
     """A value and its uncertainty from that in the branch's steps and those in finer ones; nan where these
     are not found.
     """
+    values, least = [own], FINEST * abs(own)
     try:
-        values = [own, *(located(times) for times in TIMES)]
+        for times in TIMES:
+            values.append(located(times))
+            if abs(values[1] - own) <= least:
+                return values[1] + (values[1] - own) / 3.0, least
     except SolveError:
         return own, math.nan
     earlier, last = (fine + (fine - coarse) / 3.0 for coarse, fine in zip(values, values[1:]))
@@ -105,7 +114,9 @@ class _Passage:
     which stays smooth where it meets another one; of a complex pair how far outside the circle it is.
     """
 
-    def __init__(self, continuation: Continuation, k: int, found: Found, value: complex):
+    def __init__(
+        self, continuation: Continuation, k: int, found: Found, spectra: list[np.ndarray], value: complex
+    ):
         self.continuation, self.k, (point, one, other) = continuation, k, found
         places = [place_of(continuation, k, item) for item in found]
         width = places[2] - places[1]
@@ -113,7 +124,7 @@ class _Passage:
         self.state = (other.fixed.state - one.fixed.state) / width
         self.value = (other.value - one.value) / width
         self.multiplier = complex(value.real, abs(value.imag))
-        before, after, excess = (self._excess(item) for item in (one, other, point))
+        excess, before, after = (self._excess(item) for item in spectra)
         self.slope = (after - before) / width
         # the last point, its place, how far from it the multiplier passes; how far more steps have moved that
         self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
@@ -138,18 +149,17 @@ class _Passage:
                 break
             start = self.near.fixed.state + self.shift * self.state, self.near.value + self.shift * self.value
             point = in_finer_steps(self.continuation, times, (self.k, place), start, self.near)
-            excess = self._excess(point)
+            excess = self._excess(multipliers_of(point.fixed).values)
             if last is not None and place != last[0]:
                 self.slope = (excess - last[1]) / (place - last[0])
             self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
             moved = max(abs(place + self.shift - begin), self.moved)
-            if abs(self.shift) <= CLOSE * moved:
+            if abs(self.shift) <= CLOSE * moved or abs(self.shift * self.value) <= FINEST * abs(point.value):
                 self.moved = moved
                 return point.value + self.shift * self.value
         raise SolveError(f"no passage of the unit circle was found in {times} times the steps")
 
-    def _excess(self, point: ContinuationPoint) -> float:
-        values = multipliers_of(point.fixed).values
+    def _excess(self, values: np.ndarray) -> float:
         if not self.multiplier.imag:
             return float(np.prod(values - math.copysign(1.0, self.multiplier.real)).real)
         pairs = values[values.imag > 0.0]
