@@ -305,6 +305,7 @@ def _curve(result: Any, points: Sequence[str]) -> Tree:
                 "kind": item.kind,
                 "value": float(item.value),
                 "error": float(item.error),
+                "own_value": float(item.own_value),
                 "multiplier": complex(item.multiplier),
             }
             for item in result.bifurcations
