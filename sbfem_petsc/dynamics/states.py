@@ -49,6 +49,9 @@ class States(Protocol):
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m."""
 
+    def bound(self) -> float:
+        """No named point moves further, m."""
+
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""
 
@@ -125,6 +128,20 @@ class ModalStates:
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2), m."""
         return self._output(point)(self.q, self.amplitudes, self.contact)
+
+    def bound(self) -> float:
+        """No named point moves further, m: by the largest of each coordinate, load and contact force, which
+        is a fraction of the work that their displacements are.
+        """
+        output, total = self.reduced.points, 0.0
+        for rows, values in (
+            (output.modes, self.q),
+            (output.loads, self.amplitudes),
+            (output.contact, self.contact),
+        ):
+            largest = np.maximum(values.max(axis=0, initial=0.0), -values.min(axis=0, initial=0.0))
+            total = total + np.abs(rows) @ largest
+        return float(np.linalg.norm(total, axis=-1).max(initial=0.0))
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s, of the modes: the residual flexibility moves without inertia and is left out."""
@@ -213,6 +230,11 @@ class SampledStates:
             return _of(self.displacements, point, "point")
         place = checked_place("displacement", point)
         return self._kept("displacement").along("displacement", [place], self.contact)[:, 0]
+
+    def bound(self) -> float:
+        """No named point moves further, m."""
+        moves = self.displacements.values()
+        return max((float(np.linalg.norm(u, axis=-1).max()) for u in moves), default=0.0)
 
     def velocity(self, point: Point) -> np.ndarray:
         """(n, 2), m/s."""

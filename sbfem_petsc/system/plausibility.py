@@ -42,8 +42,10 @@ def warn_of_wave_speeds(model: Any) -> None:
 
 def warn_of_motion(owner: str, model: Any, motion: Any) -> None:
     """`warn_if_large` of a history or an orbit at its named points; `model` may be a reduced one."""
-    largest = [np.linalg.norm(motion.displacement(name), axis=-1).max() for name in motion.points]
-    warn_if_large(owner, getattr(model, "model", model), float(max(largest, default=0.0)))
+    body = getattr(model, "model", model)
+    if body is not None and motion.states.bound() > LARGE * _size(body):
+        largest = [np.linalg.norm(motion.displacement(name), axis=-1).max() for name in motion.points]
+        warn_if_large(owner, body, float(max(largest, default=0.0)))
 
 
 def warn_of_amplitudes(owner: str, curve: Any) -> None:
@@ -70,7 +72,7 @@ def warn_if_large(owner: str, model: Any, largest: float) -> None:
     """
     if model is None or model.comm.rank > 0:
         return
-    size = float(np.max(model.extent[1] - model.extent[0]))
+    size = _size(model)
     if largest > LARGE * size:
         warnings.warn(
             f"{owner}: displacements reach {largest:.3g} m, {100.0 * largest / size:.3g} % of the body's "
@@ -79,3 +81,7 @@ def warn_if_large(owner: str, model: Any, largest: float) -> None:
             LargeDisplacementWarning,
             stacklevel=caller_level(),
         )
+
+
+def _size(model: Any) -> float:
+    return float(np.max(model.extent[1] - model.extent[0]))

@@ -9,6 +9,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, Plate, UnitWarning
+from sbfem_petsc.dynamics.states import ModalStates
+from tests.systems import two_masses
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700.0)
 
@@ -105,3 +107,18 @@ def test_displacements_of_motions(share):
     said += told(lambda: sb.transient(model, slow, 10 / first, **few), sb.LargeDisplacementWarning)[1]
     begins = ["periodic", "frequency_response", "frequency_response", "transient"]
     assert [one.split(":")[0] for one in said] == (begins if share > 0.05 else [])
+
+
+def test_no_point_moves_further_than_the_bound():
+    """In a random motion with loads and contact, and one that a single coordinate makes is the bound."""
+    reduced = two_masses()
+    generator = np.random.default_rng(3)
+    for shares in ((1, 1, 1), (1, 0, 0), (0, 0, 1)):
+        parts = [share * generator.normal(size=(50, n)) for share, n in zip(shares, (2, 1, 1))]
+        states = ModalStates(parts[0], parts[0], parts[1], parts[2], reduced)
+        moves = [np.linalg.norm(states.displacement(name), axis=-1).max() for name in states.points]
+        assert max(moves) <= states.bound() <= 4.0 * max(moves)
+    parts[0][:, 0] = generator.normal(size=50)
+    states = ModalStates(parts[0], parts[0], parts[1], 0.0 * parts[2], reduced)
+    moves = [np.linalg.norm(states.displacement(name), axis=-1).max() for name in states.points]
+    assert states.bound() == pytest.approx(max(moves), rel=1e-12)
