@@ -729,7 +729,7 @@ SHARED["loci"] = [
 def fold() -> Bifurcation:
     """Of `model_branch`, made up."""
     state = model_branch().states[0]
-    return Bifurcation("fold", 300.05, 1.0 + 0.0j, state, state.astype(complex), 0)
+    return Bifurcation("fold", 300.05, 1.0 + 0.0j, state, state.astype(complex), 0, 300.05, 1e-6)
 
 
 def shared_tones() -> sb.QuasiPeriodic:
