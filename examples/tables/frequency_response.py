@@ -61,7 +61,7 @@ def half(orbit):
 
 def unstable(curve):
     """Frequencies between which a curve is unstable, in order of its arc length, Hz."""
-    marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
+    marks = [(item.after, item.own_value, 0.0) for item in in_order(curve)]
     return [
         (float(value.min()), float(value.max()))
         for stable, value, _ in split(curve.value, 0.0 * curve.value, curve.stable, marks)
@@ -71,7 +71,7 @@ def unstable(curve):
 
 def together(curve):
     """Frequencies with two stable motions of the curve, Hz, or None."""
-    marks = [(item.after, item.value, 0.0) for item in in_order(curve)]
+    marks = [(item.after, item.own_value, 0.0) for item in in_order(curve)]
     pieces = []
     for stable, value, _ in split(curve.value, 0.0 * curve.value, curve.stable, marks):
         turns = np.flatnonzero(np.diff(np.sign(np.diff(value))) != 0) + 1

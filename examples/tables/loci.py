@@ -80,7 +80,8 @@ def checked(reduced, curve, line, k, steps):
             )
         except sb.SolveError:
             continue
-        found = [item.value for item in near.bifurcations if item.kind == line.kind]
+        # in the steps of both, as the line is
+        found = [item.own_value for item in near.bifurcations if item.kind == line.kind]
         if found:
             apart = float(np.abs(np.array(found) / frequency - 1.0).min())
             return (

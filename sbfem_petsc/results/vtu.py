@@ -22,7 +22,7 @@ STRESSES = ("stress_xx", "stress_yy", "stress_xy", "von_mises")
 _MODES_UNIT = "/sqrt(kg)"
 
 
-@agreed()
+@agreed("fields")  # of this rank's nodes
 def write_vtu(
     path: str,
     model: Model,

@@ -457,18 +457,18 @@ def test_a_motion_of_two_masses_repeats():
     energy is that of the branch.
     """
     r = two_masses()
-    found = sb.backbone(r, 2, 1.5, 3.0, steps=4096, refine=False)
+    found = sb.backbone(r, 2, 1.5, 3.0, steps=8192, refine=False)
     motion, m = found.orbit(-1), len(r.omega)
     state = found.states[-1]
     history = sb.transient(
         r,
         [0.0],
         10.0 * motion.period,
-        step=motion.period / 4096,
+        step=motion.period / 8192,
         start=(state[:m] / r.omega, state[m:]),
     )
     u = history.displacement("2")[:, 1]
-    assert np.abs(u[::4096] - u[0]).max() < 1e-6 * np.abs(u).max()
+    assert np.abs(u[::8192] - u[0]).max() < 1e-6 * np.abs(u).max()
     assert history.energy.total[-1] == pytest.approx(3.0, rel=1e-5)
 
 

@@ -213,10 +213,6 @@ def test_accuracy_of_modes_and_statics(short):
     assert distance(found.contact_resultant, exact.contact_resultant) < 3 * found.estimate.error
     first = distance(sb.static(short, push).contact_resultant, exact.contact_resultant)
     assert first / 3 < found.estimate.first_error < 3 * first
-    # what the tip's element does not carry is known in closed form
-    whole = sb.static(short, push)
-    total = whole.contact_resultant + whole.unresolved_contact["crack1"]
-    assert distance(total, exact.contact_resultant) < 0.2 * first
 
 
 def test_free_structures_and_meshes_from_files(tmp_path):

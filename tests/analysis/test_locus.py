@@ -88,7 +88,7 @@ def test_every_point_stands_on_a_curve_of_one_parameter(curve, kind):
     assert len(line) >= 12 and np.ptp(line.value) > 0.1
     assert np.abs(line.multiplier) == pytest.approx(np.ones(len(line)), abs=1e-5)
     assert [within(curve, line, k) <= 1e-6 for k in range(len(line))] == len(line) * [True]
-    found = [item.value for item in of_kind(response(float(line.value[-1])), kind)]
+    found = [item.own_value for item in of_kind(response(float(line.value[-1])), kind)]
     assert np.abs(np.array(found) / line.frequency[-1] - 1.0).min() < (1e-4 if kind == "fold" else 2e-5)
 
 
@@ -126,7 +126,7 @@ def test_a_multiplier_that_hardly_leaves_the_circle():
         curve = sb.frequency_response(
             reduced, [force], expected - 4.0, expected + 4.0, steps=256, largest_step=0.5
         )
-        found = [item.value for item in curve.bifurcations if abs(item.multiplier - 1.0) < 0.02]
+        found = [item.own_value for item in curve.bifurcations if abs(item.multiplier - 1.0) < 0.02]
         assert np.abs(np.array(found) - expected).min() < 0.03
 
 

@@ -70,7 +70,7 @@ def test_contact_inside_the_tip_element(tmp_path):
     orbit = sb.periodic(model, push, 200.0, modes=16)
     peak = float(orbit.time[orbit.contact_resultant.argmax()])
     inside = orbit.states.contact[orbit.contact_resultant.argmax(), orbit.states.pairs :]
-    assert orbit.field(peak).tip_forces[0][:4] == pytest.approx(inside)
+    assert orbit.field(peak).tip_forces[0][: len(inside)] == pytest.approx(inside)
 
 
 def entries(pvd):

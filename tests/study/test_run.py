@@ -546,7 +546,7 @@ def test_branches(tmp_path):
         done = sbfem("plot", tmp_path / "out", "--output", tmp_path / "again", "--quiet")
     assert done.code == 0, done.err
     names = {path.name for path in (tmp_path / "again").iterdir()}
-    assert names == drawn
+    assert names == drawn | {".sbfem-index"}
     assert {
         "attraction_basins.png",
         "own_own_tones.png",
