@@ -196,11 +196,22 @@ def _warn_of_springs(found: Static) -> None:
     """
     compliance = found.model.__dict__.get("compliance")  # none where larger problems are solved without it
     touching = np.flatnonzero(found.active)
-    if compliance is None or len(touching) < 2:
+    one, row, other = touching[:-2], touching[1:-1], touching[2:]
+    pairs = found.model.pairs
+    within = pairs.crack[one] == pairs.crack[other]
+    one, row, other = one[within], row[within], other[within]
+    if compliance is None or not len(row):
         return
-    one, other = touching[:-1], touching[1:]
-    own = compliance.gaps.diagonal()
-    between = np.median(own[one] + own[other] - 2.0 * compliance.gaps[one, other])
+    # what a row's gap gives way beside the line through its neighbours', on which faces are that turn
+    places, gaps = pairs.arc, compliance.gaps
+    share = (places[other] - places[row]) / (places[other] - places[one])
+    rest, own = 1.0 - share, gaps.diagonal()
+    between = np.median(
+        own[row]
+        + share**2 * own[one]
+        + rest**2 * own[other]
+        - 2.0 * (share * gaps[one, row] + rest * gaps[row, other] - share * rest * gaps[one, other])
+    )
     lost = DIGITS * float(own[touching].max() / max(between, 1e-300))
     if lost > LOST:
         warnings.warn(
