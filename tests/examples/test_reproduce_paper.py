@@ -230,7 +230,7 @@ PINNED = {
     },
     "eq25": {
         "printed_eq33_left": (1.0, 1e-6),
-        # of the default mesh's contact rows: they grow or fall with their number, and the scheme is not stable
+        # of the default mesh's contact rows: they grow or fall with their number; the scheme is not stable
         "one_pass_tension": (67.0, 0.02),
         "paper, Mcf = 1/excess": (0.09705, 0.02),
         "paper, Mcf = 1/peak_resultant": (30358, 0.02),
