@@ -1,0 +1,334 @@
+"""Points of a branch between two that are known, and where a function of them vanishes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+from numpy.polynomial import polynomial
+
+from ..errors import SolveError
+from .follow import HELD, Line
+from .newton import correct
+from .problem import Condition, Linear, Metric, Point, Problem
+
+# How far along the way between two points a zero is located; the same where the function is steep or pairs
+# begin or cease to touch; evaluations at most.
+FINE, FINER, MOST = 5e-3, 2e-4, 20
+# Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
+APART = 0.2
+# Values that rounding alone tells apart.
+SAME = 1e-10
+# A chord of a curve, over value and height both scaled to 1, is divided, so many times at most, if it is off
+# the curve by more than this share of the height, or of it times a cosine where the curve is steeper; beside
+# a peak until the bend (radian) or the chord is as small; not if it is shorter.
+CHORD, STEEP, BEND, PEAK, SHORT, PASSES = 0.015, 0.3, 0.3, 0.005, 0.005, 6
+
+Places = dict[float, Point]
+
+
+class Way:
+    """The way from point k of a line to the next one, cut into fractions by planes across its chord, or by
+    the value where the way is mostly that and does not turn nearby, where it leads beyond both points.
+
+    Attributes
+    ----------
+    held : bool
+        Whether the value cuts it.
+    """
+
+    def __init__(self, line: Line, k: int):
+        self.points, self.k = line.points, k
+        self.one, self.other = line.points[k : k + 2]
+        self.problem = self.other.problem
+        self.metric = Metric(self.problem, self.one.u)
+        self.step = self.metric.way(self.one, self.other)
+        values = np.diff([point.value for point in self.points[max(0, k - 1) : k + 3]])
+        pace = max(self.metric.pace(self.one.u), 1e-300)
+        along = abs(self.other.value - self.one.value) > HELD * pace * self.metric.length(self.step)
+        self.held = along and bool((values > 0.0).all() or (values < 0.0).all())
+
+    def place_of(self, point: Point) -> float:
+        """Fraction of the way at which a point is."""
+        if self.held:
+            return (point.value - self.one.value) / (self.other.value - self.one.value)
+        there = self.metric.way(self.one, point)
+        return self.metric.dot(there, self.step) / self.metric.dot(self.step, self.step)
+
+    def beside(self) -> Places:
+        """The points before and behind the two by their fractions of the way between these."""
+        result = {}
+        for n in (self.k - 1, self.k + 2):
+            if 0 <= n < len(self.points) and len(self.points[n].u) == len(self.one.u):
+                place = self.place_of(self.points[n])
+                if place < -APART if n < self.k else place > 1.0 + APART:
+                    result[place] = self.points[n]
+        return result
+
+    def at(self, fraction: float) -> tuple[Condition, float]:
+        """The condition of a fraction, and the value there along the chord."""
+        value = self.one.value + fraction * (self.other.value - self.one.value)
+        if self.held:
+            return self.metric.level(self.one.u, value), value
+        there = self.one.u + fraction * (self.other.u - self.one.u)
+        return self.metric.plane(self.metric.unit(self.step), there), value
+
+    def point(self, problem: Problem, fraction: float, start: np.ndarray, near: Linear) -> Point:
+        """The solution of a problem at a fraction, from a start with linearised equations nearby."""
+        condition, value = self.at(fraction)
+        if not self.held:
+            return correct(problem, start, condition, near)
+        found = correct(problem, problem.placed(start, value), condition, near)
+        found.value = value
+        return found
+
+
+def between(line: Line, k: int, fraction: float, known: Places | None = None) -> Point:
+    """The point of a line at a fraction of the way from point k to the next one (see `Way`); `known` are such
+    points by their fractions.
+    """
+    way = Way(line, k)
+    ends = {0.0: way.one, 1.0: way.other, **way.beside()}
+    places, weights = _weights(ends, fraction)
+    near = way.other.linear.mixed([ends[place].linear for place in places], list(weights))
+    found = {**ends, **(known or {})}
+    places, weights = _weights(found, fraction)
+    start = weights @ np.array([found[place].u for place in places])
+    return way.point(way.problem, fraction, start, near)
+
+
+def in_finer_steps(line: Line, times: int, place: tuple[int, float], start: np.ndarray, near: Point) -> Point:
+    """As `between`, of solutions in so many times the steps of time: at a fraction of the way from point k,
+    from unknowns, with the linearised equations at a point nearby.
+    """
+    way = Way(line, place[0])
+    return way.point(way.problem.finer(times), place[1], start, near.linear)
+
+
+def place_of(line: Line, k: int, point: Point) -> float:
+    """Fraction of the way from point k to the next one at which a point is."""
+    return Way(line, k).place_of(point)
+
+
+def beside(line: Line, k: int) -> Places:
+    """The points before and behind points k and k + 1 by their fractions of the way between these."""
+    return Way(line, k).beside()
+
+
+def _weights(known: Places, fraction: float) -> tuple[list[float], np.ndarray]:
+    """Places that are nearest to a fraction, and the weights of the polynomial through them there."""
+    places = sorted(known, key=lambda place: abs(place - fraction))[:4]
+    weights = [
+        math.prod((fraction - other) / (place - other) for other in places if other != place)
+        for place in places
+    ]
+    return places, np.array(weights)
+
+
+def find_zero(
+    line: Line,
+    k: int,
+    test: Callable[[Point], float],
+    ends: tuple[float, float],
+    smooth: Callable[[Places], dict[float, float]] | None = None,
+    small: float = math.inf,
+) -> tuple[Point, Point, Point]:
+    """The point between points k and k + 1 at which a test function of points vanishes, and its nearest
+    neighbours of either sign.
+
+    Parameters
+    ----------
+    line : Line
+    k : int
+    test : callable
+    ends : (float, float)
+        Its values at both points, of different sign.
+    smooth : callable, optional
+        Values at points by their places, also at those before and behind the two, of a function that is the
+        test near its zero and bends less: where that is looked for next. Default: the test itself.
+    small : float
+        What the test may be at the point that is found; a larger value is located more finely.
+    """
+    alike = line.points[k + 1].problem.alike
+    known: Places = dict(zip((0.0, 1.0), line.points[k : k + 2]))
+    values = dict(zip((0.0, 1.0), ends))
+    around = beside(line, k) if smooth is not None else {}
+    bracket, place, widths, poor = (0.0, 1.0), 0.0, [1.0], False
+    while len(widths) <= MOST:
+        near = min(abs(values[end]) for end in bracket) <= small
+        if widths[-1] <= FINER * (1.0 + 1e-9) or (
+            widths[-1] <= FINE * (1.0 + 1e-9) and near and alike(*(known[end] for end in bracket))
+        ):
+            break
+        expected = values if smooth is None else smooth({**around, **known})
+        # what is followed may vanish elsewhere than the test, which counts all
+        other = len(known) > 2 and abs(expected[place] - values[place]) > SAME
+        if len(known) > 2 and not other and near and _arrived(known, values, expected, place, alike):
+            break
+        slow = len(widths) > 2 and widths[-1] > 0.5 * widths[-3]
+        place = 0.5 * sum(bracket) if slow or poor or other else _next_place(expected, *bracket)
+        try:
+            known[place] = between(line, k, place, known)
+        except SolveError:  # the nearer of the points that were found stands for it
+            break
+        values[place] = test(known[place])
+        ahead = values[place] * values[bracket[0]] > 0.0
+        left = bracket[0] if ahead else bracket[1]
+        # at a jump nothing vanishes
+        poor = abs(values[place]) > 0.5 * abs(values[left])
+        bracket = (place, bracket[1]) if ahead else (bracket[0], place)
+        widths.append(bracket[1] - bracket[0])
+    nearest = min(bracket, key=lambda place: abs(values[place]))
+    return known[nearest], known[bracket[0]], known[bracket[1]]
+
+
+def _next_place(values: dict[float, float], lower: float, upper: float) -> float:
+    """Where the polynomial through the nearest values vanishes between two places, their middle if nowhere;
+    beyond it if it is next to either, so that they come near to each other.
+    """
+    middle = 0.5 * (lower + upper)
+    places = np.array(sorted(values, key=lambda place: abs(place - middle))[:4])
+    heights = np.array([values[place] for place in places])
+    weights = polynomial.polyfit(places - middle, heights / np.abs(heights).max(), len(places) - 1)
+    roots = polynomial.polyroots(weights)
+    roots = roots.real[np.abs(roots.imag) < 1e-9] + middle
+    inside = roots[(roots > lower) & (roots < upper)]
+    if not len(inside):
+        return middle
+    best = places[np.abs(heights).argmin()]
+    found = float(inside[np.abs(inside - best).argmin()])
+    # as far beyond it, unless that is beyond both
+    if found - lower < 0.5 * FINE:
+        found = lower + max(2.0 * (found - lower), 0.5 * FINE)
+    elif upper - found < 0.5 * FINE:
+        found = upper - max(2.0 * (upper - found), 0.5 * FINE)
+    return found if lower < found < upper else middle
+
+
+def _arrived(
+    known: Places,
+    values: dict[float, float],
+    expected: dict[float, float],
+    place: float,
+    alike: Callable[[Point, Point], bool],
+) -> bool:
+    """Whether a test function vanishes next to a place: by the straight lines to the neighbours on either
+    side, between which the zero of a curve without inflection lies; not where the branch has a corner.
+    """
+    places = sorted(known)
+    n = places.index(place)
+    for other in (places[n - 1], places[n + 1]):
+        if values[other] * values[place] <= 0.0 and not alike(known[place], known[other]):
+            return False
+        rise = abs(expected[place] - expected[other])
+        if abs(expected[place] * (other - place)) > 0.5 * FINE * rise:
+            return False
+    return True
+
+
+def located(
+    line: Line, k: int, test: Callable[[Point], float], ends: tuple[float, float]
+) -> tuple[int, Point]:
+    """Where a test function vanishes between points k and k + 1, and by the straight line through its
+    neighbours of either sign, if that is nearer: a value's extremum is then off by the fourth power of how
+    far they are apart. With k.
+    """
+    point, *sides = find_zero(line, k, test, ends)
+    places, values = [place_of(line, k, side) for side in sides], [test(side) for side in sides]
+    if values[0] == values[1]:
+        return k, point
+    place = places[0] - values[0] * (places[1] - places[0]) / (values[1] - values[0])
+    try:
+        nearer = between(line, k, place, dict(zip(places, sides)))
+    except SolveError:
+        return k, point
+    return k, (nearer if abs(test(nearer)) < abs(test(point)) else point)
+
+
+def fold(line: Line, k: int) -> tuple[int, Point] | None:
+    """Where the value turns between the neighbours of point k: the number of the point before it, and the
+    point there; None if it does not turn.
+    """
+    before, here, behind = line.points[k - 1 : k + 2]
+    if not (here.value - before.value) * (behind.value - here.value) < 0.0:
+        return None
+    metric = Metric(here.problem, here.u)
+    row = metric.row(metric.chord(before, behind))
+
+    def pace(point: Point) -> float:
+        """The value's part of the branch's direction."""
+        rows = point.linear.rows
+        direction = point.linear.bordered(row).solve(np.eye(1, rows + 1, rows)[0])
+        return point.problem.sum(float(point.problem.value(point.u)[1] @ direction))
+
+    for first in (k - 1, k):
+        ends = pace(line.points[first]), pace(line.points[first + 1])
+        if ends[0] * ends[1] <= 0.0:
+            return located(line, first, pace, ends)
+    return k, here
+
+
+def refine(
+    line: Line, extent: float, heights: Callable[[], np.ndarray], add: Callable[[Point, int], None]
+) -> None:
+    """Points between those where heights bend over the value, so that chords show the curve and peaks stand
+    where they are.
+
+    Parameters
+    ----------
+    line : Line
+    extent : float
+        Of the range.
+    heights : callable
+        (curves, n) of all points, such as amplitudes.
+    add : callable
+        Is told each new point and its place.
+    """
+    for _ in range(PASSES):
+        values = line.values / extent
+        bent = {k for curve in heights() if curve.any() for k in coarse_chords(values, curve)}
+        for k in sorted(bent, reverse=True):
+            insert(line, k, 0.5, add)
+        if not bent:
+            break
+
+
+def insert(line: Line, k: int, fraction: float, add: Callable[[Point, int], None]) -> None:
+    """A further point of a line between point k and the next one, unless a corner is there."""
+    try:
+        point = between(line, k, fraction)
+    except SolveError:
+        return
+    add(point, k + 1)
+    line.points.insert(k + 1, point)
+    point.state.forget()
+
+
+def coarse_chords(value: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Numbers of the chords of a curve that are to be divided.
+
+    Parameters
+    ----------
+    value : (n,) array
+        As a share of its range.
+    height : (n,) array
+    """
+    heights = height / height.max()
+    steps = np.diff(np.stack([value, heights], axis=1), axis=0)
+    length = np.hypot(*steps.T)
+    turn = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
+    curvature = 2.0 * turn / np.maximum(length[1:] + length[:-1], 1e-300)
+    most, sharpest = (
+        np.maximum(np.append(item, 0.0), np.append(0.0, item)) for item in (curvature, turn)
+    )  # of both ends of each chord
+    # a corner is off no chord by more than its turn tells
+    off = np.minimum(most * length**2 / 8.0, sharpest * length / 4.0)
+    height = 0.5 * (heights[1:] + heights[:-1])
+    flatness = np.maximum(np.abs(steps[:, 0]) / np.maximum(length, 1e-300), STEEP)
+    coarse = (off > CHORD * height * flatness) & (length > SHORT)
+    inner = heights[1:-1]
+    peaks = 1 + np.flatnonzero((inner >= heights[:-2]) & (inner >= heights[2:]) & (turn > BEND))
+    beside = np.unique(np.concatenate([peaks - 1, peaks]))
+    coarse[beside[length[beside] > PEAK]] = True
+    return np.flatnonzero(coarse)

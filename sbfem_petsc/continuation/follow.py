@@ -1,0 +1,428 @@
+"""One continuation for every problem: predictor, corrector, length of step, folds, corners, ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..errors import PetscFailure
+from .newton import FAILURES, correct
+from .problem import Linear, Metric, Point, Problem, Range
+
+# A step that is the value's by more than this share is taken to a value of it, so that what is prepared for
+# one serves all iterations.
+HELD = 0.7
+# The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
+# its length; radian.
+TURN, TOO_SHARP = 0.35, 1.0
+# Further than this from its heading a step has come to another part of the branch, radian.
+ASIDE = 1.0
+# Newton iterations a step should take, and more than which is a sign that it has met another branch.
+COMFORT, TOO_MANY = 4, 7
+# Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
+CORNER = 5e-3
+# A stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets
+# there; so many times as long.
+REACHES = 1.0, 8.0, 64.0
+# Beyond a corner, a point in the direction of what lies behind, by this cosine, is on the part of the branch
+# that has been gone through ...
+BACK = 0.999
+# ... and of a branch that bends there a point this near, of its distance from the last one, to the parabola
+# through the last three.
+ALONG = 0.05
+# A tangent that points back so straight is that of a smooth branch at which the determinant has changed its
+# sign, and not of the far side of a corner.
+STRAIGHT = 0.999
+# Of the unknowns in their units: how near the last point is to the first one if it is the same solution.
+SAME = 1e-6
+# Of the range: the value of a branch that goes no further does not change.
+STILL = 1e-9
+# Points before a line may close, and how far it may pass beside its first point, of its step.
+CLOSED, BESIDE = 6, 0.2
+# Length of the first step beyond a leap.
+LANDED = 0.02
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How a branch is followed.
+
+    Attributes
+    ----------
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the value from a point to the next one.
+    first, largest, smallest : float
+        Lengths of steps.
+    """
+
+    points: int = 400
+    largest_step: float = math.inf
+    first: float = 0.05
+    largest: float = 0.35
+    smallest: float = 1e-5
+
+
+@dataclass
+class Line:
+    """A branch while it is followed, and what it takes to go on with it.
+
+    Attributes
+    ----------
+    points : list of Point
+        In order of arc length.
+    length : float
+        Of the next step; 0: the first one's.
+    sign : float or None
+        Of the determinant along it.
+    reason : str
+        Why it ended; "" while it has not.
+    complete : bool
+        Whether it has come to an end of its range, or closed.
+    advice : str
+        What may help where it stopped.
+    """
+
+    points: list[Point]
+    length: float = 0.0
+    sign: float | None = None
+    reason: str = ""
+    complete: bool = False
+    advice: str = field(default="", repr=False)
+
+    @property
+    def problem(self) -> Problem:
+        """That of its last point."""
+        return self.points[-1].problem
+
+    @property
+    def values(self) -> np.ndarray:
+        """(n,) of all points."""
+        return np.array([point.value for point in self.points])
+
+
+def follow(
+    line: Line,
+    within: Range,
+    settings: Settings | None = None,
+    recorder: Callable[[Line], None] | None = None,
+) -> Line:
+    """Follow a branch from its points on, one or those of a former run, until it ends.
+
+    Parameters
+    ----------
+    line : Line
+        Is gone on with.
+    within : Range
+    settings : Settings, optional
+    recorder : callable, optional
+        Called after each point; the states of the last two are whole.
+    """
+    for _ in Follower(line, within, settings or Settings()):
+        if recorder is not None:
+            recorder(line)
+    return line
+
+
+class Follower:
+    """Follows a `Line` point by point, as `follow` does; iterating gives each point after it is accepted."""
+
+    def __init__(self, line: Line, within: Range, settings: Settings):
+        self.line, self.within, self.settings = line, within, settings
+        self.problem, self.points = line.problem, line.points
+        line.length = line.length or settings.first
+        # why no step has been found, and why none ever will be
+        self.why = self.fallen = ""
+        self.tried = 0  # points at the last leap in vain
+
+    def __iter__(self) -> Iterator[Point]:
+        line = self.line
+        if line.complete:
+            return
+        line.reason, line.advice = "", self.problem.advice
+        while len(self.points) < self.settings.points:
+            point = self.next()
+            if point is None:
+                return
+            yield point
+            line.reason, line.complete = self._end()
+            if line.reason:
+                return
+        line.reason = f"{self.settings.points} points"
+
+    def _end(self) -> tuple[str, bool]:
+        """Why the line ends at its last point, if it does, and whether it is complete."""
+        last = self.points[-1]
+        if self._closes():
+            return "the line is closed", True
+        if self.within.holds(last.value):
+            return "", False
+        back = self._back_at_its_beginning()
+        return back or f"end of the range at {last.value:.8g}", not back
+
+    def _back_at_its_beginning(self) -> str:
+        """A sentence where the last point is the first one, where the branch cannot come to the end of its
+        range in the direction in which it began, or other solutions at the same value are all there is.
+        """
+        first, last = self.points[0], self.points[-1]
+        if last.value != first.value or len(first.u) != len(last.u):
+            return ""
+        furthest = max((point.value for point in self.points), key=lambda value: abs(value - last.value))
+        if abs(furthest - last.value) < STILL * self.within.extent:
+            isolated = self.problem.isolated
+            return f"back at its beginning at {last.value:.8g}, which it has not left: {isolated}"
+        metric = Metric(self.problem, last.u)
+        if metric.length(metric.way(first, last)) >= SAME:
+            return ""
+        return (
+            f"back at its beginning at {last.value:.8g}: it has turned about near {furthest:.8g} and run "
+            f"back along itself; {self.problem.advice}"
+        )
+
+    def _closes(self) -> bool:
+        """Whether the last step has passed the first point in the direction in which the line began."""
+        points = self.points
+        if len(points) < CLOSED or len(points[0].u) != len(points[-1].u):
+            return False
+        metric = Metric(self.problem, points[-1].u)
+        step, there = metric.way(points[-2], points[-1]), metric.way(points[-2], points[0])
+        length = max(metric.length(step), 1e-300)
+        share = metric.dot(step, there) / length**2
+        return (
+            0.0 < share <= 1.0
+            and metric.dot(step, metric.way(points[0], points[1])) > 0.0
+            and metric.length(there - share * step) < BESIDE * length
+        )
+
+    # ------------------------------------------------------------------ one step
+    def next(self) -> Point | None:
+        """Take one step; None, with the line's reason, where there is none."""
+        line, last = self.line, self.points[-1]
+        self.metric = Metric(self.problem, last.u)
+        try:
+            heading = self.heading()
+        except PetscFailure:
+            raise
+        except FAILURES:
+            line.reason = f"{self.problem.isolated} at {last.value:.8g}"
+            return None
+        point = self._found(heading)
+        if point is None:
+            line.reason = self.fallen or self.why
+            return None
+        self.points.append(point)
+        if len(self.points) > 2:
+            self.points[-3].state.forget()
+        other = self.problem.advanced(self.points)
+        if other is not None:
+            (self.problem, self.points[-1]), line.sign = other, None
+        return point
+
+    def heading(self) -> np.ndarray:
+        """Tangent at the last point, in units; at the first one the value goes where it is to go.
+
+        Its sign is such that the determinant of the linearised equations and the tangent keeps its sign along
+        the branch: so it passes folds and corners, also those that a step has skipped.
+        """
+        last = self.points[-1]
+        behind = self._behind()
+        if behind is not None:
+            near = self.metric.chord(behind, last)
+        elif self.problem.begins is not None:
+            near = self.problem.begins
+        else:
+            slope = self.problem.value(last.u)[1] * self.metric.units
+            near = self.metric.unit(slope * self.within.direction)
+        tangent, sign = self._tangent(last.linear, near)
+        if self.line.sign is None:
+            self.line.sign = sign
+        return tangent
+
+    def _behind(self) -> Point | None:
+        """The point before the last one, where both are of one discretisation."""
+        one = self.points[-2] if len(self.points) > 1 else None
+        return one if one is not None and len(one.u) == len(self.points[-1].u) else None
+
+    def _tangent(self, linear: Linear, near: np.ndarray) -> tuple[np.ndarray, float | None]:
+        """Direction in which the linearised equations do not change, in units, and the determinant's sign;
+        `near` is a direction not across it.
+        """
+        border = linear.bordered(self.metric.row(near))
+        tangent = self.metric.unit(
+            border.solve(np.eye(1, linear.rows + 1, linear.rows)[0]) / self.metric.units
+        )
+        if border.sign is None:
+            return tangent, None
+        return (tangent if self.line.sign in (None, border.sign) else -tangent), border.sign
+
+    def _found(self, heading: np.ndarray) -> Point | None:
+        """The next point by steps, or beyond what stops or turns the branch by a leap."""
+        problem, ahead, last, point = self.problem, self.within.direction, self.points[-1], None
+        furthest = max(ahead * point.value for point in self.points)
+        # behind the furthest value the branch is in a tongue that could not be passed over
+        if problem.narrow and ahead * last.value >= furthest:
+            point = self._searched(problem, heading, problem.narrow)
+            turned = point is not None and ahead * (point.value - last.value) < 0.0
+            if (point is None or turned) and self.tried != len(self.points):
+                self.tried = len(self.points)
+                beyond = problem.leap(self.points, ahead)
+                if beyond is not None:
+                    self.line.sign, self.line.length = None, LANDED
+                    return beyond
+        for equations in (problem.restricted(last), problem):
+            if point is None and equations is not None:
+                point = self._searched(equations, equations.projected(heading), 0.0)
+        return point
+
+    def _searched(self, problem: Problem, heading: np.ndarray, least: float) -> Point | None:
+        """The next point by the longest of steps whose lengths are halved that finds one."""
+        slope = problem.value(self.points[-1].u)[1] * self.metric.units
+        pace, last = abs(problem.sum(float(slope @ heading))), self.points[-1]
+        self.why = f"no further point within a step of {self.settings.smallest:g} at {last.value:.8g}"
+        length = min(self.line.length, self.settings.largest_step / max(pace, 1e-300))
+        while length >= max(self.settings.smallest, least):
+            point = self._step(problem, heading, length)
+            if point is None and length < CORNER and problem.corners:
+                if self.fallen:  # turning about there would be going back
+                    return None
+                point = self._around(problem, heading, length)
+            if point is not None:
+                self.fallen = ""
+                return point
+            length *= 0.5
+        return None
+
+    def _around(self, problem: Problem, heading: np.ndarray, length: float) -> Point | None:
+        """A point beyond a corner of the branch, where a pair begins or ceases to touch: in the direction of
+        the derivative on the corner's far side.
+        """
+        try:
+            there = problem.at(self.points[-1].u + length * heading * self.metric.units)
+            beyond, _ = self._tangent(there.linear(), heading)
+        except PetscFailure:
+            raise
+        except FAILURES:
+            return None
+        for reach in REACHES:
+            point = self._step(problem, beyond, min(reach * length, CORNER), behind=-heading)
+            if point is not None:
+                return point
+        return None
+
+    def _step(
+        self, problem: Problem, heading: np.ndarray, length: float, behind: np.ndarray | None = None
+    ) -> Point | None:
+        """The branch's point in the plane across a heading, or at the value that it leads to, if Newton's
+        method finds it at ease and it lies ahead; sets the length of the step after it.
+        """
+        last = self.points[-1]
+        try:
+            point = self._corrected(problem, heading, length, behind is None)
+            if point is None:
+                return None
+            chord = self.metric.chord(last, point)
+            refused = problem.refuse(last, point)
+            self.fallen = refused or self.fallen
+            if refused or self._aside(point, chord, heading, behind):
+                return None
+            onward, _ = self._tangent(point.linear, chord)
+        except PetscFailure:
+            raise
+        except FAILURES:
+            return None
+        straight = min(self.metric.dot(onward, chord), self.metric.dot(chord, heading))
+        turn = math.acos(min(max(straight, -1.0), 1.0))
+        if length > CORNER and turn > TOO_SHARP:
+            return None
+        if self.line.sign is not None and self.metric.dot(onward, chord) < -STRAIGHT:
+            # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the
+            # branch may well lead back, but beside the chord
+            self.line.sign = -self.line.sign
+        grow = min(2.0, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
+        self.line.length = min(self.settings.largest, max(0.5, grow) * length)
+        return point
+
+    def _corrected(self, problem: Problem, heading: np.ndarray, length: float, bent: bool) -> Point | None:
+        """The point that a step of some length leads to, or that on an end of the range beyond it."""
+        last, within, metric = self.points[-1], self.within, self.metric
+        slope = problem.value(last.u)[1] * metric.units
+        pace = problem.sum(float(slope @ heading))
+        target = last.value + length * pace
+        landed = not within.holds(target)
+        if landed:
+            target = within.nearest(target)
+            if target == last.value:  # that end is where it comes from
+                self.why = f"end of the range at {last.value:.8g}"
+                return None
+            length = (target - last.value) / pace
+        flat = last.u + length * heading * metric.units
+        begin = flat
+        if bent and not landed:
+            begin = problem.projected(flat + self._bend(heading, length) * metric.units)
+            target = within.nearest(problem.value(begin)[0])
+        begin = problem.placed(begin, target)
+        most = TOO_MANY if length > CORNER else math.inf
+        held = landed or abs(pace) > HELD * metric.pace(last.u)
+        condition = metric.level(last.u, target) if held else metric.plane(heading, flat)
+        ahead = self._ahead(length)
+        point = correct(problem, begin, condition, ahead, most)
+        if held:
+            point.value = target
+        elif not within.holds(point.value):  # it has led beyond the end of the range
+            goal = within.nearest(point.value)
+            if goal == last.value:  # that end is where it comes from: it has turned about meanwhile
+                return None
+            share = (goal - last.value) / (point.value - last.value)
+            start = problem.placed(last.u + share * (point.u - last.u), goal)
+            point = correct(problem, start, metric.level(last.u, goal), ahead, most)
+            point.value = goal
+        return point
+
+    def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
+        """How far the branch is off its tangent after a step, by the parabola through the point before;
+        across the heading, in units.
+        """
+        behind = self._behind()
+        if behind is None:
+            return np.zeros(len(heading))
+        back = self.metric.way(self.points[-1], behind)
+        reach = -self.metric.dot(back, heading)
+        if not reach > 0.0 or length > 3.0 * reach:
+            return np.zeros(len(heading))
+        return (length / reach) ** 2 * (back + reach * heading)
+
+    def _ahead(self, length: float) -> Linear:
+        """Linearised equations that are expected after a step, by those of the last two points."""
+        behind, last = self._behind(), self.points[-1]
+        if behind is None or length < CORNER:  # behind a corner they are others
+            return last.linear
+        share = min(1.0, length / max(self.metric.length(self.metric.way(behind, last)), 1e-300))
+        return last.linear.mixed((last.linear, behind.linear), (1.0 + share, -share))
+
+    def _aside(self, point: Point, chord: np.ndarray, heading: np.ndarray, behind: np.ndarray | None) -> bool:
+        """Whether a point lies aside of its heading, or on the part that has been gone through."""
+        if self.metric.dot(chord, heading) < math.cos(ASIDE):
+            return True
+        if behind is None:
+            return False
+        return self.metric.dot(chord, behind) > BACK or self._gone_through(point)
+
+    def _gone_through(self, point: Point) -> bool:
+        """Whether a point is on the part of the branch between its last three points."""
+        if len(self.points) < 3:
+            return False
+        one, two, last = self.points[-3:]
+        ways = [self.metric.way(last, other) for other in (one, two, point)]
+        arc = np.array([-self.metric.length(ways[0] - ways[1]), 0.0, 0.0])
+        arc[:2] -= self.metric.length(ways[1])
+        weights = np.polynomial.polynomial.polyfit(arc, np.eye(3), 2)
+        places = np.linspace(1.5 * arc[0], 0.0, 301)
+        shares = np.polynomial.polynomial.polyval(places, weights).T
+        shares[:, 2] = -1.0  # of the point, in the place of the last one, from which all are counted
+        products = np.array([[self.metric.dot(a, b) for b in ways] for a in ways])
+        apart = np.einsum("pi,ij,pj->p", shares, products, shares).min()
+        return bool(max(apart, 0.0) < ALONG**2 * products[2, 2])

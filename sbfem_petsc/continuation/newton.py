@@ -1,0 +1,174 @@
+"""Newton's method on the equations of any problem and one condition: Broyden's updates of bordered solves."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import PetscFailure, SolveError
+from .problem import Border, Condition, Linear, Lost, Point, Problem
+
+# Iterations at most. An updated derivative that gains less than GAIN in one is made anew.
+ITERATIONS, GAIN = 30, 0.3
+# Shares of a step of which the first that gains is taken.
+SHARES = 1.0, 0.5, 0.25, 0.1, 0.03
+# Where none gains, rounding is all there is if the step is no longer than this many times what settles.
+ROUNDED = 10.0
+# What a step that leads nowhere ends with.
+FAILURES = SolveError, np.linalg.LinAlgError, ValueError
+
+
+class TooManyIterations(Lost):
+    """Newton's method has taken more iterations than it was to."""
+
+
+class Updated:
+    """The inverse of a bordered operator that dyads have been added to, by Sherman and Morrison's formula.
+
+    C. G. Broyden, Mathematics of Computation 19, 577 (1965).
+    """
+
+    def __init__(self, border: Border, total: Callable[[float], float] = float):
+        self.border, self.total = border, total
+        self.dyads: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def add(self, left: np.ndarray, row: np.ndarray) -> None:
+        """Add left row^T to the operator."""
+        solved = self.solve(left)
+        self.dyads.append((solved / (1.0 + self.total(float(row @ solved))), row))
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """The inverse times a right side."""
+        result = self.border.solve(right)
+        for solved, row in self.dyads:
+            result = result - solved * self.total(float(row @ result))
+        return result
+
+
+class _Iterate:
+    """The unknowns of an iteration, the state there and how much is missed of the equations."""
+
+    def __init__(self, problem: Problem, u: np.ndarray, condition: Condition, scale: float | None = None):
+        self.u, self.state = u, problem.at(u)
+        self.scale: float = self.state.scale if scale is None else scale
+        missed, self.row = condition(u)
+        residual = self.state.residual
+        self.right = np.append(residual, missed)
+        self.norm = math.hypot(problem.sum(float(residual @ residual)) ** 0.5 / self.scale, missed)
+        if not math.isfinite(self.norm):
+            raise Lost("the motion leaves the range of numbers")
+
+
+def correct(
+    problem: Problem, u: np.ndarray, condition: Condition, near: Linear | None = None, most: float = math.inf
+) -> Point:
+    """The solution near some unknowns on which a condition vanishes.
+
+    Parameters
+    ----------
+    problem : Problem
+    u : (n + 1,) array
+    condition : callable
+        In units of arc length.
+    near : Linear, optional
+        Linearised equations nearby, to begin with.
+    most : float
+        Iterations (`Point.effort`) beyond which it is given up.
+
+    Raises
+    ------
+    Lost
+        If there is none, with how far Newton's method has come.
+    """
+    try:
+        return _Newton(problem, condition, near, most).solve(u)
+    except (Lost, PetscFailure):
+        raise
+    except FAILURES as error:
+        raise Lost(str(error)) from None
+
+
+class _Newton:
+    def __init__(self, problem: Problem, condition: Condition, near: Linear | None, most: float):
+        self.problem, self.condition, self.near, self.most = problem, condition, near, most
+        self.iterations = self.made = 0
+        self.inverse: Updated | None = None
+        self.exact = False
+
+    @property
+    def effort(self) -> float:
+        """Iterations; those with an updated derivative count a third."""
+        return self.made + (self.iterations - self.made) / 3.0
+
+    def solve(self, u: np.ndarray) -> Point:
+        """Iterate from some unknowns."""
+        problem = self.problem
+        self.units = problem.units(u)[0]
+        here = _Iterate(problem, u, self.condition)
+        if self.near is not None:
+            self.inverse = Updated(self.near.bordered(here.row), problem.sum)
+        while here.norm > problem.closed:
+            if self.effort > self.most:
+                raise TooManyIterations(f"Newton's method takes more than {self.most:g} iterations")
+            if self.iterations == ITERATIONS:
+                raise self._failed(here.norm)
+            whole = -self._inverse(here).solve(here.right)
+            size = self._size(whole)
+            share, following = self._backtracked(here, whole)
+            if following is None:
+                if size <= ROUNDED * problem.settled:
+                    break
+                if self.exact:
+                    raise self._failed(here.norm)
+                self.inverse = None  # the exact derivative, from where it is
+                continue
+            self.iterations += 1
+            if share == 1.0 and size <= problem.settled:
+                here = following
+                break
+            self._learn(here, following, share, whole)
+            here = following
+        return Point(problem, here.u, here.state, problem.value(here.u)[0], self.effort, self.iterations)
+
+    def _inverse(self, here: _Iterate) -> Updated:
+        self.exact = self.inverse is None
+        if self.inverse is None:
+            self.inverse = Updated(here.state.linear().bordered(here.row), self.problem.sum)
+            self.made += 1
+        return self.inverse
+
+    def _size(self, step: np.ndarray) -> float:
+        scaled = step / self.units
+        return self.problem.sum(float(scaled @ scaled)) ** 0.5
+
+    def _backtracked(self, here: _Iterate, whole: np.ndarray) -> tuple[float, _Iterate | None]:
+        """The first share of a step after which less is missed, and the iterate there."""
+        for share in SHARES:
+            try:
+                tried = _Iterate(self.problem, here.u + share * whole, self.condition, here.scale)
+            except PetscFailure:
+                raise
+            except SolveError:
+                continue
+            if tried.norm < here.norm:
+                return share, tried
+        return 0.0, None
+
+    def _learn(self, here: _Iterate, following: _Iterate, share: float, whole: np.ndarray) -> None:
+        """Broyden's update after a step, or none if it has gained too little."""
+        assert self.inverse is not None
+        if following.norm > GAIN * here.norm:
+            self.inverse = None
+            return
+        step = share * whole
+        row = step / self.units**2
+        row = row / self.problem.sum(float(row @ step))
+        self.inverse.add(following.right - (1.0 - share) * here.right, row)
+
+    def _failed(self, norm: float) -> Lost:
+        return Lost(
+            f"Newton's method has not converged in {self.iterations} iterations, at {norm:.1e} of the "
+            "motion's size"
+        )

@@ -1,0 +1,254 @@
+"""Newton's method, the continuation and its events on equations whose solutions are known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from sbfem_petsc.continuation.events import between, find_zero, fold, place_of, refine
+from sbfem_petsc.continuation.follow import Line, Settings, follow
+from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
+from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
+
+from .problems import ByProducts, Duffing, Equations, circle, kinked, pitchfork
+
+
+def at(problem, *u):
+    """The solution with the last of some unknowns."""
+    u = np.array(u, dtype=float)
+    return correct(problem, u, Metric(problem, u).level(u, u[-1]))
+
+
+def test_newton_converges_to_the_root():
+    """sqrt(2), with fewer derivatives than iterations."""
+    problem = Equations(lambda u: u[0] ** 2 - u[1], lambda u: [2.0 * u[0], -1.0])
+    point = at(problem, 1.5, 2.0)
+    assert point.u[0] == pytest.approx(math.sqrt(2.0), rel=1e-11)
+    assert point.effort < point.iterations and point.value == 2.0
+
+
+def test_newton_takes_shorter_steps_where_whole_ones_diverge():
+    """From 3 on arctan, whose whole Newton steps grow beyond 1.39."""
+    problem = Equations(lambda u: math.atan(u[0]) + u[1], lambda u: [1.0 / (1.0 + u[0] ** 2), 1.0])
+    assert abs(at(problem, 3.0, 0.0).u[0]) < 1e-9
+
+
+def test_newton_says_how_far_it_has_come():
+    """Equations without a solution, one that is left, and more iterations than are allowed."""
+    none = Equations(lambda u: u[0] ** 2 + 1.0 - u[1], lambda u: [2.0 * u[0], -1.0])
+    with pytest.raises(Lost, match="has not converged in .* iterations, at"):
+        at(none, 1.3, 0.0)
+    with pytest.raises(Lost, match="no number"):
+        at(Equations(lambda u: np.nan, lambda u: [1.0, 1.0]), 1.0, 0.0)
+    slow = Equations(lambda u: u[0] ** 9 - u[1], lambda u: [9.0 * u[0] ** 8, -1.0])
+    u = np.array([1.0, 0.0])
+    with pytest.raises(TooManyIterations, match="more than 3 iterations"):
+        correct(slow, u, Metric(slow, u).level(u, 0.0), most=3)
+    assert none.states < 10 * ITERATIONS
+
+
+def test_a_singular_system_is_no_solution():
+    with pytest.raises(Lost, match="not isolated"):
+        at(Equations(lambda u: u[1] - 1.0, lambda u: [0.0, 1.0]), 1.0, 0.0)
+
+
+@pytest.mark.parametrize("direction", [-1, 1])
+def test_a_circle_closes(direction):
+    """From its lowest point around it, through both folds, back to it."""
+    problem = circle()
+    line = follow(Line([at(problem, 1.0, 0.0)]), Range(-2.0, 2.0, direction))
+    assert line.complete and line.reason == "the line is closed"
+    u = np.array([point.u for point in line.points])
+    np.testing.assert_allclose(np.hypot(*u.T), 1.0, atol=1e-10)
+    angles = np.unwrap(np.arctan2(u[:, 1], u[:, 0]))
+    assert (direction * np.diff(angles) > 0.0).all() and abs(angles[-1]) >= 2.0 * math.pi
+    assert abs(angles[-2]) < 2.0 * math.pi
+
+
+@pytest.mark.parametrize("name", ["up", "down"])
+def test_ends_of_a_range_are_met_exactly(name):
+    start, stop = (0.1, 2.3) if name == "up" else (2.3, 0.1)
+    problem = Equations(lambda u: u[0] - math.sin(u[1]), lambda u: [1.0, -math.cos(u[1])])
+    line = follow(Line([at(problem, 0.0, start)]), Range(0.1, 2.3, 1 if name == "up" else -1))
+    assert line.complete and line.points[-1].value == line.points[-1].u[-1] == stop
+    assert line.reason == f"end of the range at {stop:g}"
+
+
+def test_folds_of_an_s_shape():
+    """x^3 - x = v turns at x = -+1 / sqrt 3: v = +-2 / sqrt 27."""
+    problem = Equations(lambda u: u[0] ** 3 - u[0] - u[1], lambda u: [3.0 * u[0] ** 2 - 1.0, -1.0])
+    line = follow(Line([at(problem, -2.0, -3.0)]), Range(-3.0, 3.0, 1))
+    found = [item for k in range(1, len(line.points) - 1) if (item := fold(line, k)) is not None]
+    assert line.complete and len(found) == 2
+    values = [point.value for _, point in found]
+    assert values == pytest.approx([2.0 / math.sqrt(27.0), -2.0 / math.sqrt(27.0)], rel=1e-7)
+    assert [k for k, _ in found] == sorted(k for k, _ in found)
+
+
+@pytest.mark.parametrize("start, stop", [(0.5, 2.5), (2.5, 0.5)])
+def test_folds_of_a_duffing_oscillator(start, stop):
+    """Both folds where the discriminant of the amplitude's cubic equation vanishes, and every point on it."""
+    problem = Duffing(0.1, 0.5, 0.4)
+    lower, upper = problem.folds()
+    first = at(problem, math.sqrt(problem.amplitudes(start)[0]) * (1.0 if start < 1.0 else -1.0), 0.0, start)
+    line = follow(Line([first]), Range(0.5, 2.5, 1 if stop > start else -1))
+    assert line.complete and line.points[-1].value == stop
+    for point in line.points:
+        squared = float(point.u[:2] @ point.u[:2])
+        assert np.abs(problem.amplitudes(point.value) - squared).min() < 1e-7 * squared
+    found = [item[1].value for k in range(1, len(line.points) - 1) if (item := fold(line, k)) is not None]
+    assert sorted(found) == pytest.approx([lower, upper], rel=1e-7)
+
+
+def test_without_a_matrix():
+    """The same curve by products and GMRES, which know no determinant."""
+    dense = Duffing(0.1, 0.5, 0.4)
+    products = ByProducts(dense.function, dense.derivative)
+    lines = [follow(Line([at(problem, 0.5, 0.0, 0.5)]), Range(0.5, 2.5, 1)) for problem in (dense, products)]
+    assert lines[1].complete and lines[1].sign is None
+    ends = [line.points[-1].u for line in lines]
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-8)
+    assert max(lines[0].values) == pytest.approx(max(lines[1].values), rel=1e-2)
+
+
+def test_through_a_pitchfork():
+    """On x = 0 the determinant changes its sign at v = 0, and the line goes on as it went."""
+    line = follow(Line([at(pitchfork(), 0.0, -1.0)]), Range(-1.0, 1.0, 1))
+    assert line.complete and (np.diff(line.values) > 0.0).all() and not any(p.u[0] for p in line.points)
+    imperfect = follow(Line([at(pitchfork(0.05), -1.0, -1.0)]), Range(-1.0, 1.0, 1))
+    assert imperfect.complete and abs(imperfect.points[-1].u[0]) > 0.9
+
+
+def test_a_cusp():
+    """x^3 = v^2, without a tangent at v = 0, which steps of points off it pass."""
+    problem = Equations(lambda u: u[0] ** 3 - u[1] ** 2, lambda u: [3.0 * u[0] ** 2, -2.0 * u[1]])
+    line = follow(Line([at(problem, 1.0, -1.0)]), Range(-1.0, 1.0, 1), Settings(points=200))
+    assert line.complete and line.points[-1].value == 1.0 and (np.diff(line.values) > 0.0).all()
+    assert all(abs(p.u[0] ** 3 - p.value**2) < 1e-9 for p in line.points)
+
+
+def test_a_corner_at_which_the_branch_turns():
+    """v = x up to 1 and 3 - 2 x beyond: passed with a look at the linearised equations there alone."""
+    line = follow(Line([at(kinked(), 0.0, 0.0)]), Range(-1.0, 1.5, 1))
+    assert (
+        line.complete and line.points[-1].value == -1.0 and max(line.values) == pytest.approx(1.0, abs=0.01)
+    )
+    smooth = kinked()
+    smooth.corners = False
+    other = follow(Line([at(smooth, 0.0, 0.0)]), Range(-1.0, 1.5, 1))
+    assert not other.complete and "no further point within a step of 1e-05 at 0.99999" in other.reason
+
+
+def test_largest_step_and_points():
+    problem = Equations(lambda u: u[0] - u[1], lambda u: [1.0, -1.0])
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1), Settings(largest_step=0.02))
+    assert np.diff(line.values).max() <= 0.02 + 1e-12 and line.complete
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1), Settings(points=5))
+    assert len(line.points) == 5 and line.reason == "5 points" and not line.complete
+
+
+def test_a_line_is_gone_on_with():
+    """From what a recorder keeps, the unknowns, the next length and the sign, bit for bit; a complete one
+    stays as it is.
+    """
+    problem = Duffing(0.1, 0.5, 0.4)
+    first, within, kept = at(problem, 0.5, 0.0, 0.5), Range(0.5, 2.5, 1), []
+
+    def recorder(line):
+        kept.append(([point.u for point in line.points], line.length, line.sign))
+
+    whole = follow(Line([first]), within, recorder=recorder)
+    for stopped in (3, len(kept) // 2, len(kept) - 2):
+        unknowns, length, sign = kept[stopped]
+        line = Line([Point.known(problem, u) for u in unknowns], length, sign)
+        follow(line, within)
+        np.testing.assert_array_equal([p.u for p in line.points], [p.u for p in whole.points])
+    count = len(whole.points)
+    assert len(follow(whole, within).points) == count
+
+
+def test_solutions_that_are_not_isolated():
+    problem = Equations(lambda u: [0.0, u[1]], lambda u: [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    line = follow(Line([Point.known(problem, np.array([1.0, 0.0, 0.5]))]), Range(0.0, 1.0, 1))
+    assert line.reason == "solutions are not isolated at 0.5" and len(line.points) == 1
+
+
+def test_a_refusal_ends_the_line():
+    problem = Equations(lambda u: u[0] - u[1], lambda u: [1.0, -1.0])
+    problem.refuse = lambda last, point: "it falls" if point.value > 0.5 else ""
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1))
+    assert line.reason == "it falls" and 0.4 < line.points[-1].value <= 0.5
+
+
+def test_another_discretisation_on_the_way():
+    """x = v in one unknown, later in two: the line goes on in them."""
+    two = Equations(lambda u: [u[0] - u[2], u[1] - u[2]], lambda u: [[1.0, 0.0, -1.0], [0.0, 1.0, -1.0]])
+    one = Equations(lambda u: u[0] - u[1], lambda u: [1.0, -1.0])
+
+    def advanced(points):
+        last = points[-1]
+        if last.value < 0.5:
+            return None
+        return two, Point.known(two, np.array([last.value, last.value, last.value]))
+
+    one.advanced = advanced
+    line = follow(Line([at(one, 0.0, 0.0)]), Range(0.0, 1.0, 1))
+    sizes = [len(point.u) for point in line.points]
+    assert line.complete and sizes == sorted(sizes) and set(sizes) == {2, 3} and line.problem is two
+
+
+def test_points_between_two():
+    """At their fractions of the way: across the chord, or of the value where the way is mostly that."""
+    problem = circle()
+    line = follow(Line([at(problem, 1.0, 0.0)]), Range(-2.0, 2.0, 1))
+    for k in (1, len(line.points) // 2):
+        for fraction in (0.25, 0.5):
+            point = between(line, k, fraction)
+            assert abs(point.u @ point.u - 1.0) < 1e-10
+            assert place_of(line, k, point) == pytest.approx(fraction, abs=1e-9)
+
+
+def test_a_zero_between_two_points():
+    """Where x = y on the circle, at 45 degrees."""
+    problem = circle()
+    line = follow(Line([at(problem, 1.0, 0.0)]), Range(-2.0, 2.0, 1))
+
+    def test(point):
+        return float(point.u[0] - point.u[1])
+
+    k = next(k for k, (a, b) in enumerate(zip(line.points, line.points[1:])) if test(a) * test(b) < 0.0)
+    point, one, other = find_zero(line, k, test, (test(line.points[k]), test(line.points[k + 1])))
+    assert abs(math.atan2(*point.u[::-1]) - 0.25 * math.pi) < 5e-3 and test(one) * test(other) < 0.0
+
+
+def test_finer_points_where_heights_bend():
+    """A Lorentz curve's peak stands within a hundredth of its width."""
+    width = 0.01
+    problem = Equations(
+        lambda u: u[0] - 1.0 / (1.0 + ((u[1] - 0.437) / width) ** 2),
+        lambda u: [
+            1.0,
+            2.0 * (u[1] - 0.437) / width**2 / (1.0 + ((u[1] - 0.437) / width) ** 2) ** 2,
+        ],
+    )
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1), Settings(largest_step=0.02))
+    heights = [float(point.u[0]) for point in line.points]
+    coarse = len(heights)
+    refine(line, 1.0, lambda: np.array([heights]), lambda point, k: heights.insert(k, float(point.u[0])))
+    assert len(heights) == len(line.points) > coarse and (np.diff(line.values) > 0.0).all()
+    assert abs(line.values[np.argmax(heights)] - 0.437) < 0.2 * width and max(heights) > 0.99
+
+
+def test_a_tongue_is_leapt_over():
+    """Below the length at which a way past what stops it is sought, the problem's own leap is taken."""
+
+    def broken(u):
+        return np.nan if 0.4 < u[1] < 0.8 else u[0] - u[1]
+
+    problem = Equations(broken, lambda u: [1.0, -1.0])
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1))
+    assert not line.complete and line.points[-1].value <= 0.4 and "no further point" in line.reason
+    problem.narrow = 1e-2
+    problem.leap = lambda points, direction: Point.known(problem, np.array([0.9, 0.9]))
+    line = follow(Line([at(problem, 0.0, 0.0)]), Range(0.0, 1.0, 1))
+    assert line.complete
