@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
+from scipy.linalg import block_diag
 
+from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
 from ..signals.sampling import FIRST, sampled, unresolved
@@ -19,9 +21,8 @@ from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 ROUND_OFF = 1e-12
 # Relative distance of a tone from a harmonic of the base frequency that rounding explains.
 SAME = 1e-9
-# Lines up to which motions over time are products with their waves; of more, Fourier transforms, and of those
-# that move the modes by less than this share of all, in velocity, the modes know nothing.
-LINES, TAIL = 64, 3e-5
+# Of lines that move the modes by less than this share of all, in velocity, the modes know nothing.
+TAIL = 3e-5
 # Lines that are looked at together.
 BLOCK = 4096
 # Most instants at which loads are sampled over a common period, and the last period in which they are
@@ -45,14 +46,23 @@ class Excitation:
     amplitudes : (k, loads) complex array
     periods : int
         Forcing periods 1 / f in the common period.
+    jumps : Jumps or None
+        Those of loads whose lines never end: the amplitudes hold their first lines.
     further : Excitation or None
-        Lines that hardly move the modes, but belong to the loads themselves.
+        Lines that hardly move the modes, but belong to the loads themselves; without those of jumps.
     """
 
     orders: np.ndarray
     amplitudes: np.ndarray
     periods: int
+    jumps: Jumps | None = None
     further: Excitation | None = None
+
+    @classmethod
+    def of_file(cls, periods: int, *, jumps=None, further=None, **lines) -> Excitation:
+        """From what `read_excitation` reads."""
+        further = further and cls.of_file(periods, **further)
+        return cls(periods=periods, jumps=jumps and Jumps(**jumps), further=further, **lines)
 
     @classmethod
     def of(cls, signals, frequency: float, periods: int | None, bound: int) -> Excitation:
@@ -85,26 +95,40 @@ class Excitation:
             )
         if all(_known(part) for signal in signals for part in parts_of(signal)):
             orders, found = by_formula([parts_of(signal) for signal in signals], frequency, periods)
+            jumps = None
         else:
-            orders, found = _by_samples(signals, frequency, periods, 2 ** math.ceil(math.log2(instants)))
+            least = 2 ** math.ceil(math.log2(instants))
+            orders, found, jumps = _by_samples(signals, frequency, periods, least)
         if not np.isfinite(found).all():
             raise ValueError("periodic: the loads leave the range of numbers; give them in N and Pa")
-        noise = ROUND_OFF * np.abs(found).max(initial=0.0)
-        found = np.where(np.abs(found.real) > noise, found.real, 0.0) + 1j * np.where(
-            np.abs(found.imag) > noise, found.imag, 0.0
-        )
-        kept = np.abs(found).any(axis=1)
-        return cls(orders[kept], found[kept], periods)
+        return cls(orders, found, periods, jumps)._audible()
+
+    def _audible(self) -> Excitation:
+        """Without lines that are rounding."""
+        noise = ROUND_OFF * np.abs(self.amplitudes).max(initial=0.0)
+
+        def above(found: np.ndarray) -> np.ndarray:
+            return np.where(np.abs(found) > noise, found, 0.0)
+
+        result = replace(self, amplitudes=above(self.amplitudes.real) + 1j * above(self.amplitudes.imag))
+        # a line that is none may be one beside the jumps
+        beside = np.abs(self.smooth) > noise
+        return result._lines(((result.amplitudes != 0.0) | beside).any(axis=1))
 
     def repeated(self, times: int) -> Excitation:
         """The same loads with `times` their common period."""
+        jumps = self.jumps and self.jumps.repeated(times)
         further = self.further and self.further.repeated(times)
-        return Excitation(self.orders * times, self.amplitudes, self.periods * times, further)
+        return Excitation(self.orders * times, self.amplitudes, self.periods * times, jumps, further)
 
     def scaled(self, factor: float) -> Excitation:
         """The oscillating part times a factor; the constant part stays."""
-        amplitudes = np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes
-        return replace(self, amplitudes=amplitudes, further=self.further and self.further.scaled(factor))
+        return replace(
+            self,
+            amplitudes=np.where(self.orders[:, None] > 0, factor, 1.0) * self.amplitudes,
+            jumps=self.jumps and replace(self.jumps, sizes=factor * self.jumps.sizes),
+            further=self.further and self.further.scaled(factor),
+        )
 
     @property
     def oscillating(self) -> Excitation:
@@ -112,11 +136,10 @@ class Excitation:
         return self._lines(self.orders > 0)
 
     def below(self, order: float) -> Excitation:
-        """Without lines from this order on, if there are more than a few."""
+        """The lines below this order alone, if there are more than a few."""
         if len(self.orders) <= LINES:
             return self
-        further = self.further and self.further._lines(self.further.orders < order)
-        return replace(self._lines(self.orders < order), further=further)
+        return replace(self._lines(self.orders < order), jumps=None, further=None)
 
     def _lines(self, chosen: np.ndarray) -> Excitation:
         return replace(self, orders=self.orders[chosen], amplitudes=self.amplitudes[chosen])
@@ -135,12 +158,27 @@ class Excitation:
             sizes[block] = np.linalg.norm(omega * moved, axis=1)
         left = np.sqrt(np.cumsum(sizes[::-1] ** 2))[::-1]
         moving = left > TAIL * left[0]
-        return replace(self._lines(moving), further=self._lines(~moving))
+        others = self._lines(~moving)
+        others = replace(others, amplitudes=others.smooth, jumps=None)
+        return replace(self._lines(moving), further=others._audible())
+
+    @property
+    def smooth(self) -> np.ndarray:
+        """Amplitudes without those of jumps."""
+        return self.amplitudes if self.jumps is None else self.amplitudes - self.jumps.lines(self.orders)
 
     def loads(self, count: int) -> np.ndarray:
-        """(count + 1, loads) values at equal steps from 0 to T, both ends."""
-        values = self.over_time(self.amplitudes, count)
-        return values if self.further is None else values + self.further.loads(count)
+        """(count + 1, loads) values at equal steps from 0 to T, both ends; where they jump, the mean."""
+        return self.over_time(self.smooth, count) + self.beside(count)
+
+    def beside(self, count: int) -> np.ndarray | float:
+        """What jumps and further lines have in the loads at equal steps from 0 to T, both ends."""
+        values: np.ndarray | float = 0.0
+        if self.jumps is not None:
+            values = values + self.jumps.values(np.arange(count + 1) / count)
+        if self.further is not None:
+            values = values + self.further.loads(count)
+        return values
 
     def over_time(self, amplitudes: np.ndarray, count: int) -> np.ndarray:
         """(count + 1, ...) real values of complex amplitudes (k, ...) at equal steps from 0 to T, both
@@ -190,6 +228,42 @@ class Excitation:
         dynamic = np.where(np.abs(dynamic) == 0.0, 1.0, dynamic)
         amplitude = forces / dynamic
         return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
+
+
+@dataclass(frozen=True, eq=False)
+class Jumps:
+    """Jumps of loads as saw teeth: each falls evenly by what it jumps, so that its mean is zero, and has all
+    its lines in closed form.
+
+    Attributes
+    ----------
+    instants : (j,) array
+        As shares of the common period.
+    sizes : (j, loads) array
+    """
+
+    instants: np.ndarray
+    sizes: np.ndarray
+
+    def repeated(self, times: int) -> Jumps:
+        """The same jumps in `times` the period."""
+        instants = (np.arange(times)[:, None] + self.instants).ravel() / times
+        return Jumps(instants, np.tile(self.sizes, (times, 1)))
+
+    def lines(self, orders: np.ndarray) -> np.ndarray:
+        """(k, loads) complex amplitudes of multiples of 1 / T."""
+        turns = np.exp(-2j * np.pi * (orders[:, None] * self.instants % 1.0))
+        teeth = np.where(orders > 0, -1j / (np.pi * np.maximum(orders, 1)), 0.0)
+        return teeth[:, None] * (turns @ self.sizes)
+
+    def values(self, shares: np.ndarray) -> np.ndarray:
+        """(n, loads) values at shares of the period; at a jump the mean."""
+        values = np.zeros((len(shares), self.sizes.shape[1]))
+        for instant, size in zip(self.instants, self.sizes):
+            since = (shares - instant) % 1.0
+            at = np.minimum(since, 1.0 - since) < SAME
+            values += np.where(at, 0.0, 0.5 - since)[:, None] * size
+        return values
 
 
 def common_periods(signals: Sequence[Signal], frequency: float, periods: int | None, bound: int) -> int:
@@ -253,7 +327,7 @@ def _known(part: Signal) -> bool:
 
 def _by_samples(
     signals: Sequence[Signal], frequency: float, periods: int, count: int
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[np.ndarray, np.ndarray, Jumps | None]:
     """The same of any signals from at least so many samples of the common period, which they must repeat, and
     in closed form of their jumps.
     """
@@ -270,6 +344,9 @@ def _by_samples(
         else:
             places = (np.asarray(signal.breaks) / period - _BETWEEN) % 1.0 + _BETWEEN
             breaks.append(np.unique(np.round(places, 12)) * period)
+    instants = np.concatenate([np.zeros(0), *breaks])
+    if len(instants):  # whose lines do not end with the band
+        count = max(count, FIRST)
     apart = period / count
     first = np.array([s(np.arange(count) * apart) for s in signals]).reshape(len(signals), count)
     # two periods are compared between the samples: jumps stand on these, and there rounding decides
@@ -282,25 +359,13 @@ def _by_samples(
     for signal, row in zip(signals, first):
         if not _repeats(signal, row, period):
             raise ValueError(_not_periodic(signal, periods, frequency))
-    lines = [_lines(*given, period, count) for given in zip(signals, breaks)]
-    return np.arange(count // 2 + 1), np.stack(lines, axis=1)
-
-
-def _lines(signal: Signal, breaks: np.ndarray, period: float, count: int) -> np.ndarray:
-    """(count // 2 + 1,) amplitudes of a signal: a saw tooth for each jump has them in closed form, what is
-    left has no jumps.
-    """
-    start = _BETWEEN * period
-    time = start + np.arange(count) * (period / count)
-    values, jumps = signal(time), signal.after(breaks) - signal.before(breaks)
-    for instant, jump in zip(breaks, jumps):
-        values = values - jump * (0.5 - (time - instant) / period % 1.0)
-    orders = np.arange(count // 2 + 1)
-    found = one_sided(values) * np.exp(-2j * np.pi * (start / period * orders % 1.0))
-    for instant, jump in zip(breaks, jumps):
-        turns = np.exp(-2j * np.pi * (instant / period * orders[1:] % 1.0))
-        found[1:] -= 1j * jump / (np.pi * orders[1:]) * turns
-    return found
+    sizes = block_diag(*((s.after(own) - s.before(own))[:, None] for s, own in zip(signals, breaks)))
+    jumps, orders = Jumps(instants / period % 1.0, sizes), np.arange(count // 2 + 1)
+    # from where jumps hardly are
+    shares = _BETWEEN + np.arange(count) / count
+    rest = np.stack([s(shares * period) for s in signals], axis=1) - jumps.values(shares)
+    lines = one_sided(rest) * np.exp(-2j * np.pi * (_BETWEEN * orders % 1.0))[:, None] + jumps.lines(orders)
+    return orders, lines, jumps if sizes.any() else None
 
 
 def _refuse_passing(signal: Signal) -> None:

@@ -25,8 +25,9 @@ from ..contact.marching import (
 )
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
+from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
-from .excitation import LINES, Excitation
+from .excitation import Excitation
 from .rest import at_rest
 from .steps import step_coefficients
 
@@ -125,9 +126,7 @@ class Period:
                 self._loaded.clear()
             r = self.reduced
             scaled = self.excitation.scaled(factor)
-            loads = self.over_time(scaled.amplitudes)
-            if scaled.further is not None:
-                loads = loads + scaled.further.loads(self.steps)
+            loads = self.over_time(scaled.smooth) + scaled.beside(self.steps)
             gaps = loads @ r.gap.loads[: self.pairs].T + r.initial_gap[: self.pairs]
             self._loaded[factor] = loads, gaps
         return self._loaded[factor]

@@ -9,10 +9,11 @@ from ..capacity import require_compiler, require_memory
 from ..checks import choice, flag, instance, integer, optional_integer, shown
 from ..checks import frequency as check_frequency
 from ..parallel import collective
+from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Harmonic
 from ..system.model import Model
-from .excitation import LINES, Excitation
+from .excitation import Excitation
 from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
@@ -99,10 +100,9 @@ def prepare(
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
     require_compiler(owner, communicator(system))
-    if any(signal.highest_frequency is None for signal in loads.signals):
-        highest = max(frequency, loads.highest_frequency)
-    else:
-        highest = float(excitation.orders.max(initial=0)) / excitation.periods * (settings.band or frequency)
+    unknown = any(signal.highest_frequency is None for signal in loads.signals)
+    highest = max(frequency if unknown else 0.0, loads.highest_frequency)
+    highest *= (settings.band or frequency) / frequency
     modes = settings.modes
     if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
         modes = len(first.reduced.omega)
@@ -124,8 +124,6 @@ def prepare(
         steps = multiple * math.ceil(steps / multiple)
     elif contact:
         warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
-    if settings.steps is not None:
-        excitation = excitation.below(0.5 * steps * excitation.periods)
     require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
     return Period(reduced, excitation, steps * excitation.periods, settings.contact)
 

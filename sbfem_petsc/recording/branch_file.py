@@ -10,12 +10,12 @@ from typing import Any
 import h5py
 import numpy as np
 
-from ..capacity import available_memory
 from ..errors import SolveError
 from ..parallel import collective, on_root
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..writing import destination
+from .excitations import read_excitation, write_excitation
 from .hdf5 import new_hdf5, opened, put
 from .lock import WriterLock
 from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
@@ -73,8 +73,7 @@ def write_branch(
             put(file, name, getattr(branch, name), unit or _unit(branch.parameter), meaning)
         put(file, "stable", branch.stable, "1", "whether small disturbances die out")
         put(file, "undecided", branch.undecided, "1", "whether the uncertainty leaves that open")
-        put(file, "excitation/orders", period.excitation.orders, "1", "multiples of f / periods")
-        put(file, "excitation/amplitudes", period.excitation.amplitudes, "unit of the load", "one-sided")
+        write_excitation(file.create_group("excitation"), period.excitation)
         write_reduced_model(file.create_group("reduced_model"), branch.reduced)
         for k, item in enumerate(branch.bifurcations):
             group = file.create_group(f"bifurcations/{k:03d}")
@@ -193,7 +192,7 @@ class BranchFile:
                         f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; "
                         "resume with the same value, or name another file"
                     )
-            if not close(contents["excitation"][1], period.excitation.amplitudes):
+            if not close(contents["excitation"]["amplitudes"], period.excitation.amplitudes):
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name "
                     "another file"
@@ -259,11 +258,7 @@ def read_branch_file(file: h5py.File) -> dict[str, Any]:
         "multiplier_error": numbers(file, "multiplier_error", count, finite=False),
         "iterations": numbers(file, "iterations", count, kinds="iu"),
     }
-    orders = numbers(file, "excitation/orders", None, kinds="iu", least=0)
-    amplitudes = numbers(file, "excitation/amplitudes", len(orders), loads, kinds="c")
     steps = whole(file, "steps", least=1, most=10**9)
-    if 64 * steps * len(orders) > available_memory():
-        raise ValueError(f"{steps} steps a period of {len(orders)} harmonics need more memory than is free")
     number(file, "length", least=0.0)
     for name in ("start", "stop"):
         number(file, name, least=0.0)
@@ -277,5 +272,5 @@ def read_branch_file(file: h5py.File) -> dict[str, Any]:
         "reduced": reduced,
         "steps": steps,
         "contact": truth(file, "contact"),
-        "excitation": (orders, amplitudes),
+        "excitation": read_excitation(file["excitation"], loads, steps),
     }

@@ -47,8 +47,8 @@ def read_branch(path: str) -> Branch:
     with opened(path, WHAT, {FORM: VERSION}) as file:
         found = read_branch_file(file)
         reduced, steps, contact = (found.pop(name) for name in ("reduced", "steps", "contact"))
-        orders, amplitudes = found.pop("excitation")
-        period = Period(reduced, Excitation(orders, amplitudes, found["periods"]), steps, contact)
+        excitation = Excitation.of_file(found["periods"], **found.pop("excitation"))
+        period = Period(reduced, excitation, steps, contact)
         count, size = found["states"].shape
         groups = [file["bifurcations"][name] for name in sorted(file.get("bifurcations", ()))]
         bifurcations = tuple(

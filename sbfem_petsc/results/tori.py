@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import h5py
 
-from ..capacity import available_memory
 from ..dynamics.excitation import Excitation
 from ..dynamics.own_tone import OwnTone
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch
 from ..dynamics.period_map import Period
 from ..dynamics.tones import QuasiPeriodic
+from ..recording.excitations import read_excitation, write_excitation
 from ..recording.hdf5 import put
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, truth, whole
@@ -138,19 +138,15 @@ def _write_map(group: h5py.Group, own: OwnTone) -> None:
             "contact": period.pairs > 0,
         }
     )
-    put(group, "orders", period.excitation.orders, "1", "multiples of f / periods in the loads")
-    put(group, "amplitudes", period.excitation.amplitudes, "unit of the load", "one-sided")
+    write_excitation(group, period.excitation)
 
 
 def _map_in(group: h5py.Group, reduced: ReducedModel) -> OwnTone:
-    orders = numbers(group, "orders", None, kinds="iu", least=0)
-    amplitudes = numbers(group, "amplitudes", len(orders), reduced.load_modes.shape[1], kinds="c")
     periods, steps = whole(group, "periods", least=1, most=10**7), whole(group, "steps", least=1, most=10**9)
-    if 64 * steps * len(orders) > available_memory():
-        raise ValueError(f"{steps} steps a period of {len(orders)} harmonics need more memory than is free")
+    excitation = Excitation.of_file(periods, **read_excitation(group, reduced.load_modes.shape[1], steps))
     parameter = text(group, "parameter")
     frequency = number(group, "fixed_frequency", least=0.0) or None
     if parameter not in PARAMETERS or (parameter == "load") != (frequency is not None):
         raise ValueError(f"it is over {parameter!r} at a fixed frequency of {frequency} Hz")
-    period = Period(reduced, Excitation(orders, amplitudes, periods), steps, truth(group, "contact"))
+    period = Period(reduced, excitation, steps, truth(group, "contact"))
     return OwnTone(period, parameter, frequency, 3, reduced.comm)

@@ -5,8 +5,10 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
+from meshing.warnings import BranchWarning, IncompleteBranch
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
+from sbfem_petsc.results.branches import read_branch
 from sbfem_petsc.signals.sampling import sampled
 
 TURN = 2.0 * np.pi
@@ -71,31 +73,34 @@ def test_pulses_in_a_history(beam):
     np.testing.assert_allclose(one.velocity("A"), other.velocity("A"), rtol=0.0, atol=1e-9 * size)
 
 
-@pytest.mark.parametrize("frequency", [20.0, 70.0])
+@pytest.mark.parametrize("steps, aliased", [(None, 1e-6), (600, 2e-4)])
+@pytest.mark.parametrize("frequency", [20.0, 70.0, 1000.0])
 @pytest.mark.parametrize("duty", [0.5, 0.05, 0.01, 0.003])
-def test_pulse_trains(beam, frequency, duty):
-    """In closed form: the pulses' harmonics times the modes' receptances. What lines beyond half the steps
-    move without inertia folds back, 1e-7.
+def test_pulse_trains(beam, frequency, duty, steps, aliased):
+    """In closed form: the pulses' harmonics times the modes' receptances, and the pulses themselves times the
+    residual flexibility, at every instant, also beside and on the pulses' ends. Harmonics are those of the
+    instants: lines beyond half the steps fold back.
     """
-    force = 100.0
-    load = sb.PointForce("A", fy=force * sb.Custom(pulses(frequency, duty)))
-    orbit = sb.periodic(beam, load, frequency, stability=False)
-    r, point, k = orbit.reduced, orbit.reduced.points.of("A", "point"), np.arange(20000)
+    force, late = 100.0, 0.3
+    load = sb.PointForce("A", fy=force * sb.Custom(pulses(frequency, duty, late)))
+    orbit = sb.periodic(beam, load, frequency, steps=steps, stability=False)
+    r, k, n = orbit.reduced, np.arange(40000), len(orbit.time)
+    point = r.points.of("A", "point")
     turns = np.where(k > 0, (1.0 - np.exp(-1j * TURN * k * duty)) / (1j * np.pi * np.maximum(k, 1)), duty)
+    turns *= force * np.exp(-1j * TURN * k * late)
     omega = TURN * frequency * k[:, None]
-    q = force * turns[:, None] * r.load_modes[:, 0]
-    q /= r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega
-    none = np.zeros((len(k), 0))
-    lines = sum(
-        unit * point(part(q), force * part(turns)[:, None], none)[:, 1]
-        for unit, part in ((1.0, np.real), (1j, np.imag))
+    q = turns[:, None] * r.load_modes[:, 0] / (r.omega**2 - omega**2 + 2j * r.damping * r.omega * omega)
+    moved, static = q @ point.modes[1], point.loads[1, 0]
+    u = np.zeros(n, dtype=complex)
+    np.add.at(u, k % n, moved)
+    after = (np.arange(n) / n - late + 1e-10) % 1.0
+    inside = np.where(np.minimum(after % duty, duty - after % duty) < 2e-10, 0.5, 1.0) * (
+        after < duty + 2e-10
     )
-    np.testing.assert_allclose(orbit.harmonics("A")[:21], lines[:21], rtol=0.0, atol=1e-6 * abs(lines).max())
-    u = np.zeros(len(orbit.time), dtype=complex)
-    np.add.at(u, k % len(u), lines)
-    u = np.fft.ifft(u, norm="forward").real
-    # next to the pulses' ends this series is not there yet where the residual flexibility's part jumps
-    assert np.abs(orbit.displacement("A")[:, 1] - u).max() < 3e-4 * np.abs(u).max()
+    u = np.fft.ifft(u, norm="forward").real + static * force * inside
+    assert np.abs(orbit.displacement("A")[:, 1] - u).max() < 1e-5 * np.abs(u).max()
+    lines = (moved + static * turns)[:21]
+    np.testing.assert_allclose(orbit.harmonics("A")[:21], lines, rtol=0.0, atol=aliased * abs(lines).max())
 
 
 def stop():
@@ -124,12 +129,26 @@ def test_pulse_trains_with_contact(duty):
     assert np.abs(found - exact).max() < 1e-3 * np.abs(exact).max()
 
 
+def test_pulse_trains_in_a_file(tmp_path):
+    """A curve that is read back has the loads that it was computed for, jumps and all of their lines."""
+    load = sb.Custom(lambda t: pulses(0.13, 0.3)(t) + np.abs(np.sin(TURN * 0.13 * t)))
+    file = str(tmp_path / "curve.h5")
+    with pytest.warns(BranchWarning):
+        curve = sb.load_response(stop(), load, 0.13, 0.5, points=3, stability=False, file=file)
+    with pytest.warns(IncompleteBranch):
+        found = read_branch(file)
+    assert found.period.excitation.jumps is not None and found.period.excitation.further is not None
+    one, other = found.orbit(1), curve.orbit(1)
+    np.testing.assert_allclose(one.states.amplitudes, other.states.amplitudes, rtol=0.0, atol=1e-13)
+    np.testing.assert_allclose(one.displacement("2"), other.displacement("2"), rtol=1e-12, atol=1e-13)
+
+
 def test_two_jumps_given(beam):
-    """Jumps that are told with a band need not be found."""
+    """Jumps that are told with a band need not be found, and their lines do not end with it."""
     told = sb.Custom(pulses(0.7, 0.25), highest_frequency=0.7, breaks=[0.0, 0.25 / 0.7, 1.0 / 0.7])
     drive = Excitation.of([told], 0.7, None, 8)
     found = dict(zip(drive.orders.tolist(), drive.amplitudes[:, 0]))
-    for k in (1, 2, 3, 7):
+    for k in (1, 2, 3, 7, 601):
         exact = (1.0 - np.exp(-0.5j * np.pi * k)) / (1j * np.pi * k)
         assert found[k] == pytest.approx(exact, abs=1e-12)
 
