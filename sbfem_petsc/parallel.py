@@ -194,7 +194,7 @@ def _compare(owner: str, given: dict[str, Any] | None, everywhere: bool) -> None
         return
     found: list[MPI.Comm] = []
     for value in given.values():
-        comm = _ranks_of(value)
+        comm = ranks_of(value)
         if comm is not None and comm not in found:
             found.append(comm)
     if not found and everywhere and given["comm"] is None:
@@ -203,7 +203,7 @@ def _compare(owner: str, given: dict[str, Any] | None, everywhere: bool) -> None
         agree(comm, owner, given)
 
 
-def _ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
+def ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
     """Ranks that share a model or a result, or the first of several; None for what is a rank's own."""
     if isinstance(value, MPI.Comm):
         return value if isinstance(value, MPI.Intracomm) and value != MPI.COMM_NULL else None
@@ -216,7 +216,7 @@ def _ranks_of(value: Any, depth: int = 0) -> MPI.Comm | None:
         parts = list(value.values())[:MOST]
     elif type(value).__module__.startswith(f"{__package__}."):
         parts = (getattr(value, name, None) for name in SHARED)
-    return next((comm for comm in (_ranks_of(part, depth + 1) for part in parts) if comm is not None), None)
+    return next((comm for comm in (ranks_of(part, depth + 1) for part in parts) if comm is not None), None)
 
 
 def checked_communicator(owner: str, comm: Any) -> MPI.Comm:

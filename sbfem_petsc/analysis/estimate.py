@@ -13,10 +13,12 @@ import numpy as np
 
 from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 
-from ..checks import Bounds, integer, real, shown
+from ..checks import shown
 from ..errors import SolveError, caller_level, on_all_ranks
-from ..parallel import agree, agreed
+from ..parallel import agree
 from ..system.model import Model
+from .analysis import analysis
+from .options import EstimateOptions
 
 # From level to level: orders that are added, factors of the largest cells and of the tips' elements, factor
 # of the edges along faces.
@@ -25,8 +27,6 @@ ORDERS, CELLS, TIPS, FACES = 2, 0.75, 0.4, 1.5
 # than where two such falls would leave it: a last change may be small by accident, as that of an error which
 # changes its sign.
 FASTEST = 0.3
-# Relative errors that may be asked for.
-FINEST, COARSEST = 1e-13, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +72,7 @@ class Estimate:
         Estimate of its relative error: the last change, or less where changes fall fast, but no less than
         0.09 of the change before.
     first_error : float
-        That of the first level, which is the default mesh unless `start` says otherwise: its distance from
+        That of the first level, which is the default mesh unless `mesh` says otherwise: its distance from
         the finest one.
     converged : bool
         Whether `error` is not larger than the accuracy asked for.
@@ -93,19 +93,14 @@ class Estimate:
         )
 
 
-def checked_accuracy(owner: str, accuracy: float) -> float:
-    """A relative error that discretisations can be asked for; TypeError or ValueError otherwise."""
-    return real(owner, "accuracy", accuracy, within=Bounds(least=FINEST, most=COARSEST))
-
-
-@agreed()
+@analysis(EstimateOptions)
 def estimate(
     model: Model | Callable[..., Model],
     quantity: Callable[[Model], Any],
     *,
     accuracy: float = 1e-4,
     levels: int = 6,
-    start: Mapping[str, Any] | None = None,
+    mesh: Mapping[str, Any] | None = None,
     continued_fraction: int | None = None,
     tip_modes: int | None = None,
 ) -> Estimate:
@@ -134,7 +129,7 @@ def estimate(
         Relative error asked for.
     levels : int
         Most levels, 2 to 8.
-    start : dict, optional
+    mesh : dict, optional
         Options of the first mesh of a function, such as ``{"order": 4, "size": 0.01}``; default: the mesh's
         own, order 5.
     continued_fraction, tip_modes : int, optional
@@ -160,37 +155,16 @@ def estimate(
     """
     if not callable(quantity):
         raise on_all_ranks(TypeError(f"estimate: quantity = {quantity!r} is not a function"))
-    if start is not None and not (isinstance(start, Mapping) and all(isinstance(key, str) for key in start)):
-        raise on_all_ranks(TypeError(f"estimate: start = {shown(start)} must be a dict of options by name"))
-    first = None
-    if isinstance(model, Model):
-        for name, value in (
-            ("start", start),
-            ("continued_fraction", continued_fraction),
-            ("tip_modes", tip_modes),
-        ):
-            if value is not None:
-                raise on_all_ranks(
-                    ValueError(f"estimate: {name} = {value!r} is of no use beside a model, which has its own")
-                )
-        first = model
-    elif not callable(model):
-        raise on_all_ranks(
-            TypeError(f"estimate: model = {model!r} is neither a Model nor a function that makes one")
-        )
-    mesh = {"order": 5, **(start or {})}
-    options = {
-        "continued_fraction": 1 if continued_fraction is None else continued_fraction,
-        "tip_modes": 4 if tip_modes is None else tip_modes,
-    }
-    finest, _, found = refined(
-        "estimate",
-        Sought(quantity, lambda value: value),
-        model if isinstance(model, Model) else FirstLevel(model, mesh, options),
-        accuracy=accuracy,
-        levels=levels,
-    )
-    if finest is not first:
+    start = model if isinstance(model, Model) else _first_level(model, mesh, continued_fraction, tip_modes)
+    given = {"mesh": mesh, "continued_fraction": continued_fraction, "tip_modes": tip_modes}
+    for name, value in given.items() if start is model else ():
+        if value is not None:
+            raise on_all_ranks(
+                ValueError(f"estimate: {name} = {value!r} is of no use beside a model, which has its own")
+            )
+    sought = Sought(quantity, lambda value: value)
+    finest, _, found = refined("estimate", sought, start, accuracy=accuracy, levels=levels)
+    if finest is not model:
         finest.destroy()
     return found
 
@@ -221,6 +195,23 @@ class FirstLevel(NamedTuple):
     options: Mapping[str, int]
 
 
+def _first_level(
+    make_model: Any, mesh: Any, continued_fraction: int | None, tip_modes: int | None
+) -> FirstLevel:
+    """Of a function, with the defaults of meshes and models; TypeError for what is none."""
+    if mesh is not None and not (isinstance(mesh, Mapping) and all(isinstance(key, str) for key in mesh)):
+        raise on_all_ranks(TypeError(f"estimate: mesh = {shown(mesh)} must be a dict of options by name"))
+    if not callable(make_model):
+        raise on_all_ranks(
+            TypeError(f"estimate: model = {make_model!r} is neither a Model nor a function that makes one")
+        )
+    options = {
+        "continued_fraction": 1 if continued_fraction is None else continued_fraction,
+        "tip_modes": 4 if tip_modes is None else tip_modes,
+    }
+    return FirstLevel(make_model, {"order": 5, **(mesh or {})}, options)
+
+
 def refined(
     owner: str, sought: Sought, start: Model | FirstLevel, *, accuracy: float, levels: int = 6
 ) -> tuple[Model, Any, Estimate]:
@@ -244,8 +235,6 @@ def refined(
         That of `solve` on it.
     estimate : Estimate
     """
-    accuracy = checked_accuracy(owner, accuracy)
-    levels = integer(owner, "levels", levels, least=2, most=8)
     first = start if isinstance(start, Model) else None
     if isinstance(start, Model):
         make_model, mesh = start.remade, {"order": start.order, **start.mesh_options(owner)}
@@ -259,24 +248,14 @@ def refined(
             if model is None:
                 with _told_once(done):
                     model = _made(owner, make_model, mesh, options)
-                if not isinstance(model, Model):
-                    made, model = model, None
-                    raise on_all_ranks(
-                        TypeError(f"{owner}: make_model returned {made!r}, a Model was expected")
-                    )
                 if not done:  # the ranks of a function's models are known from here on
-                    agree(
-                        model.comm,
-                        owner,
-                        {"quantity": sought.solve, "accuracy": accuracy, "levels": levels},
-                    )
+                    asked = {"quantity": sought.solve, "accuracy": accuracy, "levels": levels}
+                    agree(model.comm, owner, asked)
             with _told_once(done):
                 warnings.simplefilter("ignore", MeshWarning)  # that is what the levels are for
                 result = sought.solve(model)
-            value = sought.quantity(result)
+            value = _finite(owner, sought.quantity(result), mesh)
             change = _difference(done[-1].value, value) if done else math.nan
-            if not all(np.isfinite(item).all() for item in _items(value).values()):
-                raise on_all_ranks(SolveError(f"{owner}: the quantity is not finite with {mesh}"))
             done.append(Level(dict(mesh), dict(options), model.boundary_unknowns, value, change))
             known = sought.least_error(result)
             error, first_known = max(_last_error(done), known), first_known if len(done) > 1 else known
@@ -318,18 +297,28 @@ def _told_once(done: Sequence[Level]) -> Iterator[None]:
         yield
 
 
-def _made(owner: str, make_model: Callable[..., Model], mesh: Mapping[str, Any], options: Any) -> Any:
-    """What a function makes of a mesh's options."""
+def _finite(owner: str, value: Any, mesh: Mapping[str, Any]) -> Any:
+    """A level's value, if it is finite throughout."""
+    if not all(np.isfinite(item).all() for item in _items(value).values()):
+        raise on_all_ranks(SolveError(f"{owner}: the quantity is not finite with {mesh}"))
+    return value
+
+
+def _made(owner: str, make_model: Callable[..., Model], mesh: Mapping[str, Any], options: Any) -> Model:
+    """The model that a function makes of a mesh's options."""
     try:
-        return make_model(dict(mesh), **options)
+        made = make_model(dict(mesh), **options)
     except TypeError as error:
         if "keyword argument" not in str(error) and "positional argument" not in str(error):
             raise
         raise on_all_ranks(
             TypeError(
-                f"{owner}: model cannot be made with start = {shown(mesh)} and {shown(options)}: {error}"
+                f"{owner}: model cannot be made with mesh = {shown(mesh)} and {shown(options)}: {error}"
             )
         ) from error
+    if not isinstance(made, Model):
+        raise on_all_ranks(TypeError(f"{owner}: make_model returned {made!r}, a Model was expected"))
+    return made
 
 
 def _finer(mesh: dict[str, Any], cells: float, tips: float) -> dict[str, Any]:

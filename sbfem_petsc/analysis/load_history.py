@@ -12,13 +12,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..capacity import require_memory
-from ..checks import flag, instance, real_array
+from ..checks import instance, real_array
 from ..errors import at_point
 from ..loads import Loads
 from ..parallel import agreed, collective
 from ..signals.signal import Signal
 from ..system.model import Model
 from ..system.places import checked_line
+from .analysis import analysis
+from .options import LoadHistoryOptions
 from .static import Static, static
 
 
@@ -96,7 +98,7 @@ class LoadHistory:
         )
 
 
-@agreed()
+@analysis(LoadHistoryOptions)
 def load_history(
     model: Model, load, time: Sequence[float] | np.ndarray, *, contact: bool = True
 ) -> LoadHistory:
@@ -125,7 +127,6 @@ def load_history(
     with collective(model.comm):
         times = _checked(time)
         loads = model.checked_loads(load, constant=False)
-        flag("load_history", "contact", contact)
     require_memory(
         "load_history",
         model.comm,

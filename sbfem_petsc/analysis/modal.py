@@ -7,22 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import Bounds, flag, numbers_of, optional_integer, real, shown
-from ..errors import caller_level, listed
-from ..parallel import agreed, collective
+from ..checks import shown
+from ..errors import caller_level, listed, on_all_ranks
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.modes import TOLERANCE, lowest_modes, modes_in_band
 from ..system.resolution import warn_of_modes
-from .estimate import Sought, checked_accuracy, refined
+from .analysis import analysis
+from .estimate import Sought, refined
+from .options import ModalOptions
 
-# No structure has a frequency beyond, Hz.
-HIGHEST = 1e30
 # Frequencies below, relative to the highest, are rigid-body motions and round-off.
 RIGID = 1e-5
 
 
-@agreed()
+@analysis(ModalOptions)
 def modal(
     model: Model,
     count: int | None = None,
@@ -74,11 +73,13 @@ def modal(
     """
     if not isinstance(model, Model):
         raise TypeError(f"modal: model = {shown(model)} is not a Model")
-    with collective(model.comm):
-        count = optional_integer("modal", "count", count)
-        band = _checked_request(model, count, band, auxiliary_tolerance, verify)
-        if accuracy is not None:
-            accuracy = checked_accuracy("modal", accuracy)
+    most = model.boundary_unknowns // 2
+    if count is not None and count > most:
+        raise on_all_ranks(
+            ValueError(
+                f"modal: count = {count} must be between 1 and half the number of boundary unknowns ({most})"
+            )
+        )
     tied = [name for name, law in model.contact_laws.items() if law.tied]
     if tied:
         warnings.warn(
@@ -106,23 +107,3 @@ def modal(
 def _elastic_frequencies(found: Modal) -> np.ndarray:
     """Those of the modes that are not rigid-body motions, Hz."""
     return found.frequencies[found.frequencies > RIGID * found.frequencies.max(initial=0.0)]
-
-
-def _checked_request(model: Model, count, band, auxiliary_tolerance, verify) -> tuple[float, float] | None:
-    """The band, if one was given."""
-    real("modal", "auxiliary_tolerance", auxiliary_tolerance, within=Bounds(least=0.0, below=1.0))
-    flag("modal", "verify", verify)
-    if (count is None) == (band is None):
-        raise ValueError(f"modal: give either count or band (count = {count!r}, band = {band!r})")
-    if count is not None:
-        if not 1 <= count <= model.boundary_unknowns // 2:
-            raise ValueError(
-                f"modal: count = {shown(count)} must be between 1 and half the number of boundary unknowns "
-                f"({model.boundary_unknowns // 2})"
-            )
-        return None
-    wanted = "two frequencies 0 <= low < high in Hz"
-    low, high = numbers_of("modal", "band", band, 2, wanted, within=Bounds(least=0.0, most=HIGHEST))
-    if not low < high:
-        raise ValueError(f"modal: band = {shown(band)} must be {wanted}")
-    return low, high

@@ -10,11 +10,11 @@ import numpy as np
 
 from meshing.warnings import MeshWarning, RoundOffWarning
 
-from ..checks import choice, flag, shown
+from ..checks import shown
 from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..petsc import MPI
 from ..system.equilibrium import equilibrium
 from ..system.fracture import notes
@@ -22,7 +22,9 @@ from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
 from ..system.plausibility import warn_if_large
 from ..system.resolution import warn_of_tips
-from .estimate import Sought, checked_accuracy, refined
+from .analysis import analysis
+from .estimate import Sought, refined
+from .options import StaticOptions
 from .static_result import Static
 
 # Residual, relative to the load or of a refined solution, beyond which it is refused, and beyond which the
@@ -39,7 +41,7 @@ DIGITS, LOST = 2e-13, 1e-4
 _METHODS = {"active_set": solve_complementarity, "one_pass_tie": one_pass_tie}
 
 
-@agreed()
+@analysis(StaticOptions)
 def static(
     model: Model,
     load,
@@ -87,12 +89,9 @@ def static(
     if not isinstance(model, Model):
         raise TypeError(f"static: model = {shown(model)} is not a Model")
     with collective(model.comm):
-        flag("static", "contact", contact)
-        solve = _METHODS[choice("static", "method", method, _METHODS)]
         model.checked_loads(load)
-        if accuracy is not None:
-            accuracy = checked_accuracy("static", accuracy)
     model.require_support("static")
+    solve = _METHODS[method]
     warn_of_idle_loads("static", model, separate(load)[0])
     if accuracy is None:
         found = _solved(model, load, contact, solve)

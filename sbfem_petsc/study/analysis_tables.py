@@ -6,12 +6,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from .tables import Name, Names, Pair, Table, by_kind, item
+from ..analysis.options import LoadHistoryOptions, ModalOptions, StaticOptions
+from ..options import Pair, item
+from .tables import Name, Names, Table, by_kind
 
 _LOAD = "name of a load, or several that act together"
 # Most values of a range, and rows of a sweep.
 MOST = 1_000_000
-_ACCURACY = "relative error asked for: finer meshes are made until two of them agree"
 
 
 class Range(Table):
@@ -38,45 +39,35 @@ Times = Annotated[
 ]
 
 
-class ModalAnalysis(Table):
+class Loaded(Table):
+    """What a table of an analysis under one load has."""
+
+    load: Names = item(text=_LOAD)
+    factor: float = item(1.0, text="factor on the load")
+
+
+class ModalAnalysis(ModalOptions, Table):
     """Natural frequencies and modes of the undamped structure with open cracks: `count` or `band`."""
 
     kind: Literal["modal"] = item(text="natural frequencies and modes")
-    count: int | None = item(None, text="number of lowest frequencies", ge=1)
-    band: Pair | None = item(None, text="all frequencies between two", unit="Hz")
-    auxiliary_tolerance: float = item(
-        1e-5, text="inertia terms that matter less to the band are left out", ge=0, lt=1
-    )
-    verify: bool = item(True, text="count the eigenvalues, so that none of a multiple one is missed")
-    accuracy: float | None = item(None, text=_ACCURACY, gt=0)
 
 
-class StaticAnalysis(Table):
+class StaticAnalysis(StaticOptions, Loaded):
     """Displacement, contact forces and stress intensity under constant loads."""
 
     kind: Literal["static"] = item(text="equilibrium with contact")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    contact: bool = item(True, text="false: crack faces may overlap")
-    method: Literal["active_set", "one_pass_tie"] = item(
-        "active_set", text="unilateral contact, or a single correction that admits tension"
-    )
     stress_at: dict[Name, Pair | Name] = item(
         {},
         text="places whose stress is wanted by names of your choice, name = [x, y] or the name of a point",
         unit="m",
     )
-    accuracy: float | None = item(None, text=_ACCURACY, gt=0)
 
 
-class LoadHistory(Table):
+class LoadHistory(LoadHistoryOptions, Loaded):
     """Static states along loads that change slowly, signals taken at each time; numbers are constants."""
 
     kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
-    contact: bool = item(True, text="false: crack faces may overlap")
 
 
 class TransientAnalysis(Table):

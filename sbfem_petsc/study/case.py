@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from pydantic import Field, ValidationError
 
 from ..checks import require_regular
+from ..options import Pair, item
 from .analysis_tables import Analysis, Output, SweepTable
 from .contradictions import contradictions
 from .geometry_tables import Geometry, Material, Mesh, ModelTable
@@ -19,7 +20,7 @@ from .load_tables import Load
 from .locations import parse, read_text
 from .parameters import STRUCTURE, parameter_problems, replaced_in
 from .problems import CaseError, Path, Problem, from_validation
-from .tables import Name, Pair, Table, item
+from .tables import Name, Table
 
 
 class CaseTables(Table):

@@ -168,13 +168,8 @@ def _analyses(case: Any) -> Iterator[Problem]:
                     "cannot be a name of a place; use letters, digits, '-' and '_', at most 100 of them",
                 )
         yield from _analysis_loads(case, path, analysis)
-        if analysis.kind == "modal":
-            if (analysis.count is None) == (analysis.band is None):
-                yield Problem(
-                    path, "needs count (number of lowest frequencies) or band = [low, high], and not both"
-                )
-            elif analysis.band is not None and not 0.0 <= analysis.band[0] < analysis.band[1]:
-                yield Problem((*path, "band"), f"= {analysis.band} must be 0 <= low < high, in Hz")
+        for key, text in analysis.contradictions():
+            yield Problem((*path, key) if key else path, text)
         if analysis.kind in _RANGES:
             if analysis.start == analysis.stop:
                 other = " of energies" if analysis.kind == "backbone" else ", or use periodic"

@@ -131,7 +131,7 @@ def _title(table: type[BaseModel]) -> str:
 
 def _table(table: type[BaseModel], skip: tuple[str, ...] = ()) -> str:
     lines = ["| key | type | unit | default | meaning |", "|---|---|---|---|---|"]
-    for name, field in table.model_fields.items():
+    for name, field in sorted(table.model_fields.items(), key=lambda entry: entry[0] != "kind"):
         if name in skip:
             continue
         extra = field.json_schema_extra

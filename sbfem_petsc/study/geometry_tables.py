@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from .tables import AnyNames, Name, Pair, Table, by_kind, item
+from ..options import Pair, item
+from .tables import AnyNames, Name, Table, by_kind
 
 
 class Notch(Table):

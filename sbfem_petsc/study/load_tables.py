@@ -6,7 +6,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Tag
 
-from .tables import Name, Table, by_kind, item
+from ..options import item
+from .tables import Name, Table, by_kind
 
 
 class HarmonicSignal(Table):

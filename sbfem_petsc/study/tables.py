@@ -6,21 +6,13 @@ import types
 import typing
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag
+
+from ..options import Options
 
 
-class Table(BaseModel):
-    """A table of a case file: unknown keys, other types, nan and infinity are refused."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False, frozen=True)
-
-
-def item(default: Any = ..., *, text: str, unit: str = "", **bounds: Any) -> Any:
-    """A key with its description, unit and default."""
-    return Field(default, description=text, json_schema_extra={"unit": unit}, **bounds)
-
-
-Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
+class Table(Options):
+    """A table of a case file."""
 
 
 def _printable(name: str) -> str:

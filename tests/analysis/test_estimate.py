@@ -55,7 +55,7 @@ TABLE = {
     "paper's beam of order 3": (
         beam_model(paper_beam()),
         modes(46),
-        {"start": {"order": 3}},
+        {"mesh": {"order": 3}},
         lambda: frequencies("crack80_nu33")[:46],
         1e-6,
     ),
@@ -83,7 +83,7 @@ TABLE = {
     "short beam of order 3, 12 frequencies": (
         beam_model(Beam(0.1, 0.01)),
         modes(12),
-        {"start": {"order": 3}},
+        {"mesh": {"order": 3}},
         lambda: cantilever(0.1, 0.01, 12),
         1e-6,
     ),
@@ -91,7 +91,7 @@ TABLE = {
     "edge crack of order 3, K_I": (
         pulled_plate,
         mode_one,
-        {"start": {"order": 3}},
+        {"mesh": {"order": 3}},
         lambda: 1.661122 * math.sqrt(0.3 * math.pi),
         1e-6,
     ),
@@ -149,7 +149,7 @@ def small(mesh, **options):
 
 def test_levels_say_what_they_use():
     with pytest.warns(sb.MeshWarning, match="3 levels reach a relative error"):
-        found = sb.estimate(small, modes(3), accuracy=1e-12, levels=3, start={"order": 3})
+        found = sb.estimate(small, modes(3), accuracy=1e-12, levels=3, mesh={"order": 3})
     assert [level.mesh["order"] for level in found.levels] == [3, 5, 7]
     assert [level.model["continued_fraction"] for level in found.levels] == [1, 2, 3]
     sizes = [level.mesh["size"] for level in found.levels[1:]]
@@ -169,7 +169,7 @@ def test_dicts_are_judged_name_by_name():
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", sb.MeshWarning)
-        found = sb.estimate(small, both, levels=2, start={"order": 2})
+        found = sb.estimate(small, both, levels=2, mesh={"order": 2})
     first, last = (level.value for level in found.levels)
     changes = [abs(first[k] - last[k]) / abs(last[k]) for k in first]
     assert found.levels[1].change == pytest.approx(max(changes))
@@ -186,7 +186,7 @@ def test_a_model_is_its_own_first_level(short):
     found = sb.estimate(short, modes(3), accuracy=1e-2)
     assert found.levels[0].mesh["order"] == 4 and found.levels[1].mesh["order"] == 6
     made = sb.estimate(
-        lambda mesh, **options: short.remade(mesh, **options), modes(3), accuracy=1e-2, start={"order": 4}
+        lambda mesh, **options: short.remade(mesh, **options), modes(3), accuracy=1e-2, mesh={"order": 4}
     )
     np.testing.assert_allclose(found.value, made.value, rtol=1e-9)  # of two runs of an eigensolver
     assert sb.modal(short, 3).frequencies.shape == (3,)  # the model is still alive
@@ -248,7 +248,7 @@ def test_wrong_input():
     with pytest.raises(TypeError, match="quantity"):
         sb.estimate(small, 3)
     with pytest.raises(ValueError, match="of no use beside a model"):
-        sb.estimate(small({}), modes(3), start={"order": 3})
+        sb.estimate(small({}), modes(3), mesh={"order": 3})
     with pytest.raises(ValueError, match="accuracy"):
         sb.modal(small({}), 3, accuracy=0.0)
     with pytest.raises(TypeError, match="a Model was expected"):
@@ -291,7 +291,7 @@ def test_an_estimate_of_two_kinds_of_errors():
     found = sb.estimate(
         beam_model(Beam(0.04, 0.005)),
         lambda model: 1.0 + errors[(model.order - 1) // 2],
-        start={"order": 1},
+        mesh={"order": 1},
         accuracy=1e-3,
         levels=3,
     )

@@ -630,7 +630,7 @@ CALLS |= {
             "model": small,
             "quantity": lambda model: float(model.boundary_unknowns),
             "levels": 2,
-            "start": {"order": 1},
+            "mesh": {"order": 1},
             "continued_fraction": 0,
             "tip_modes": 1,
         },

@@ -223,7 +223,7 @@ WRONG = [
         'kind = "static"\nload = "push"',
         'kind = "static"\nload = "push"\naccuracy = 0.0' + NEW,
         "analyses.push.accuracy = 0.0",
-        "must be greater than 0",
+        "must be at least 1e-13",
     ),
     # nonlinear vibration
     (

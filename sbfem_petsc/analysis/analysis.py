@@ -1,0 +1,63 @@
+"""What every analysis does before it begins: its arguments are compared over the ranks and its options
+checked, once, so that the function itself goes from input to problem to result.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import inspect
+from collections.abc import Callable, Mapping
+from typing import Any, ParamSpec, TypeVar
+
+from ..checks import flag, path
+from ..checks import progress as check_progress
+from ..options import Options
+from ..parallel import agreed, collective, ranks_of
+
+Result = TypeVar("Result")
+Parameters = ParamSpec("Parameters")
+
+
+def analysis(
+    options: type[Options],
+) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
+    """Decorator of a public analysis that all ranks call together.
+
+    The function is given its options as their class has checked them, `file`, `resume` and `progress` are
+    checked too, and an error of one rank is raised on all of those that share the model. Its signature and
+    docstring are written out for readers and tools; a test compares them with the class.
+    """
+
+    def decorated(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+        signature, owner = inspect.signature(function), function.__name__
+
+        @functools.wraps(function)
+        def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            try:
+                bound = signature.bind(*args, **kwargs)
+            except TypeError:  # Python says it in a sentence of its own
+                return function(*args, **kwargs)
+            bound.apply_defaults()
+            given = bound.arguments
+            ranks = ranks_of(list(given.values()))
+            with contextlib.nullcontext() if ranks is None else collective(ranks):
+                asked = options.checked(owner, {name: given[name] for name in options.model_fields})
+                _check_recording(owner, given)
+            given.update((name, getattr(asked, name)) for name in options.model_fields)
+            return function(*bound.args, **bound.kwargs)
+
+        call.options = options  # type: ignore[attr-defined]
+        return agreed()(call)
+
+    return decorated
+
+
+def _check_recording(owner: str, given: Mapping[str, Any]) -> None:
+    """Arguments of the run, not of its result: where it is kept and whom it tells."""
+    if "progress" in given:
+        check_progress(owner, given["progress"])
+    if given.get("file") is not None:
+        path(owner, "file", given["file"])
+    if flag(owner, "resume", given.get("resume", False)) and given["file"] is None:
+        raise ValueError(f"{owner}: resume = True needs the file to continue, such as file = 'run.h5'")

@@ -1,0 +1,124 @@
+"""Options of analyses: signature, docstring and class say the same, they are frozen, checked once, and
+loaded when they are used.
+"""
+
+from __future__ import annotations
+
+import inspect
+import math
+import re
+import subprocess
+import sys
+import typing
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from pydantic import Field, ValidationError
+
+import sbfem_petsc as sb
+from sbfem_petsc.options import Options, item
+
+ANALYSES = {
+    name: function
+    for name, function in ((name, getattr(sb, name)) for name in sb.__all__)
+    if hasattr(function, "options")
+}
+
+
+def described(function) -> dict[str, str]:
+    """What follows the colon behind each name in a docstring's "Parameters"."""
+    text = inspect.getdoc(function).split("Parameters\n----------\n")[1]
+    text = re.split(r"\n\n[A-Z]\w+\n-+\n", text)[0]
+    found = {}
+    for names, kind in re.findall(r"^(\w[\w, \n]*?)(?: : (.+))?$", text, re.MULTILINE):
+        found |= dict.fromkeys((name.strip() for name in names.split(",")), kind)
+    return found
+
+
+@pytest.mark.parametrize("name", ANALYSES)
+def test_signature_and_docstring(name):
+    """Every option is an argument with the class' default; "optional" is what has None; words are listed."""
+    function = ANALYSES[name]
+    parameters, words = inspect.signature(function).parameters, described(function)
+    assert set(words) == set(parameters)
+    for option, field in function.options.model_fields.items():
+        default = inspect.Parameter.empty if field.is_required() else field.default
+        given = parameters[option].default
+        assert (list(given) if isinstance(given, tuple) else given) == default, option
+        if words[option]:  # some refer to another function
+            assert words[option].endswith("optional") == (default is None), option
+        kinds = typing.get_args(field.annotation)
+        if typing.get_origin(field.annotation) is typing.Literal and words[option]:
+            assert re.findall(r'"([^"]+)"', words[option]) == list(kinds), option
+
+
+class Sizes(Options):
+    """Options of every type."""
+
+    width: float = item(text="width", unit="m", gt=0)
+    count: int | None = item(None, text="count", ge=1, le=9)
+    exact: bool = item(True, text="whether")
+    way: typing.Literal["up", "down"] = item("up", text="way")
+    span: typing.Annotated[list[float], Field(min_length=2, max_length=2)] | None = item(
+        None, text="two lengths", unit="m"
+    )
+    ways: list[typing.Literal["up", "down"]] = item(["up"], text="ways", min_length=1)
+
+
+@pytest.mark.parametrize(
+    "name, value, kind, sentence",
+    [
+        ("width", 0.0, ValueError, r"width = 0.0 must be finite and above 0 \(m\)$"),
+        ("width", math.nan, ValueError, r"width = nan must be finite and above 0 \(m\)$"),
+        ("width", Fraction(10**400), ValueError, "must be finite"),
+        ("width", "1", TypeError, r"width = '1' must be a number \(m\)$"),
+        ("width", True, TypeError, "width = True must be a number"),
+        ("count", 10, ValueError, "count = 10 must be between 1 and 9$"),
+        ("count", 10**400, ValueError, r"count = 10+ \.\.\. must be between 1 and 9$"),
+        ("count", 0, ValueError, "count = 0 must be between 1 and 9$"),
+        ("count", 2.0, TypeError, "count = 2.0 must be an integer$"),
+        ("exact", 1, TypeError, "exact = 1 must be True or False$"),
+        ("way", "left", ValueError, "way = 'left' must be one of 'up', 'down'$"),
+        ("way", 3, TypeError, "way = 3 must be one of 'up', 'down'$"),
+        ("span", 3.0, TypeError, "span = 3.0 must be two lengths, in m$"),
+        ("span", (1.0, "2"), TypeError, r"span\[1\] = '2' must be a number$"),
+        ("span", (1.0,), ValueError, r"span = \(1.0,\) must be two lengths, in m$"),
+        ("ways", (), ValueError, "ways is empty; name one of up, down at least$"),
+        ("ways", ("left",), ValueError, "ways = 'left' must be one of 'up', 'down'$"),
+        ("ways", "up", TypeError, "ways = 'up' must be a sequence of names$"),
+    ],
+)
+def test_sentences(name, value, kind, sentence):
+    """One sentence in Python's words; a TypeError for what is of another type."""
+    with pytest.raises(kind, match=sentence) as raised:
+        Sizes.checked("f", {"width": 1.0, name: value})
+    assert str(raised.value).startswith("f: ")
+
+
+def test_values():
+    """NumPy's numbers and arrays are taken; what is made is frozen."""
+    found = Sizes.checked(
+        "f",
+        {
+            "width": np.float32(0.5),
+            "count": np.int64(3),
+            "exact": np.bool_(False),
+            "span": np.array([1.0, 2.0]),
+        },
+    )
+    assert (found.width, found.count, found.exact, found.span) == (0.5, 3, False, [1.0, 2.0])
+    assert type(found.count) is int and type(found.width) is float
+    with pytest.raises(ValidationError, match="frozen"):
+        found.width = 2.0
+    assert Sizes.checked("f", {"width": Fraction(1, 2)}).width == 0.5
+
+
+def test_nothing_is_loaded_early():
+    """`import sbfem_petsc` loads no pydantic, and a case's options neither MPI nor PETSc."""
+    program = (
+        "import sys, sbfem_petsc; print('pydantic' in sys.modules); import sbfem_petsc.analysis.options; "
+        "print(any(name.split('.')[0] in ('mpi4py', 'petsc4py') for name in sys.modules))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["False", "False"], done.stderr
