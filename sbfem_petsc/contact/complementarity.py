@@ -1,8 +1,9 @@
-"""Contact problems condensed onto the contact rows, by a primal-dual active set."""
+"""Contact problems of some rows: one primal-dual active set over what solves a set that is closed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from scipy import linalg
@@ -31,6 +32,102 @@ class Complementarity:
     gap: np.ndarray
     active: np.ndarray
     iterations: int
+
+
+class Backend(Protocol):
+    """What solves a structure with some contact rows closed; collective where the structure is distributed.
+
+    Attributes
+    ----------
+    flexible : (n,) bool array
+        Rows that a force moves; the others take no part.
+    maximum : int
+        Sets before the iteration is given up.
+    rounding : float
+        Of forces and gaps, relative to the largest.
+    """
+
+    flexible: np.ndarray
+    maximum: int
+    rounding: float
+
+    def closed(
+        self, active: np.ndarray, gap: np.ndarray, force: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces that close these gaps of the active rows, from a first guess, and what they add to the gaps
+        of all rows; None where they are not found.
+        """
+
+    def sharpen(self) -> bool:
+        """Solve more exactly from here on; False where that is not possible."""
+
+
+def active_set(
+    backend: Backend, free_gap: np.ndarray, laws: RowLaws, start: np.ndarray | None = None
+) -> tuple[Complementarity | None, np.ndarray]:
+    """Primal-dual active set: the solution, None after a cycle or a set that is not solved, and the last set.
+
+    Parameters
+    ----------
+    backend : Backend
+    free_gap : (n,) array
+        Gaps without contact forces, m.
+    laws : RowLaws
+    start : (n,) bool array, optional
+        First guess of the active set; default: the rows that cannot do without a force.
+    """
+    active = backend.flexible & (laws.touched(free_gap) if start is None else laws.tied | start)
+    force, seen = np.zeros(len(free_gap)), set[bytes]()
+    for iteration in range(1, backend.maximum + 1):
+        found = backend.closed(active, free_gap, force)
+        if found is None:
+            break
+        force, gap = found[0], found[1] + free_gap
+        gap[active] = 0.0
+        pulls, overlaps = (backend.rounding * np.abs(of).max(initial=0.0) for of in (force, free_gap))
+        wrong = backend.flexible & laws.wrong(active, force, gap, overlaps, pulls)
+        active = active ^ wrong
+        settled = not wrong.any()
+        if settled or active.tobytes() in seen:
+            # what looks like a cycle may be the doing of loose solves
+            if not backend.sharpen():
+                return Complementarity(
+                    laws.admissible(force), gap, active, iteration
+                ) if settled else None, active
+            seen.clear()
+        seen.add(active.tobytes())
+    return None, active
+
+
+class Condensed:
+    """Rows with their flexibility as a matrix, a `Backend`.
+
+    Parameters
+    ----------
+    flexibility : (n, n) array
+    maximum : int
+    """
+
+    rounding = 0.0
+
+    def __init__(self, flexibility: np.ndarray, maximum: int):
+        self._flexibility, self.maximum = flexibility, maximum
+        self.flexible = np.diag(flexibility) > 0.0
+
+    def closed(self, active: np.ndarray, gap: np.ndarray, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By Cholesky's factorisation."""
+        index, force = np.flatnonzero(active), np.zeros(len(gap))
+        if len(index):
+            block = self._flexibility[np.ix_(index, index)]
+            # rows of different size or unit, nodal forces and resultants of pressure modes, weigh alike
+            weight = 1.0 / np.sqrt(np.diag(block))
+            scaled = weight[:, None] * block * weight
+            force[index] = weight * linalg.solve(scaled, -weight * gap[index], assume_a="pos")
+        return force, self._flexibility @ force
+
+    def sharpen(self) -> bool:
+        """The solves are exact."""
+        return False
 
 
 def solve_complementarity(
@@ -69,55 +166,24 @@ def solve_complementarity(
         If neither ends.
     """
     laws = RowLaws.unilateral(len(free_gap)) if laws is None else laws
-    flexible = np.diag(flexibility) > 0.0
-    active = flexible & (laws.touched(free_gap) if start is None else laws.tied | start)
-    seen = set()
-    for iteration in range(1, maximum + 1):
-        force, gap = _closed(flexibility, free_gap, active)
-        wrong = flexible & laws.wrong(active, force, gap)
-        if not wrong.any():
-            return Complementarity(force, gap, active, iteration)
-        active = active ^ wrong
-        key = active.tobytes()
-        if key in seen:
-            return _least_index(flexibility, free_gap, laws, active, iteration)
-        seen.add(key)
-    return _least_index(flexibility, free_gap, laws, active, maximum)
-
-
-def _closed(
-    flexibility: np.ndarray, free_gap: np.ndarray, active: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Forces that keep the active rows closed, and the gaps under them."""
-    force = np.zeros(len(free_gap))
-    if active.any():
-        index = np.flatnonzero(active)
-        block = flexibility[np.ix_(index, index)]
-        # rows of different size or unit, nodal forces and resultants of pressure modes, weigh alike
-        weight = 1.0 / np.sqrt(np.diag(block))
-        scaled = weight[:, None] * block * weight
-        force[index] = weight * linalg.solve(scaled, -weight * free_gap[index], assume_a="pos")
-    gap = flexibility @ force + free_gap
-    gap[active] = 0.0
-    return force, gap
-
-
-def _least_index(
-    flexibility: np.ndarray, free_gap: np.ndarray, laws: RowLaws, active: np.ndarray, done: int
-) -> Complementarity:
-    """Murty's least-index principal pivoting from a given basis."""
-    active, flexible = active.copy(), np.diag(flexibility) > 0.0
-    for iteration in range(done + 1, done + 100 * len(free_gap) + 1):
-        force, gap = _closed(flexibility, free_gap, active)
+    backend = Condensed(flexibility, maximum)
+    found, active = active_set(backend, free_gap, laws, start)
+    if found is not None:
+        return found
+    last = maximum + 100 * len(free_gap)
+    for iteration in range(maximum + 1, last + 1):
+        force, moved = backend.closed(active, free_gap, free_gap)
+        gap = moved + free_gap
+        gap[active] = 0.0
         # each row has a rounding of its own: rows may differ in unit and in size
         rounding = ROUND_OFF * (np.abs(flexibility) @ np.abs(force) + np.abs(free_gap))
-        wrong = np.flatnonzero(flexible & laws.wrong(active, force, gap, rounding))
+        wrong = np.flatnonzero(backend.flexible & laws.wrong(active, force, gap, rounding))
         if len(wrong) == 0:
             return Complementarity(force, gap, active, iteration)
         active[wrong[0]] = ~active[wrong[0]]
     raise on_all_ranks(
         SolveError(
-            f"contact: neither the primal-dual active set nor principal pivoting ended after {iteration} "
+            f"contact: neither the primal-dual active set nor principal pivoting ended after {last} "
             f"iterations for {len(free_gap)} rows"
         )
     )
@@ -131,5 +197,5 @@ def one_pass_tie(
     """
     laws = RowLaws.unilateral(len(free_gap)) if laws is None else laws
     active = laws.touched(free_gap)
-    force, _ = _closed(flexibility, free_gap, active)
-    return Complementarity(force, flexibility @ force + free_gap, active, 1)
+    force, moved = Condensed(flexibility, 1).closed(active, free_gap, free_gap)
+    return Complementarity(force, moved + free_gap, active, 1)

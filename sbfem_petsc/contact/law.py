@@ -130,10 +130,19 @@ class RowLaws:
         return self.tied | (free_gap < 0.0)
 
     def wrong(
-        self, active: np.ndarray, force: np.ndarray, gap: np.ndarray, rounding: np.ndarray | float = 0.0
+        self,
+        active: np.ndarray,
+        force: np.ndarray,
+        gap: np.ndarray,
+        overlap: np.ndarray | float = 0.0,
+        pull: float = 0.0,
     ) -> np.ndarray:
-        """Rows on the wrong side: that pull though they must not, or overlap, by more than rounding (m)."""
-        return np.where(active, ~self.tied & (force < 0.0), gap < -np.asarray(rounding))
+        """Rows on the wrong side: that pull though they must not, or overlap, by more than rounding."""
+        return np.where(active, ~self.tied & (force < -pull), gap < -np.asarray(overlap))
+
+    def admissible(self, force: np.ndarray) -> np.ndarray:
+        """Forces without what rounding has put on the wrong side."""
+        return np.where(self.tied, force, np.maximum(force, 0.0))
 
     def acting(self, force: np.ndarray) -> np.ndarray:
         """Rows that keep their gap, (..., c) of their forces."""

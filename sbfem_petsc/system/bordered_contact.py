@@ -16,8 +16,7 @@ import numpy as np
 from scipy import sparse
 
 from ..capacity import give_back
-from ..contact.complementarity import Complementarity
-from ..petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp, stage
+from ..petsc import PETSc, block_solve, check_ksp, dense_columns, direct_solver, free, make_ksp
 from .assembly import from_rows
 
 # From about so many rows on a few factorisations cost less than a solve for each row: a third of its time
@@ -33,67 +32,65 @@ _CLOSE, _BLOCK = 128, 64
 _TRUSTED = 1e-9
 
 
-@stage("Contact")
-def solve_bordered(model, free_gap: np.ndarray) -> Complementarity | None:
-    """Primal-dual active set of the model's contact rows. Collective.
+class Bordered:
+    """The rows of a model with the active ones as borders, a `contact.complementarity.Backend`. Collective.
 
     Parameters
     ----------
     model : Model
-    free_gap : (c,) array
-        Gaps without contact forces, m.
-
-    Returns
-    -------
-    Complementarity or None
-        None where the iteration runs into a cycle or a system is not solved to round-off.
     """
-    gap_operator, laws = model.gap_operator, model.gap_operator.laws
-    flexible = gap_operator.rows.lengths() + np.abs(gap_operator.flexibility.diagonal()) > 0.0
-    active = flexible & laws.touched(free_gap)
-    seen = set()
-    factorised = None
-    try:
-        for iteration in range(1, _MAXIMUM + 1):
-            if not active.any():
-                force, gap = np.zeros(len(active)), free_gap.copy()
-            else:
-                if factorised is None or not factorised.reaches(active):
-                    if factorised is not None:
-                        factorised.destroy()
-                    factorised = _Factorised(model, free_gap, active)
-                found = factorised.closed(active)
-                if found is None:
-                    return None
-                force, gap = found
-            wrong = flexible & laws.wrong(active, force, gap)
-            if not wrong.any():
-                return Complementarity(force, gap, active, iteration)
-            active = active ^ wrong
-            if active.tobytes() in seen:
-                return None
-            seen.add(active.tobytes())
-        return None
-    finally:
-        if factorised is not None:
-            factorised.destroy()
+
+    maximum, rounding = _MAXIMUM, 0.0
+
+    def __init__(self, model):
+        self._model, self._factorised = model, None
+        self.flexible = model.gap_operator.flexible()
+
+    @staticmethod
+    def worthwhile(model, rows: int) -> bool:
+        """Whether factorisations are expected to cost less than the flexibility of all rows, and the direct
+        solver factorises indefinite matrices.
+        """
+        if rows <= MANY or "compliance" in model.__dict__:
+            return False
+        return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")
+
+    def closed(
+        self, active: np.ndarray, gap: np.ndarray, force: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray] | None:
+        """None if a system is not solved to round-off."""
+        if not active.any():
+            return np.zeros(len(gap)), np.zeros(len(gap))
+        if self._factorised is None or not self._factorised.reaches(active):
+            self.close()
+            self._factorised = _Factorised(self._model, active)
+        return self._factorised.closed(active, gap)
+
+    def sharpen(self) -> bool:
+        """The solves are exact."""
+        return False
+
+    def close(self) -> None:
+        """Free the factor."""
+        if self._factorised is not None:
+            self._factorised.destroy()
+            self._factorised = None
 
 
 class _Factorised:
     """The bordered matrix of one active set, factorised, and what rows that join or leave the set do.
 
-    Forces are those that keep the active rows closed, gaps those under them: of the change from the state
-    without contact forces, whose gaps are known.
+    Forces are those that close given gaps of the active rows, displacements the change from the state that
+    has these gaps.
 
     Parameters
     ----------
     model : Model
-    free_gap : (c,) array
     active : (c,) bool array
     """
 
-    def __init__(self, model, free_gap: np.ndarray, active: np.ndarray):
-        self._model, self._free_gap, self._active = model, free_gap, active
+    def __init__(self, model, active: np.ndarray):
+        self._model, self._active = model, active
         self._index = np.flatnonzero(active)
         self._scale = max(material.modulus for material in model.materials) * model.thickness
         self._matrix = _bordered(model, self._index, self._scale)
@@ -104,7 +101,7 @@ class _Factorised:
         # answers.
         self._rows = np.zeros(0, dtype=int)
         self._gaps, self._forces = np.zeros((len(active), 0)), np.zeros((len(self._index), 0))
-        self._trusted = self._solve_own()
+        self._own, self._trusted = np.full(len(self._index), np.nan), False
 
     def reaches(self, active: np.ndarray) -> bool:
         """Whether a set is so close to the factorised one that solves cost less than a factorisation."""
@@ -112,11 +109,13 @@ class _Factorised:
         direct = self._ksp.getType() == "preonly"
         return len(changed) == 0 or (direct and len(np.union1d(changed, self._rows)) <= _CLOSE)
 
-    def closed(self, active: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
-        """Forces and gaps of a set; None if the factorisation is not to be trusted."""
-        if not self._trusted:
+    def closed(self, active: np.ndarray, given: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+        """Forces that close given gaps of a set, and what they add to all; None if the factorisation is not
+        to be trusted.
+        """
+        if not self._solve_own(given[self._index]):
             return None
-        operator, free_gap, scale = self._model.gap_operator, self._free_gap, self._scale
+        operator, scale = self._model.gap_operator, self._scale
         force = np.zeros(len(active))
         changed = np.flatnonzero(active ^ self._active)
         self._respond(np.setdiff1d(changed, self._rows))
@@ -127,7 +126,7 @@ class _Factorised:
         # the further border over the factor's answers, C^T M^-1 C, and over the first solution
         border = np.empty((len(changed), len(changed)))
         first = np.empty(len(changed))
-        known = np.where(joins, scale * free_gap[changed], 0.0)
+        known = np.where(joins, scale * given[changed], 0.0)
         for k, (row, joined) in enumerate(zip(changed, joins)):
             if joined:
                 border[k] = -scale * answers[row] - scale**2 * (own[k] @ forces)
@@ -143,27 +142,29 @@ class _Factorised:
             return None
         force[self._index] = scale * (self._first_force - forces @ more)
         force[changed] = np.where(joins, scale * more, 0.0)
-        gap = self._first_gap - answers @ more + operator.flexibility @ force + free_gap
-        off = np.abs(gap[active]).max(initial=0.0)
-        if not off <= _TRUSTED * np.abs(free_gap).max():
-            return None
-        gap[active] = 0.0
-        return force, gap
+        moved = self._first_gap - answers @ more + operator.flexibility @ force
+        off = np.abs((moved + given)[active]).max(initial=0.0)
+        return (force, moved) if off <= _TRUSTED * np.abs(given).max() else None
 
-    def _solve_own(self) -> bool:
-        """Solution of the factorised set: gaps (c,) and forces / c; whether its residual is round-off."""
-        model = self._model
+    def _solve_own(self, given: np.ndarray) -> bool:
+        """Solution of the factorised set for its gaps: gaps (c,) and forces / c, kept for the next time;
+        whether its residual is round-off.
+        """
+        if np.array_equal(given, self._own):
+            return self._trusted
+        model, self._own = self._model, given
         right, solution = self._matrix.createVecs()
         residual = right.duplicate()
         try:
             if model.comm.rank == self._last:
-                right.array[self._owned :] = self._scale * self._free_gap[self._index]
+                right.array[self._owned :] = self._scale * given
             self._ksp.solve(right, solution)
             check_ksp(self._ksp, "static contact")
             self._matrix.mult(solution, residual)
             residual.axpy(-1.0, right)
             self._first_gap, self._first_force = self._parts(solution.array_r.copy())
-            return bool(residual.norm() <= _TRUSTED * right.norm())
+            self._trusted = bool(residual.norm() <= _TRUSTED * right.norm())
+            return self._trusted
         finally:
             free(model.comm, right, solution, residual)
 
@@ -241,12 +242,3 @@ def _compressed(matrix: sparse.spmatrix) -> tuple[np.ndarray, np.ndarray, np.nda
     rows = matrix.tocsr()
     rows.sort_indices()
     return rows.indptr, rows.indices, rows.data
-
-
-def worthwhile(model, rows: int) -> bool:
-    """Whether bordered factorisations are expected to cost less than the flexibility of all rows, and the
-    direct solver factorises indefinite matrices.
-    """
-    if rows <= MANY or "compliance" in model.__dict__:
-        return False
-    return model.solver.direct and direct_solver(model.comm)[1] in ("mumps", "superlu_dist")

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..contact.complementarity import Complementarity, solve_complementarity
+from ..contact.complementarity import Complementarity, active_set, solve_complementarity
 from ..contact.law import RowLaws
-from ..petsc import free
+from ..petsc import free, stage
 from . import bordered_contact, dual_contact
 from .boundary import LoadColumns
 from .model import Model
@@ -72,12 +73,7 @@ def equilibrium(
         gap = gap_operator.rows(solution.array_r) + load.gaps[:, 0] + gap_operator.initial
         force, active, iterations = np.zeros(len(gap)), np.zeros(len(gap), dtype=bool), 0
         if contact and gap_operator.laws.touched(gap).any():
-            result = None
-            if solve is solve_complementarity:
-                if dual_contact.worthwhile(model, len(gap)):
-                    result = dual_contact.solve_dual(model, gap)
-                elif bordered_contact.worthwhile(model, len(gap)):
-                    result = bordered_contact.solve_bordered(model, gap)
+            result = _without_flexibility(model, gap) if solve is solve_complementarity else None
             if result is None:
                 result = solve(model.compliance.gaps, gap, gap_operator.laws)
             force, gap, active, iterations = result.force, result.gap, result.active, result.iterations
@@ -95,3 +91,15 @@ def equilibrium(
         return Equilibrium(owned, force, gap, active, intensities, iterations, relative)
     finally:
         free(model.comm, forces, solution, right, residual)
+
+
+@stage("Contact")
+def _without_flexibility(model: Model, free_gap: np.ndarray) -> Complementarity | None:
+    """Contact of so many rows that their flexibility costs more than the forces; None where it does not, and
+    where the active set runs into a cycle or is not solved to round-off.
+    """
+    for kind in (dual_contact.Dual, bordered_contact.Bordered):
+        if kind.worthwhile(model, len(free_gap)):
+            with closing(kind(model)) as backend:
+                return active_set(backend, free_gap, model.gap_operator.laws)[0]
+    return None

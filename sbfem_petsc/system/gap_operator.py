@@ -47,6 +47,10 @@ class GapOperator:
     def __len__(self) -> int:
         return len(self.initial)
 
+    def flexible(self) -> np.ndarray:
+        """(c,): rows that a force moves: not those of pairs that are held fixed. Collective."""
+        return self.rows.lengths() + np.abs(self.flexibility.diagonal()) > 0.0
+
 
 def gap_operator(model) -> GapOperator:
     """The contact rows of a model. Collective."""

@@ -171,10 +171,13 @@ def test_bordered_contact(monkeypatch, load, law, close):
     expected = sb.static(make(), load)
     monkeypatch.setattr(bordered_contact, "MANY", 0)
     calls = []
-    original = bordered_contact.solve_bordered
-    monkeypatch.setattr(
-        bordered_contact, "solve_bordered", lambda *a: calls.append(original(*a)) or calls[-1]
-    )
+
+    class Counted(bordered_contact.Bordered):
+        def __init__(self, model):
+            super().__init__(model)
+            calls.append(self)
+
+    monkeypatch.setattr(bordered_contact, "Bordered", Counted)
     model = make()
     found = sb.static(model, load)
     touched = expected.active.any()

@@ -41,7 +41,7 @@ def tones():
 CALLS = [
     (krylov_step.KrylovStep, "apply", 1, lambda: sb.modal(body(), 4)),
     (krylov_step.KrylovStep, "apply", 8, lambda: sb.modal(body(), 4)),
-    (dual_contact._Operator, "mult", 2, lambda: sb.static(body(), push)),
+    (dual_contact.Dual, "mult", 2, lambda: sb.static(body(), push)),
     (newton.Newton, "_function", 2, lambda: shooting("auto")),
     (newton.Newton, "_jacobian", 1, lambda: shooting("dense")),
     (newton._Products, "mult", 3, lambda: shooting("matrix-free")),
@@ -90,7 +90,7 @@ tell(f"{sb.modal(body(), 1).frequencies[0]:.6g}")
 EXPECTED = """\
 KrylovStep apply 1
 KrylovStep apply 8
-_Operator mult 2
+Dual mult 2
 Newton _function 2
 Newton _jacobian 1
 _Products mult 3
