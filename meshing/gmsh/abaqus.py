@@ -17,7 +17,7 @@ from typing import Any, NoReturn
 
 import numpy as np
 
-from meshing.gmsh.child import Refusal
+from meshing.gmsh.confined import Refusal
 from meshing.gmsh.foreign import ForeignMesh, described
 
 # CAX4P and R3D3 are what meshio calls quadrilaterals and triangles
@@ -60,7 +60,7 @@ def load() -> None:
     """Nothing: no library is needed."""
 
 
-def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Read a mesh; `options` are those of `meshing.gmsh.foreign.described`.
 
     Raises
@@ -68,7 +68,7 @@ def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], 
     Refusal
         It is no plane mesh, is not understood, or has cells without a material or with two.
     """
-    with open(f"{folder}/{file}", encoding="utf-8", errors="replace") as stream:
+    with open(file, encoding="utf-8", errors="replace") as stream:
         deck = _Deck(list(_of_one_part(_cards(stream.read()))))
     groups = deck.materials() | deck.curves()
     used = {name.upper() for _, name in groups}

@@ -13,8 +13,9 @@ import numpy as np
 
 from meshing.cells.planar import find_crossing, find_meeting
 from meshing.gll import gll_nodes
-from meshing.gmsh.child import Refusal
+from meshing.gmsh.confined import Refusal
 from meshing.gmsh.files import CAD, IGES, SCRIPTS
+from meshing.gmsh.script_log import check_whole, refused, step_read
 from meshing.gmsh.size_guard import Guard
 
 _KIND = ("point", "curve", "surface", "volume")
@@ -32,19 +33,21 @@ def load() -> None:
 
 
 def extract(
-    *, folder: str, file: str, order: int, size: float | None, most_unknowns: int
+    *, file: str, order: int, size: float | None, most_unknowns: int, trusted: bool = False
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Open a file and describe what it holds.
 
     Parameters
     ----------
-    folder, file : str
-        The file, and nothing but what it reads, in a folder of its own.
+    file : str
+        In this process's folder.
     order : int
         Order of the S-elements' edges.
     size : float, optional
         Largest cell size when a geometry is meshed, in the file's unit of length.
     most_unknowns : int
+    trusted : bool
+        It may start programs.
 
     Raises
     ------
@@ -53,16 +56,20 @@ def extract(
     """
     import gmsh
 
-    suffix = file[file.rindex(".") :]
+    suffix = file[file.rindex(".") :].lower()
     gmsh.option.setNumber("General.Terminal", 0)
     gmsh.option.setNumber("General.NumThreads", 1)
     if suffix not in IGES:  # gmsh cannot set OpenCASCADE's unit before a first step file: these stay in mm
         gmsh.option.setString("Geometry.OCCTargetUnit", "M")  # of a step file that a .geo file merges, too
     gmsh.logger.start()
-    geometry = suffix in SCRIPTS + CAD
+    script = suffix in SCRIPTS
+    geometry = script or suffix in CAD
     guard = Guard(order, most_unknowns)
     try:
-        gmsh.merge(f"{folder}/{file}")
+        gmsh.merge(file)
+        if script:
+            check_whole(gmsh.logger.get())
+            _refuse_programs(gmsh, trusted)
         if suffix in CAD and len(gmsh.model.getEntities(2)) > 1:
             # These formats keep every part by itself; parts that touch are one body.
             gmsh.model.occ.removeAllDuplicates()
@@ -75,13 +82,13 @@ def extract(
     except (Refusal, MemoryError):
         raise
     except Exception as error:  # gmsh raises nothing more precise
-        said = " ".join(str(error).split()).replace(folder + "/", "").rstrip(".")
+        said = " ".join(str(error).split()).rstrip(".")
         if not said or "bad_alloc" in said:
             raise Refusal(
                 "gmsh stopped without a reason, as it does when its memory runs out; give larger cell sizes "
                 "or a larger memory_limit."
             ) from error
-        raise Refusal(f"gmsh cannot read or mesh it ({said}); mend the file there.") from error
+        raise refused(said, script) from error
     told: dict[str, Any] = {
         "geometry": geometry,
         "unnamed": suffix in CAD,
@@ -89,12 +96,21 @@ def extract(
         "empty": [] if suffix in CAD else _empty_groups(gmsh),
         "log": [line for line in gmsh.logger.get() if line.startswith("Warning")],
     }
+    own_unit = gmsh.option.getString("Geometry.OCCTargetUnit") != "M"
+    told["merged_step"] = step_read(gmsh.logger.get()) if script and not own_unit else None
     told["skipped"] = _skipped_entities(gmsh, told["log"])
     arrays: dict[str, np.ndarray] = {}
     _describe_mesh(gmsh, told, arrays, guard)
     if geometry:
         _true_curves(gmsh, order, told, arrays)
     return told, arrays
+
+
+def _refuse_programs(gmsh, trusted: bool) -> None:
+    """Sizes that another program would give, which gmsh leaves out where it cannot start it."""
+    for tag in () if trusted else gmsh.model.mesh.field.list():
+        if gmsh.model.mesh.field.getType(tag) == "ExternalProcess":
+            raise refused("system call", script=True)
 
 
 def _of_volumes(gmsh, solids: int) -> str:

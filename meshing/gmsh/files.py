@@ -1,50 +1,32 @@
-"""A user's file before gmsh sees it: its content is what its ending says, what it reads is beside it.
-
-`collect` returns the bytes that were checked. gmsh is given copies of these in a folder of their own, so that
-nothing that lies beside the user's file, and nothing that changes it afterwards, has a say.
-"""
+"""A user's file before gmsh sees it: its content is what its ending says."""
 
 from __future__ import annotations
 
-import os
 import re
 from pathlib import Path
 
-from meshing.gmsh.script_scan import scan_script
 from meshing.whole_file import read_whole
 
 SCRIPTS = (".geo", ".geo_unrolled")
 STEP, IGES = (".step", ".stp"), (".iges", ".igs")
 CAD = (*STEP, ".brep", *IGES)  # these formats carry no physical groups
-_MERGED = (*SCRIPTS, *STEP, ".brep", ".msh")
 MESHES = (".msh",)
 FOREIGN = {".inp": "meshing.gmsh.abaqus", ".vtu": "meshing.gmsh.vtk", ".vtk": "meshing.gmsh.vtk"}
 KNOWN = (*MESHES, *SCRIPTS, *CAD, *FOREIGN)
-_MOST_FILES = 100
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
-def collect(path: Path) -> dict[str, bytes]:
-    """The file and all it reads, checked.
+def checked_content(path: Path) -> bytes:
+    """Content of a file whose ending is known, and which is, from beginning to end, what the ending says.
 
-    Parameters
-    ----------
-    path : path
-
-    Returns
-    -------
-    dict of str to bytes
-        What gmsh is given, by name; the first is the file itself, called "model" with its ending in small
-        letters, the others have their paths relative to its folder.
+    gmsh itself goes by the content: a script in a file called .msh is run.
 
     Raises
     ------
     ValueError
-        The ending is not known, the content is something else, the file reads others outside its folder or
-        itself, or a script holds a statement that is refused.
+        There is no such file, the ending is not known, or the content is something else or cut.
     """
-    suffix = path.suffix.lower()
-    content = read_whole(path)
+    suffix, content = path.suffix.lower(), read_whole(path)
     if content.startswith(_HDF5):
         raise ValueError(
             f"{path}: it is an HDF5 file, not a gmsh model; meshes that were saved here are read by "
@@ -55,64 +37,20 @@ def collect(path: Path) -> dict[str, bytes]:
             f"{path}: the ending {path.suffix or '(none)'} is not known; {', '.join(KNOWN)} are read, and "
             "the content must be what the ending says."
         )
-    files: dict[str, bytes] = {f"model{suffix}": b""}
+    if not content.strip():
+        raise ValueError(f"{path}: it is empty.")
+    _check_content(path, suffix, content)
+    return content
+
+
+def _check_content(path: Path, suffix: str, content: bytes) -> None:
     if suffix in SCRIPTS:
-        files[f"model{suffix}"] = _script(path, content, path.parent, files, (_real(path),))
-    else:
-        check_content(path, suffix, content)
-        files[f"model{suffix}"] = content
-    return files
-
-
-def _real(path: Path) -> Path:
-    return Path(os.path.realpath(path))
-
-
-def _script(
-    path: Path, content: bytes, folder: Path, files: dict[str, bytes], within: tuple[Path, ...]
-) -> bytes:
-    """The checked text of a script; what it reads is added to `files`."""
-    if not content.strip():
-        raise ValueError(f"{path}: it is empty.")
-    if content.startswith((b"$", b"ISO-10303-21")):
-        raise ValueError(
-            f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
-            "format."
-        )
-    script = scan_script(content, str(path))
-    for statement, line, name in script.reads:
-        where = f"{path}: {statement} in line {line} reads {name!r}"
-        other = path.parent / name
-        relative = os.path.normpath(os.path.relpath(other, folder))
-        outside = Path(name).is_absolute() or relative.startswith("..") or "\\" in name or "~" in name
-        if outside or not _real(other).is_relative_to(_real(folder)):
-            raise ValueError(f"{where}, which is outside the model's folder; put the file beside the model.")
-        if _real(other) in within:
-            raise ValueError(f"{where}, which reads itself; remove the statement.")
-        if not other.is_file():
-            raise ValueError(f"{where}, and there is no such file.")
-        if len(files) >= _MOST_FILES:
-            raise ValueError(f"{where}; more than {_MOST_FILES} files are not read.")
-        suffix = other.suffix
-        if statement == "Include" or suffix in SCRIPTS:
-            files[relative] = b""
-            files[relative] = _script(other, read_whole(other), folder, files, (*within, _real(other)))
-        elif suffix in _MERGED:
-            stored = read_whole(other)
-            check_content(other, suffix, stored)
-            files[relative] = stored
-        else:
+        if content.startswith((b"$", b"ISO-10303-21")):
             raise ValueError(
-                f"{where}, whose ending is not known; {', '.join(_MERGED)} can be merged (in small letters)."
+                f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
+                "format."
             )
-    return script.text.encode()
-
-
-def check_content(path: Path, suffix: str, content: bytes) -> None:
-    """ValueError unless the content is, from beginning to end, what the ending says."""
-    if not content.strip():
-        raise ValueError(f"{path}: it is empty.")
-    if suffix in MESHES:
+    elif suffix in MESHES:
         _check_msh(path, content)
     elif suffix in STEP:
         _expect(

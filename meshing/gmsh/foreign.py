@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.gmsh.child import Refusal
+from meshing.gmsh.confined import Refusal
 from meshing.gmsh.size_guard import Guard
 
 # dimension and nodes of an element: its order and corners
@@ -68,6 +68,7 @@ def described(
         "empty": [],
         "skipped": [],
         "log": [],
+        "merged_step": None,
         "blocks": [],
         "points": {},
     }

@@ -40,30 +40,23 @@ class Units:
         Length of the file's own unit, m; None where it says none.
     scale : float or None
         The user's.
-    merged : str or None
-        A step file that a script merges, whose lengths gmsh converts to m.
     """
 
     factor: float
     file: float | None
     scale: float | None
-    merged: str | None
 
     @classmethod
-    def of(cls, files: dict[str, bytes], scale: float | None, origin: str) -> Units:
-        """Those of checked files, the first of which is the model.
+    def of(cls, ending: str, content: bytes, scale: float | None, origin: str) -> Units:
+        """Those of a checked file; `ending` in small letters.
 
         Raises
         ------
         ValueError
             If `scale` is given for a CAD file whose own unit is not understood.
         """
-        (name, content), *others = files.items()
-        ending = name[name.rindex(".") :]
         if ending not in STEP + IGES:
-            merged = next((other for other, _ in others if other.lower().endswith(STEP)), None)
-            own = any(b"OCCTargetUnit" in script for script in files.values())
-            return cls(1.0 if scale is None else scale, None, scale, None if own else merged)
+            return cls(1.0 if scale is None else scale, None, scale)
         unit = step_unit(content) if ending in STEP else iges_unit(content)
         if scale is not None and unit is None:
             raise ValueError(
@@ -74,7 +67,7 @@ class Units:
         factor = 1.0 if ending in STEP else 1e-3
         if scale is not None and unit is not None:
             factor *= scale / unit
-        return cls(factor, unit, scale, None)
+        return cls(factor, unit, scale)
 
 
 def step_unit(content: bytes) -> float | None:

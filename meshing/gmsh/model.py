@@ -49,6 +49,8 @@ class FileModel:
         Dimension and number of entities that do not exist, and the group that names them.
     log : list of str
         gmsh's warnings.
+    merged_step : str or None
+        A STEP file that a script reads, whose lengths gmsh converts to m.
     where : dict of int to (3,) array
         Positions of the nodes by tag, m.
     blocks : list of Block
@@ -66,6 +68,7 @@ class FileModel:
     empty: list[tuple[int, str]]
     skipped: list[tuple[int, int, str]]
     log: list[str]
+    merged_step: str | None
     where: dict[int, np.ndarray]
     blocks: list[Block]
     points: dict[int, list[int]]
@@ -99,6 +102,7 @@ def from_answer(told: dict[str, Any], arrays: dict[str, np.ndarray], scale: floa
         empty=[(int(d), str(name)) for d, name in told["empty"]],
         skipped=[(int(d), int(entity), str(name)) for d, entity, name in told["skipped"]],
         log=[str(line) for line in told["log"]],
+        merged_step=told["merged_step"],
         where=dict(zip(arrays["node_tags"].tolist(), positions)),
         blocks=[
             Block(dimension, entity, name, order, corners, arrays[f"block{i}"])

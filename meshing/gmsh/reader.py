@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
@@ -13,8 +17,8 @@ from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.gmsh.building import Builder
-from meshing.gmsh.files import FOREIGN, collect
-from meshing.gmsh.isolation import run_child
+from meshing.gmsh.confined import Rights, ask, landlock_version
+from meshing.gmsh.files import FOREIGN, SCRIPTS, checked_content
 from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
@@ -22,6 +26,8 @@ from meshing.gmsh.unjoined import check_joined
 from meshing.input_checks import checked_faces, checked_order, flag, number, positive
 from meshing.recipe import Recipe
 from meshing.whole_file import checked_path
+
+_SHARE_OF_MEMORY = 0.75
 
 
 def read_gmsh(
@@ -38,6 +44,7 @@ def read_gmsh(
     max_unknowns: int = 1_000_000,
     time_limit: float = 120.0,
     memory_limit: float | None = None,
+    trust: bool = False,
 ) -> BoundaryMesh:
     """Read a gmsh model; each triangle or quadrilateral becomes an S-element.
 
@@ -58,9 +65,9 @@ def read_gmsh(
     line belongs to the left face. The cells around each tip, sharp kink and junction are divided anew into
     rings.
 
-    The file is read in a process of its own, and nothing in it is executed: statements of a script that start
-    programs, write files or read files outside its folder are refused, and so is content that is not what the
-    file's ending says.
+    The file is read in a process of its own, which the system lets read the file's folder and compute, and
+    nothing else (see `meshing.gmsh.confined`): a script that starts programs, writes files or reads files
+    outside its folder is refused, and so is content that is not what the file's ending says.
 
     Parameters
     ----------
@@ -97,6 +104,9 @@ def read_gmsh(
         Longest time for opening and meshing, s.
     memory_limit : float, optional
         Most memory for opening and meshing, bytes; three quarters of the machine's by default.
+    trust : bool
+        A script may start programs and read and write files as you may. Where the system cannot keep it from
+        that (Linux before 5.13, or without Landlock; other systems), scripts are refused without `trust`.
 
     Returns
     -------
@@ -113,10 +123,10 @@ def read_gmsh(
     Raises
     ------
     TypeError, ValueError
-        One sentence that names the file and the item: missing, truncated or not understood, statements that
-        are refused, no physical groups, groups that hold nothing, a volume, no cells, too many cells, not
-        plane, inverted, degenerate or not star-convex cells, surfaces that overlap, crack lines that do not
-        lie on cell edges, faces that do not match, groups named like the faces of a crack.
+        One sentence that names the file and the item: missing, truncated or not understood, a script that
+        does what it may not, no physical groups, groups that hold nothing, a volume, no cells, too many
+        cells, not plane, inverted, degenerate or not star-convex cells, surfaces that overlap, crack lines
+        that do not lie on cell edges, faces that do not match, groups named like the faces of a crack.
     RuntimeError
         gmsh cannot be loaded, or no process can be started.
     """
@@ -128,30 +138,36 @@ def read_gmsh(
     if size is not None:
         positive("read_gmsh", "size", size)
     tip_element = flag("read_gmsh", "tip_element", tip_element)
+    trust = flag("read_gmsh", "trust", trust)
     if tip_size is not None:
         positive("mesh", "tip_size", tip_size)
     number("mesh", "grading", grading)
     checked_faces(0.0, face_size, face_edges)
     most = int(positive("read_gmsh", "max_unknowns", max_unknowns, ""))
     seconds = positive("read_gmsh", "time_limit", time_limit, "s")
-    memory = (
-        None if memory_limit is None else int(positive("read_gmsh", "memory_limit", memory_limit, "bytes"))
+    memory = int(
+        _memory() if memory_limit is None else positive("read_gmsh", "memory_limit", memory_limit, "bytes")
     )
     origin = str(path)
-    files = collect(path)
-    units = Units.of(files, scale, origin)
-    request = {
-        "module": FOREIGN.get(path.suffix.lower(), "meshing.gmsh.extraction"),
-        "order": order,
-        "size": None if size is None else size / units.factor,
-        "most_unknowns": most,
-    }
-    model = from_answer(*run_child(origin, files, request, seconds, memory), units.factor)
+    suffix, content = path.suffix.lower(), checked_content(path)
+    units = Units.of(suffix, content, scale, origin)
+    options = {"order": order, "size": None if size is None else size / units.factor, "most_unknowns": most}
+    trusted = trust and suffix in SCRIPTS
+    if suffix in SCRIPTS and not trusted and not landlock_version():
+        raise ValueError(
+            f"{path}: a gmsh script may start programs and write files, and this system cannot keep it from "
+            "that (Linux 5.13 and newer with Landlock can); pass trust=True to read_gmsh if you know what it "
+            "does, or save its mesh as .msh."
+        )
+    with _place(path, suffix, content) as place:
+        module = FOREIGN.get(suffix, "meshing.gmsh.extraction")
+        answer = ask(origin, place, module, Rights(seconds, memory, trusted), options)
+    model = from_answer(*answer, units.factor)
     refuse_empty_groups(model, origin)
     pass_on(model, origin)
     built = Builder(model, origin)
     where = np.array(built.cells.vertices)
-    check_units(units, origin, where)
+    check_units(units, model.merged_step, origin, where)
     extent = float(np.ptp(where, axis=0).max())
     faces = {edge_key(edge) for edges in built.crack_lines.values() for edge in edges}
     check_joined(built.cells, faces, origin)
@@ -159,3 +175,31 @@ def read_gmsh(
     add_cracks(built.cells, built.crack_lines, meshing, origin)
     recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)
     return build_mesh(built.cells, order, built.materials, origin, recipe=recipe)
+
+
+@contextlib.contextmanager
+def _place(path: Path, suffix: str, content: bytes) -> Iterator[Path]:
+    """Where gmsh opens a file: a script where it is, for it may read what lies beside it; a copy of what was
+    checked of others, so that nothing beside them (gmsh runs plate.msh.opt) and no later change has a say.
+    """
+    if suffix in SCRIPTS:
+        yield path
+        return
+    with tempfile.TemporaryDirectory(prefix="sbfem-gmsh-") as folder:
+        place = Path(folder) / f"model{suffix}"
+        try:
+            place.write_bytes(content)
+        except OSError as error:
+            raise RuntimeError(
+                f"{path}: no copy of it can be put into {folder} ({error.strerror}); set TMPDIR to a folder "
+                "with room."
+            ) from error
+        yield place
+
+
+def _memory() -> float:
+    """Three quarters of the machine's, bytes."""
+    try:
+        return _SHARE_OF_MEMORY * os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    except (ValueError, OSError):
+        return 8 * 2**30

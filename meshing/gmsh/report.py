@@ -39,12 +39,14 @@ def pass_on(model: FileModel, origin: str) -> None:
             warn(origin, f"gmsh warns: {' '.join(text.split())}")
 
 
-def check_units(units: Units, origin: str, where: np.ndarray) -> None:
+def check_units(units: Units, merged_step: str | None, origin: str, where: np.ndarray) -> None:
     """Warnings of a scale that contradicts the file, and of a model so large or small that its unit is
     probably another one.
 
     Parameters
     ----------
+    merged_step : str or None
+        A STEP file that a script reads, whose lengths gmsh converts to m.
     where : (n, 2) array
         Vertices of the cells, m.
     """
@@ -56,10 +58,10 @@ def check_units(units: Units, origin: str, where: np.ndarray) -> None:
             f"{scale / units.file:g} times as large; leave scale out, unless the file is wrong.",
             UnitWarning,
         )
-    if scale not in (None, 1.0) and units.merged is not None:
+    if scale not in (None, 1.0) and merged_step is not None:
         warn(
             origin,
-            f"lengths in {units.merged!r}, which it merges, are converted to m, and scale={scale:g} makes "
+            f"lengths in {merged_step!r}, which it merges, are converted to m, and scale={scale:g} makes "
             'them wrong; leave scale out and draw the rest in m, or set Geometry.OCCTargetUnit = "MM"; '
             "ahead of the Merge to have it all in mm.",
             UnitWarning,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from meshing.gmsh.child import Refusal
+from meshing.gmsh.confined import Refusal
 
 _TRIANGLES = 4 / math.sqrt(3)  # equilateral triangles of side 1 in an area of 1
 

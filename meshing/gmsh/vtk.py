@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.gmsh.child import Refusal
+from meshing.gmsh.confined import Refusal
 from meshing.gmsh.foreign import ForeignMesh, described
 
 _PLANE = ("triangle", "triangle6", "quad", "quad8", "quad9")  # meshio's names
@@ -19,11 +19,13 @@ _MATERIALS = ("material", "gmsh:physical", "CellEntityIds", "medit:ref")
 
 
 def load() -> None:
-    """Load meshio, while this process may still do so."""
+    """Load meshio and what it loads late, while this process may still do so."""
+    import xml.etree.ElementTree  # noqa: F401
+
     import meshio  # noqa: F401
 
 
-def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     """Read a mesh; `options` are those of `meshing.gmsh.foreign.described`.
 
     Raises
@@ -34,7 +36,7 @@ def extract(*, folder: str, file: str, **options: Any) -> tuple[dict[str, Any], 
     import meshio
 
     try:
-        mesh = meshio.read(f"{folder}/{file}")
+        mesh = meshio.read(file)
     except (Exception, SystemExit) as error:  # meshio's readers raise what they like
         raise Refusal(f"meshio cannot read it ({' '.join(str(error).split())}); mend the file.") from error
     key = next((key for key in _MATERIALS if key in mesh.cell_data), None)

@@ -328,20 +328,33 @@ def test_geometry_that_gmsh_would_hang_on(tmp_path):
         read_gmsh(tmp_path / "bow.geo")
 
 
+@pytest.mark.parametrize(
+    "last",
+    [
+        'Physical Surface("a")={1}; Physical Curve("left")={4};',
+        'If (1) Physical Curve("left")={4}; EndIf',
+        'EndIf Physical Curve("left")={4};',
+    ],
+)
+def test_a_last_line_without_end_of_which_gmsh_drops_statements(tmp_path, last):
+    """Refused by the file's name, in the script as in what it reads; a single statement is read."""
+    begin = 'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\n'
+    (tmp_path / "cut.geo").write_text(begin + ("If (1)\n" if last.startswith("EndIf") else "") + last)
+    with pytest.raises(ValueError, match="last line of 'cut.geo' holds several statements"):
+        read_gmsh(tmp_path / "cut.geo", order=1)
+    (tmp_path / "named.geo").write_text(last)
+    for reads in ("Include", "Merge") if not last.startswith("EndIf") else ():
+        (tmp_path / "whole.geo").write_text(begin + f'{reads} "named.geo";')
+        with pytest.raises(ValueError, match="last line of 'named.geo' .* add a line break"):
+            read_gmsh(tmp_path / "whole.geo", order=1)
+    script = begin + 'Physical Surface("a")={1};\nPhysical Curve("left")={4}; // clamped'
+    (tmp_path / "whole.geo").write_text(script)
+    assert list(read_gmsh(tmp_path / "whole.geo", order=1).edge_sets) == ["left"]
+    assert (tmp_path / "whole.geo").read_text() == script
+
+
 def test_geometry_files_that_would_lose_a_part(tmp_path):
-    """A last line without newline, of which gmsh by itself drops statements, and a surface in no physical
-    group.
-    """
-    (tmp_path / "cut.geo").write_text(
-        'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1}; Physical Surface("a")={1};'
-    )
-    assert read_gmsh(tmp_path / "cut.geo", order=1).area == pytest.approx(1.0, abs=1e-12)
-    (tmp_path / "named.geo").write_text('Physical Surface("a")={1}; Physical Curve("left")={4};')
-    for reads in ("Include", "Merge"):
-        script = f'SetFactory("OpenCASCADE");\nRectangle(1)={{0,0,0,1,1}};\n{reads} "named.geo";'
-        (tmp_path / "whole.geo").write_text(script)
-        assert "left" in read_gmsh(tmp_path / "whole.geo", order=1).edge_sets
-        assert (tmp_path / "whole.geo").read_text() == script  # the user's file is left as it is
+    """A surface in no physical group."""
     (tmp_path / "two.geo").write_text(
         'SetFactory("OpenCASCADE");\nRectangle(1)={0,0,0,1,1};\nRectangle(2)={1,0,0,1,1};\nCoherence;\n'
         'Physical Surface("a")={1};\n'
