@@ -60,7 +60,7 @@ _HOME = {
     "Estimate": "analysis.estimate",
     "transient": "analysis.transient",
     "History": "dynamics.history",
-    "estimate_error": "analysis.transient",
+    "estimate_error": "analysis.estimate_error",
     "periodic": "analysis.periodic",
     "Orbit": "dynamics.orbit",
     "frequency_response": "analysis.response",

@@ -32,7 +32,7 @@ def bilinear(bench: Bench) -> Finding:
         PERIODS / expected,
         step=1.0 / (STEPS * expected),
         modes=len(velocity),
-        start=(np.zeros_like(velocity), velocity),
+        initial=(np.zeros_like(velocity), velocity),
         progress=None,
     )
     u = history.displacement("A")[:, 1]

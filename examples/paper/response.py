@@ -441,7 +441,7 @@ def beyond(bench: Bench, force: float, damping: float, found) -> dict:
         PERIODS / frequency,
         step=1.0 / frequency / 128,
         decimation=8,
-        start=(orbit.states.q[0], 1.01 * orbit.states.v[0]),
+        initial=(orbit.states.q[0], 1.01 * orbit.states.v[0]),
         progress=None,
     )
     kept = history.time > history.time[-1] - TAIL / frequency

@@ -129,7 +129,7 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
         values = function(places[:, 0].copy(), places[:, 1].copy())
     except Exception as error:  # whatever a user's function does
         raise ValueError(
-            f"transient: the {what} of start failed as a function of arrays x and y: "
+            f"transient: the {what} of initial failed as a function of arrays x and y: "
             f"{type(error).__name__}: {error}"
         ) from error
     try:
@@ -140,7 +140,7 @@ def _values(function: Callable, places: np.ndarray, what: str) -> np.ndarray:
         right = False
     if not right:
         raise ValueError(
-            f"transient: the {what} of start must be a function of arrays x and y that gives two finite "
+            f"transient: the {what} of initial must be a function of arrays x and y that gives two finite "
             "values or arrays, u_x and u_y"
         )
     return field
@@ -172,7 +172,7 @@ def full_shapes(pencil: Pencil, found: Modal) -> np.ndarray:
     return shapes
 
 
-def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.ndarray]:
+def modal_start(reduced: ReducedModel, initial: tuple) -> tuple[np.ndarray, np.ndarray]:
     """Modal coordinates and velocities of functions of position: integrals of density times mode times
     function, over the inside of the S-elements as well.
 
@@ -185,13 +185,13 @@ def modal_start(reduced: ReducedModel, start: tuple) -> tuple[np.ndarray, np.nda
     if model is None or found is None:
         raise on_all_ranks(
             ValueError(
-                "transient: a start by functions of x and y needs a model; give modal coordinates (q, v)"
+                "transient: initial by functions of x and y needs a model; give modal coordinates (q, v)"
             )
         )
     pencil = Pencil(model, 1.0, 0.0)
     try:
         shapes, result = full_shapes(pencil, found), []
-        for function, what in zip(start, ("displacement", "velocity")):
+        for function, what in zip(initial, ("displacement", "velocity")):
             q = shapes.T @ momentum(pencil, function, what)
             model.comm.Allreduce(MPI.IN_PLACE, q)
             result.append(q)

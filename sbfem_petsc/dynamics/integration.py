@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
+from ..signals.signal import Signal
 from .history import History
 
 Rows = dict[str, np.ndarray]
@@ -46,6 +47,17 @@ class Steps:
     decimation: int
 
     @property
+    def settings(self) -> dict[str, Any]:
+        """What a file must have been written with to be continued."""
+        return {
+            "count": self.count,
+            "step": self.step,
+            "contact": self.contact,
+            "scheme": self.scheme,
+            "decimation": self.decimation,
+        }
+
+    @property
     def kept(self) -> int:
         """Instants that are kept, the first one included."""
         return 1 + self.count // self.decimation
@@ -57,6 +69,9 @@ class Integrator(Protocol):
     comm: MPI.Comm
     chunk: int
     columns: dict[str, Column]
+
+    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
+        """Tell a recorder what the history will hold. Collective."""
 
     def first(self) -> Rows:
         """The row of t = 0, each array of length 1."""
@@ -80,6 +95,17 @@ class Recorder(Protocol):
     """Keeps rows and checkpoints while a motion is integrated."""
 
     in_memory: bool
+
+    def begin(
+        self,
+        columns: Mapping[str, Column],
+        settings: Mapping[str, Any],
+        signals: Sequence[Signal],
+        *,
+        texts: Mapping[str, Sequence[str]] | None = None,
+        fingerprint: np.ndarray | None = None,
+    ) -> None:
+        """What is recorded, and under which conditions. Collective."""
 
     def resume(self) -> tuple[int, Rows, np.ndarray] | None:
         """Steps done, rows (none but in memory) and this rank's checkpoint of a former run; None for a new

@@ -23,7 +23,7 @@ from ..signals.signal import Signal
 from .drive import Drive, Piece
 from .energy import Energy, Ledger, guard
 from .history import History
-from .integration import Column, Rows, Steps
+from .integration import Column, Recorder, Rows, Steps
 from .rest import at_rest
 from .states import ModalStates
 from .steps import HALVING, halved_coefficients, lengths
@@ -45,7 +45,7 @@ class ReducedIntegrator:
         One for each unit load.
     steps : Steps
         Their scheme is "exact" or "newmark".
-    start : "rest", "equilibrium" or (q, v)
+    initial : "rest", "equilibrium" or (q, v)
         Zero; static equilibrium, contact included, under the loads at t = 0; or modal coordinates and rates.
 
     Attributes
@@ -56,7 +56,7 @@ class ReducedIntegrator:
         Parts of steps so far that could not be halved again though contact does work.
     """
 
-    def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, start):
+    def __init__(self, reduced: ReducedModel, signals: Sequence[Signal], steps: Steps, initial):
         r = self.reduced = reduced
         self.comm, self.chunk, self.steps = r.comm, CHUNK, steps
         self.drive = Drive(r.comm, signals, steps.step)
@@ -65,7 +65,7 @@ class ReducedIntegrator:
         self.levels = lengths(r.contact_laws.first(self.rows))
         self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
-        self.q, self.v, self.force, self.active = _start(r, self.amplitude, steps.contact, start)
+        self.q, self.v, self.force, self.active = _start(r, self.amplitude, steps.contact, initial)
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
@@ -74,6 +74,13 @@ class ReducedIntegrator:
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
         self._work = np.empty(most)
         self.columns = reduced_columns(r)
+        self.begun = initial if isinstance(initial, str) else "modal"
+
+    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
+        """Tell a recorder what the history will hold. Collective."""
+        norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
+        told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
+        record.begin(self.columns, {**self.steps.settings, **told, "chunk": self.chunk}, signals)
 
     def _driven(self, amplitudes: np.ndarray) -> StepLoads:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
@@ -242,20 +249,20 @@ def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> Step
     return step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
 
 
-def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, start):
+def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, initial):
     """q, v, contact forces and active set at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None
-    if not isinstance(start, str):
-        q, v = (np.array(part, dtype=float) for part in start)
+    if not isinstance(initial, str):
+        q, v = (np.array(part, dtype=float) for part in initial)
         if q.shape != r.omega.shape or v.shape != r.omega.shape or not np.isfinite([q, v]).all():
             raise on_all_ranks(
                 ValueError(
-                    f"transient: start must be two finite arrays of {len(r.omega)} modal values, not of "
+                    f"transient: initial must be two finite arrays of {len(r.omega)} modal values, not of "
                     f"shapes {q.shape} and {v.shape}"
                 )
             )
-    elif start == "equilibrium":
+    elif initial == "equilibrium":
         q, found = at_rest(r, amplitude, contact)
     if not contact:
         return q, v, np.zeros(0), np.zeros(0, dtype=bool)

@@ -39,7 +39,7 @@ from .drive import Drive
 from .energy import Energy
 from .history import History
 from .initial import unreduced_state
-from .integration import Column, Rows, Steps
+from .integration import Column, Recorder, Rows, Steps
 from .kept_fields import KeptFields
 from .states import SampledStates
 from .unreduced_steps import KEPT_RESPONSES, UnreducedSteps
@@ -61,7 +61,7 @@ class UnreducedIntegrator:
         One for each unit load.
     steps : Steps
         Their scheme is "implicit" or "paper".
-    start : {"rest", "equilibrium"} or (displacement, velocity)
+    initial : {"rest", "equilibrium"} or (displacement, velocity)
         Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
     modes : int
         Number of modes that are computed where the model has a damping ratio.
@@ -74,7 +74,7 @@ class UnreducedIntegrator:
         signals: Sequence[Signal],
         *,
         steps: Steps,
-        start,
+        initial,
         modes: int,
     ):
         model.require_support("the transient analysis")
@@ -91,10 +91,11 @@ class UnreducedIntegrator:
             freed.callback(self.march.release)
             self.columns = unreduced_columns(model)
             self.fields = KeptFields(model, units, steps.kept)
-            self.force = self._set_start(units, start)
+            self.force = self._set_initial(units, initial)
             self._freed = freed.pop_all()
         self.march.stored = self.march.stored_in(self.force)
         # energy at t = 0 and largest work of the loads so far, J
+        self.begun = initial if isinstance(initial, str) else "functions"
         self.initial, self.supplied = float(self.march.energies().sum()), 0.0
 
     def __enter__(self) -> UnreducedIntegrator:
@@ -102,6 +103,23 @@ class UnreducedIntegrator:
 
     def __exit__(self, *_: object) -> None:
         self._freed.close()
+
+    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
+        """Tell a recorder what the history will hold. Collective."""
+        model, march = self.model, self.march
+        settings = self.steps.settings | {
+            "initial": self.begun,
+            "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
+            "chunk": self.chunk,
+            "damping": model.damping,
+            "damped_modes": len(march.omega),
+            "rayleigh": np.array(model.rayleigh),
+            "pairs": model.gap_operator.pairs,
+            "continued_fraction": model.continued_fraction,
+            "unknowns": model.unknowns,
+        }
+        texts = {"points": tuple(model.points), "tips": model.tips.names}
+        record.begin(self.columns, settings, signals, texts=texts, fingerprint=march.fingerprint())
 
     def first(self) -> Rows:
         """The row of t = 0."""
@@ -201,12 +219,12 @@ class UnreducedIntegrator:
             fields=self.fields.complete(len(rows["time"])),
         )
 
-    def _set_start(self, units: Sequence[Load], start) -> np.ndarray:
+    def _set_initial(self, units: Sequence[Load], initial) -> np.ndarray:
         """Set the state at t = 0; the contact forces there."""
         model, march = self.model, self.march
         force = np.zeros(march.pairs)
-        if isinstance(start, str):
-            if start == "rest" or not units:
+        if isinstance(initial, str):
+            if initial == "rest" or not units:
                 return force
             columns = model.load_columns(units)
             amplitudes = self.drive(np.zeros(1))[0]
@@ -214,7 +232,7 @@ class UnreducedIntegrator:
             march.u[: self.pencil.owned] = found.owned
             force = found.force[: march.pairs].copy()
         else:
-            for state, function, what in zip((march.u, march.v), start, ("displacement", "velocity")):
+            for state, function, what in zip((march.u, march.v), initial, ("displacement", "velocity")):
                 state[:] = unreduced_state(self.pencil, function, what)
         march.force = force
         march.settle(fold=False)

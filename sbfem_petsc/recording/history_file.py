@@ -69,7 +69,7 @@ class HistoryFile:
     path : str
     kind : {"reduced", "unreduced"}
         Of the model.
-    restart : bool
+    resume : bool
         Continue the file if it exists; False: replace it.
     in_memory : bool
         False: rows are let go of once they are in the file.
@@ -87,9 +87,7 @@ class HistoryFile:
         written.
     """
 
-    def __init__(
-        self, comm: MPI.Comm, path: Any, *, kind: str, restart: bool = False, in_memory: bool = True
-    ):
+    def __init__(self, comm: MPI.Comm, path: Any, *, kind: str, resume: bool = False, in_memory: bool = True):
         self.comm, self.kind, self.in_memory = comm, kind, in_memory
         self._lock: WriterLock | None = None
         self._open: OpenRows | None = None
@@ -102,7 +100,7 @@ class HistoryFile:
                 self.path = destination(path, WHAT)
                 if comm.rank == 0:
                     self._lock = WriterLock(self.path, WHAT)
-                    if restart and os.path.exists(self.path):
+                    if resume and os.path.exists(self.path):
                         former = self._read_former()
         except BaseException:
             self.close()
@@ -135,8 +133,8 @@ class HistoryFile:
 
     # ------------------------------------------------------------------ before the first step
     def adopt(self, reduced: ReducedModel) -> ReducedModel:
-        """The reduced model to integrate: in a restart the file's own, so that the continued history is the
-        same to the last bit; else the one given, as it would come from the file. Collective.
+        """The reduced model to integrate: of a run that is resumed the file's own, so that the history is
+        the same to the last bit; else the one given, as it would come from the file. Collective.
 
         Raises
         ------
@@ -151,7 +149,7 @@ class HistoryFile:
                 other = difference(stored, reduced)
                 if other:
                     raise ValueError(
-                        f"{WHAT} {self.path!r} was written for another model ({other}); restart with that "
+                        f"{WHAT} {self.path!r} was written for another model ({other}); give that "
                         "model, or name another file"
                     )
         stored = self.comm.bcast(stored)
@@ -167,7 +165,8 @@ class HistoryFile:
         texts: Mapping[str, Sequence[str]] | None = None,
         fingerprint: np.ndarray | None = None,
     ) -> None:
-        """What is recorded, and under which conditions; in a restart they must be the file's. Collective.
+        """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
+        Collective.
 
         Parameters
         ----------
@@ -209,13 +208,13 @@ class HistoryFile:
             if name != "count" and (name not in theirs or not close(theirs[name], value)):
                 raise ValueError(
                     f"{WHAT} {self.path!r} was written with {name} = {theirs.get(name)}, not {value}; "
-                    "restart with the same value, or name another file"
+                    "give the same value, or name another file"
                 )
         if found.texts != {k: tuple(v) for k, v in self._contents.texts.items()} or not all(
             close(found.arrays[name], array) for name, array in self._contents.arrays.items()
         ):
             raise ValueError(
-                f"{WHAT} {self.path!r} was written for another model or other loads; restart with those, or "
+                f"{WHAT} {self.path!r} was written for another model or other loads; give those, or "
                 "name another file"
             )
         end, asked = (s["count"] * s["step"] for s in (theirs, mine))
@@ -226,7 +225,7 @@ class HistoryFile:
             )
         if not close(found.signal_checks, signal_checks(signals, end)):
             raise ValueError(
-                f"{WHAT} {self.path!r} was written for other load signals; restart with the same loads, or "
+                f"{WHAT} {self.path!r} was written for other load signals; give the same loads, or "
                 "name another file"
             )
 

@@ -34,7 +34,7 @@ from .sound import number, numbers, text, texts, whole
 
 WHAT, FORM, VERSION = "history file", "sbfem-petsc history", 2
 SLOTS = ("running/A", "running/B")
-# Instants at which the signals of a restart are compared with the former run's.
+# Instants at which the signals of a resumed run are compared with the former run's.
 SIGNAL_CHECKS = 4097
 # Numbers of a head before the sums of the writers' states.
 HEAD = 4
@@ -232,7 +232,7 @@ def verified(path: str, contents: Contents, head: Head) -> Rows:
         if not first <= end <= head.rows or block_sum(rows, first, int(end)) != total:
             raise ValueError(
                 f"{WHAT} {path!r} is damaged: its rows {first + 1} to {int(min(end, head.rows))} do not fit "
-                "their checksum; run it again without restart"
+                "their checksum; run it again without resume"
             )
         if not all(np.isfinite(values[first : int(end)]).all() for values in rows.values()):
             raise ValueError(
@@ -309,7 +309,7 @@ def cannot_go_on(path: str, error: Exception) -> SolveError:
     """What is told when a file cannot be written any more."""
     return SolveError(
         f"transient: {WHAT} {path!r} cannot be written any more ({reason(error)}); what it holds stays "
-        "readable, and restart=True continues from there"
+        "readable, and resume=True continues from there"
     )
 
 

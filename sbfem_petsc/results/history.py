@@ -61,7 +61,7 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
     if not complete:
         warnings.warn(
             f"{WHAT} {os.fspath(path)!r} is incomplete: its run has recorded {head.done} of "
-            f"{settings['count']} steps; restart=True continues it",
+            f"{settings['count']} steps; resume=True continues it",
             IncompleteHistory,
             stacklevel=caller_level(),
         )

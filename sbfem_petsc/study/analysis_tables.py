@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from ..analysis.options import LoadHistoryOptions, ModalOptions, StaticOptions
+from ..analysis.options import LoadHistoryOptions, ModalOptions, StaticOptions, TransientOptions
 from ..options import Pair, item
 from .tables import Name, Names, Table, by_kind
 
@@ -70,29 +70,13 @@ class LoadHistory(LoadHistoryOptions, Loaded):
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
 
 
-class TransientAnalysis(Table):
+class TransientAnalysis(TransientOptions, Loaded):
     """A time history with contact; numbers in the load are constants from t = 0."""
 
     kind: Literal["transient"] = item(text="time history")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    duration: float = item(text="end of the history", unit="s", gt=0)
-    step: float | None = item(
-        None,
-        text="time step; default: 1/320 of the loads' shortest period, with contact at most 0.8 of the "
-        "highest mode's",
-        unit="s",
-        gt=0,
-    )
-    modes: int | None = item(
-        None, text="modes; default: up to 8 times the loads' highest frequency, at least 80", ge=1
-    )
-    contact: bool = item(True, text="false: crack faces may overlap")
-    scheme: Literal["exact", "newmark", "paper"] = item("exact", text="time integration")
-    start: Literal["rest", "equilibrium"] = item(
+    initial: Literal["rest", "equilibrium"] = item(
         "rest", text="at rest, or in static equilibrium with the loads at t = 0"
     )
-    decimation: int = item(1, text="every so many steps are kept", ge=1)
     reduced: bool = item(True, text="false: the unreduced model")
 
 

@@ -209,11 +209,6 @@ def _analyses(case: Any) -> Iterator[Problem]:
                         f"= {axis.mode} must be one of the modes = {analysis.modes}",
                     )
         if analysis.kind == "transient":
-            if analysis.step is not None and analysis.step > analysis.duration:
-                yield Problem(
-                    (*path, "step"),
-                    f"= {analysis.step:g} is longer than duration = {analysis.duration:g}, in s",
-                )
             if analysis.scheme == "paper" and analysis.reduced and "reduced" in analysis.model_fields_set:
                 yield Problem(
                     (*path, "scheme"), '= "paper" integrates the unreduced model; leave reduced = true out'

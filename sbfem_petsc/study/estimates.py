@@ -147,7 +147,8 @@ def demand(case: Case, table: Any, unknowns: int, pairs: int, points: int) -> tu
         seconds = reduction + count * stepping
         if not table.reduced:
             seconds = count * 2.4e-7 * unknowns
-        return seconds, row * min(count / table.decimation, 1e9), 2.0 * row * count / table.decimation
+        kept = count / (table.decimation or 1)
+        return seconds, row * min(kept, 1e9), 2.0 * row * kept
     if kind == "basins":
         starts = math.prod(len(parameters.grid(axis.values)) for axis in table.starts)
         # about a hundred periods a history

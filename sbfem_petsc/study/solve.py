@@ -119,12 +119,12 @@ class Structure:
             modes=table.modes,
             contact=table.contact,
             scheme=table.scheme,
-            start=table.start,
+            initial=table.initial,
             decimation=table.decimation,
             progress=progress,
             reduction="modes" if table.reduced else None,
             file=file,
-            restart=file is not None,
+            resume=file is not None,
         )
 
     def _periodic(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:

@@ -465,7 +465,7 @@ def test_a_motion_of_two_masses_repeats():
         [0.0],
         10.0 * motion.period,
         step=motion.period / 8192,
-        start=(state[:m] / r.omega, state[m:]),
+        initial=(state[:m] / r.omega, state[m:]),
     )
     u = history.displacement("2")[:, 1]
     assert np.abs(u[::8192] - u[0]).max() < 1e-6 * np.abs(u).max()

@@ -89,7 +89,7 @@ def test_a_history_stays_on_it(reduction, orbit):
         [sb.Harmonic(0.1, orbit.frequency)],
         duration,
         step=1.0 / (STEPS * orbit.frequency),
-        start=(orbit.states.q[0], orbit.states.v[0]),
+        initial=(orbit.states.q[0], orbit.states.v[0]),
     )
     u = history.displacement("2")[:, 1]
     late = u[-4 * STEPS - 1 :]

@@ -177,7 +177,7 @@ def test_histories_and_steady_states(kind):
         found = sb.periodic(model, load, 0.5, steps=64)
     else:
         options = {"reduction": None} if kind == "unreduced history" else {}
-        found = sb.transient(model, load, 1.25, step=1.0 / 64, start="equilibrium", **options)
+        found = sb.transient(model, load, 1.25, step=1.0 / 64, initial="equilibrium", **options)
     assert found.contact_force.shape[1] == len(model.pairs)
     first, second = found.stress_intensity("crack1").T
     assert np.abs(first).max() < 1e-4 * np.abs(second).max()

@@ -67,7 +67,7 @@ def test_energy_of_free_vibration_is_kept():
     if (reduced.gap.modes @ start[0]).sum() < 0.0:  # at first the faces are apart
         start[0] *= -1.0
     step = 0.8 / reduced.frequencies[-1]
-    history = sb.transient(reduced, sb.PointForce("A", fy=0.0), 20_000 * step, start=tuple(start))
+    history = sb.transient(reduced, sb.PointForce("A", fy=0.0), 20_000 * step, initial=tuple(start))
     energy = history.energy
     assert len(history.time) == 20_001 and history.states.contact.any()
     assert np.abs(energy.total / energy.total[0] - 1.0).max() < 1e-3
@@ -81,7 +81,7 @@ VELOCITY = np.array([0.3, -0.2, 0.25, -0.1, 0.2])
 def thrown(duration, step, scheme="exact"):
     """Five masses thrown at the stops on both sides, without damping."""
     start, loads = (np.zeros(5), VELOCITY), [sb.Constant(0.0)] * 2
-    return sb.transient(chain(damping=0.0), loads, duration, step, scheme=scheme, start=start)
+    return sb.transient(chain(damping=0.0), loads, duration, step, scheme=scheme, initial=start)
 
 
 @pytest.mark.parametrize("scheme", ["exact", "newmark"])

@@ -169,7 +169,7 @@ def test_restart_and_decimation(cracked, tmp_path):
     assert whole.contact_resultant.max() > 0.0
     file = str(tmp_path / "history.h5")
     sb.transient(cracked, load, 2e-3, file=file, **options)
-    longer = sb.transient(cracked, load, 4e-3, file=file, restart=True, **options)
+    longer = sb.transient(cracked, load, 4e-3, file=file, resume=True, **options)
     every = sb.transient(cracked, load, 4e-3, decimation=8, **options)
     for name in ("q", "v", "contact", "amplitudes"):
         one, other, fewer = (getattr(history.states, name) for history in (whole, longer, every))

@@ -254,7 +254,7 @@ def test_a_history_stays_on_the_orbit(case_p):
             sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0)),
             100 / 3000,
             step=1 / (3000 * steps),
-            start=(here.states.q[0], here.states.v[0]),
+            initial=(here.states.q[0], here.states.v[0]),
         )
         assert len(history.time) == 100 * steps + 1
         apart.append(
@@ -288,7 +288,7 @@ def test_rest_leads_to_the_orbit():
         load,
         1 / frequency,
         step=1 / (frequency * steps),
-        start=(history.states.q[-1], history.states.v[-1]),
+        initial=(history.states.q[-1], history.states.v[-1]),
     )
     assert np.abs(one_period(last, steps) - orbit.harmonics("A")[:7]).max() < 2e-5 * abs(
         orbit.harmonics("A")[1]
@@ -402,7 +402,7 @@ def test_commensurate_tones_and_preload(case_p):
         load,
         20 / 3000,
         step=1 / (3000 * 512),
-        start=(orbit.states.q[0], orbit.states.v[0]),
+        initial=(orbit.states.q[0], orbit.states.v[0]),
     )
     u, v = history.displacement("A")[-1025:-1, 1], orbit.displacement("A")[:, 1]
     assert np.abs(u - v).max() < 1e-4 * np.abs(v).max()

@@ -120,7 +120,7 @@ def unsprung():
 
 def test_equilibrium_of_a_mass_on_a_stop():
     """It stays where the stop carries the force."""
-    history = sb.transient(unsprung(), [sb.Constant(2.0)], 3.0, step=0.01, start="equilibrium")
+    history = sb.transient(unsprung(), [sb.Constant(2.0)], 3.0, step=0.01, initial="equilibrium")
     np.testing.assert_allclose(history.displacement("A")[:, 1], -0.2, rtol=1e-6)
     np.testing.assert_allclose(history.contact_resultant, 2.0, rtol=1e-6)
 
@@ -128,7 +128,7 @@ def test_equilibrium_of_a_mass_on_a_stop():
 def test_no_equilibrium():
     """Pulled away from the stop it is held by nothing."""
     with pytest.raises(sb.SolveError, match="rigid-body motion of mode 1, which nothing holds"):
-        sb.transient(unsprung(), [sb.Constant(-2.0)], 3.0, step=0.01, start="equilibrium")
+        sb.transient(unsprung(), [sb.Constant(-2.0)], 3.0, step=0.01, initial="equilibrium")
 
 
 def test_two_tones_on_a_preload():
@@ -171,7 +171,7 @@ def test_a_number_beside_signals():
     with pytest.raises(ValueError, match="ty = Harmonic.* give a number, .* or a Constant"):
         sb.frequency_response(model, load(-5e6), 350.0, 450.0)
     orbit = sb.periodic(model, load(sb.Constant(-5e6)), frequency, stability=False)
-    history = sb.transient(model, load(-5e6), 100.0 / frequency, start="equilibrium")
+    history = sb.transient(model, load(-5e6), 100.0 / frequency, initial="equilibrium")
     turn = round(1.0 / (frequency * history.step))
     assert orbit.contact_resultant.min() > 0.0
     mean = orbit.contact_resultant[:-1].mean()

@@ -88,12 +88,12 @@ def settled_lines(r, duration, last):
     periods, rate = int(duration * PROBE), PROBE * STEPS
     q, v = linear_state(r)
     first = sb.transient(
-        r, two_tones(), periods / PROBE, step=1.0 / rate, start=(q, v), decimation=STEPS * 100
+        r, two_tones(), periods / PROBE, step=1.0 / rate, initial=(q, v), decimation=STEPS * 100
     )
     turned = 2.0 * np.pi * PUMP * periods / PROBE
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, PROBE) + sb.Harmonic(100.0, PUMP, turned))
     state = first.states.q[-1], first.states.v[-1]
-    second = sb.transient(r, load, last / PROBE, step=1.0 / rate, start=state, decimation=24)
+    second = sb.transient(r, load, last / PROBE, step=1.0 / rate, initial=state, decimation=24)
     time = second.time + periods / PROBE
     lines = [(m, n) for m in range(7) for n in range(-8, 9) if m or n >= 0]
     waves = np.exp(2j * np.pi * np.outer(time, [m * PROBE + n * PUMP for m, n in lines]))
@@ -111,7 +111,7 @@ def test_a_history_stays_on_it(beam, found):
     r = found.reduced
     start = modal_state(found, r)
     periods = 40
-    history = sb.transient(r, two_tones(), periods / PROBE, step=1.0 / (PROBE * STEPS), start=start)
+    history = sb.transient(r, two_tones(), periods / PROBE, step=1.0 / (PROBE * STEPS), initial=start)
     u, time = history.displacement("A")[-STEPS:, 1], history.time[-STEPS:]
     lines = found.harmonics("A")
     expected = np.zeros(STEPS)

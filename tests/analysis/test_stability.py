@@ -110,7 +110,7 @@ def growth(model, reduction, force, frequency, steps=512, size=1e-3, periods=400
             periods / frequency,
             step=1 / (frequency * steps),
             decimation=steps,
-            start=(state[:m] / reduction.omega, state[m:]),
+            initial=(state[:m] / reduction.omega, state[m:]),
             progress=None,
         )
         assert len(history.time) == periods + 1

@@ -40,7 +40,7 @@ def settled(reduction, periods):
     options = {"step": step}
     long = sb.transient(reduction, load, periods / FREQUENCY, decimation=STEPS, **options)
     state = long.states.q[-1], long.states.v[-1]
-    last = sb.transient(reduction, load, 1.0 / FREQUENCY, start=state, **options)
+    last = sb.transient(reduction, load, 1.0 / FREQUENCY, initial=state, **options)
     return last.displacement("M")[:-1, 1]
 
 

@@ -223,7 +223,7 @@ def fly(r, velocity, duration, step, scheme="exact"):
         round(duration / step) * step,
         step,
         scheme=scheme,
-        start=(np.zeros(len(velocity)), velocity),
+        initial=(np.zeros(len(velocity)), velocity),
     )
 
 
@@ -307,7 +307,7 @@ def test_bilinear_oscillator(ratio, mean, second, third):
     period = 2 * np.pi / bilinear
     steps = 4096
     history = sb.transient(
-        r, [sb.Constant(0.0)], 40 * period, period / steps, start=(np.zeros(1), np.ones(1))
+        r, [sb.Constant(0.0)], 40 * period, period / steps, initial=(np.zeros(1), np.ones(1))
     )
     u = history.displacement("x")[:, 1]
     rising = np.flatnonzero((u[:-1] < 0) & (u[1:] >= 0))
@@ -322,7 +322,7 @@ def test_start_at_equilibrium():
     """Under a constant load nothing moves, contact included, and the displacement is the static one."""
     model = sb.Model(paper_beam().mesh(order=4), ALUMINIUM)
     load = sb.PointForce("A", fy=100.0)
-    history = sb.transient(model, load, 1e-4, step=1e-6, start="equilibrium")
+    history = sb.transient(model, load, 1e-4, step=1e-6, initial="equilibrium")
     static = sb.static(model, load)
     u = history.displacement("A")
     np.testing.assert_allclose(u, np.broadcast_to(static.displacement("A"), u.shape), rtol=1e-6)
@@ -371,7 +371,7 @@ def test_several_loads_and_signals():
         ({"duration": 1e-3, "step": 1.0}, "longer than duration"),
         ({"duration": 1e-3, "modes": 0}, "modes"),
         ({"duration": 1e-3, "scheme": "euler"}, "scheme"),
-        ({"duration": 1e-3, "start": "moving"}, "start"),
+        ({"duration": 1e-3, "initial": "moving"}, "initial"),
         ({"duration": 1e-3, "decimation": 0}, "decimation"),
     ],
 )
@@ -422,7 +422,7 @@ def test_contact_that_does_work_is_refused():
     """
     still, velocity = np.zeros(5), np.array([0.3, -0.2, 0.25, -0.1, 0.2])
     with pytest.raises(sb.SolveError, match="contact forces have done work"):
-        sb.transient(chain(damping=0.0), [sb.Constant(0.0)] * 2, 2e4, 1e3, start=(still, velocity))
+        sb.transient(chain(damping=0.0), [sb.Constant(0.0)] * 2, 2e4, 1e3, initial=(still, velocity))
 
 
 def test_gravity_and_moving_support():
@@ -509,7 +509,7 @@ def test_errors_of_another_motion_are_not_told(tmp_path):
         ((model, sb.PointForce("A", fy=sb.Harmonic(310.0, 100.0)), history), {}, r"differs by 0\.0\d+; give"),
         ((model, load, history), {"scheme": "newmark"}, "differs by"),
         ((model, load, history), {"contact": False}, "differs by"),
-        ((model, load, history), {"start": (lambda x, y: (0.0 * x, 1e-3 * x), None)}, "differs by"),
+        ((model, load, history), {"initial": (lambda x, y: (0.0 * x, 1e-3 * x), None)}, "differs by"),
         ((model, load, history), {"decimation": 2}, "is not that of the history, which keeps every 1 steps"),
         ((model, load, history), {"scheme": "paper"}, "scheme = 'paper'"),
         ((nameless, push, sb.transient(nameless, push, 1e-3, 1e-4, modes=3)), {}, "has no named points"),
@@ -521,8 +521,8 @@ def test_errors_of_another_motion_are_not_told(tmp_path):
     with pytest.raises(TypeError, match="modes"):
         sb.estimate_error(model, load, history, modes=3)
     q = np.array([1e-3, *np.zeros(11)])
-    swinging = sb.transient(model, load, 0.005, start=(q, 0 * q), modes=12, step=5e-5)
-    assert 0.0 < sb.estimate_error(model, load, swinging, start=(q, 0 * q)).modes < 0.1
+    swinging = sb.transient(model, load, 0.005, initial=(q, 0 * q), modes=12, step=5e-5)
+    assert 0.0 < sb.estimate_error(model, load, swinging, initial=(q, 0 * q)).modes < 0.1
 
 
 def axial_starts(order, terms=1):
@@ -560,14 +560,14 @@ def test_kinetic_energy_of_a_start(reduction, tolerance):
     """
     model = sb.Model(Beam(0.1, 0.01).mesh(order=3), sb.Material(70e9, 0.33, 2700))
     start = (None, lambda x, y: (0.0 * x, x**2))
-    run = {"modes": 60, "start": start, "reduction": reduction}
+    run = {"modes": 60, "initial": start, "reduction": reduction}
     found = sb.transient(model, sb.PointForce("A"), 1e-6, 1e-6, **run)
     assert found.energy.kinetic[0] == pytest.approx(0.5 * 2700 * 0.01 * 0.1**5 / 5, rel=tolerance)
 
 
 def test_start_of_wrong_length():
     model = sb.Model(Beam(0.4, 0.005).mesh(order=2), ALUMINIUM)
-    with pytest.raises(ValueError, match="start must be two finite arrays"):
+    with pytest.raises(ValueError, match="initial must be two finite arrays"):
         sb.transient(
-            model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, start=(np.zeros(3), np.zeros(3))
+            model, sb.PointForce("A", fy=1.0), 1e-3, step=1e-5, modes=10, initial=(np.zeros(3), np.zeros(3))
         )

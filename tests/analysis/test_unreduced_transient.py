@@ -65,7 +65,7 @@ def test_contact_by_a_second_solve(model, scheme, monkeypatch):
     load, found = sb.PointForce("A", fy=sb.Harmonic(300.0, 3000.0, phase=1.0)), []
     for kept in (200, 0):
         monkeypatch.setattr(unreduced_steps, "KEPT_RESPONSES", kept)
-        history = sb.transient(model, load, 1e-4, 5e-6, scheme=scheme, start="equilibrium", reduction=None)
+        history = sb.transient(model, load, 1e-4, 5e-6, scheme=scheme, initial="equilibrium", reduction=None)
         found.append((history.displacement("A"), history.contact_force, history.energy.total))
     assert found[0][1].max() > 1.0
     for one, other in zip(*found):
@@ -271,7 +271,7 @@ def test_start_at_equilibrium(model):
     """Under a constant load nothing moves, contact included."""
     load = sb.PointForce("A", fy=300.0)
     history, static = (
-        sb.transient(model, load, 2e-4, step=1e-6, reduction=None, start="equilibrium"),
+        sb.transient(model, load, 2e-4, step=1e-6, reduction=None, initial="equilibrium"),
         sb.static(model, load),
     )
     u = history.displacement("A")
@@ -301,7 +301,7 @@ def test_start_from_functions_of_position():
     )  # mass, first moment about y, polar moment about the origin
     energy = 0.5 * (inertia[0] * 4.0 + 2 * 2.0 * spin * inertia[0] * 0.2 + inertia[2] * spin**2)
     full, reduced = (
-        sb.transient(soft, load, 1e-4, step=1e-6, start=start, reduction=r) for r in (None, "modes")
+        sb.transient(soft, load, 1e-4, step=1e-6, initial=start, reduction=r) for r in (None, "modes")
     )
     assert full.energy.kinetic[0] == pytest.approx(energy, rel=1e-9) and reduced.energy.kinetic[
         0
@@ -311,21 +311,21 @@ def test_start_from_functions_of_position():
     bent = (lambda x, y: (-0.01 * x * (y - 0.0025), 0.005 * x**2), lambda x, y: (0.0 * x, x**2))
     full, reduced = (
         sb.transient(
-            clamped, load, 0.01, step=5e-6, scheme="newmark" if r else "exact", start=bent, reduction=r
+            clamped, load, 0.01, step=5e-6, scheme="newmark" if r else "exact", initial=bent, reduction=r
         )
         for r in (None, "modes")
     )
     assert relative(reduced.displacement("A"), full.displacement("A")) < 2e-4
-    again = sb.transient(reduced.reduced, load, 1e-4, step=5e-6, scheme="newmark", start=bent)
+    again = sb.transient(reduced.reduced, load, 1e-4, step=5e-6, scheme="newmark", initial=bent)
     np.testing.assert_allclose(again.states.q, reduced.states.q[:21], atol=1e-12)
     for given in ((lambda x, y: x, None), (lambda x, y: (x, y / 0.0 * 0.0), None), (lambda x, y: None, None)):
         with (
             np.errstate(all="ignore"),
-            pytest.raises(ValueError, match="displacement of start must be a function"),
+            pytest.raises(ValueError, match="displacement of initial must be a function"),
         ):
-            sb.transient(clamped, load, 1e-4, step=1e-6, reduction=None, start=given)
+            sb.transient(clamped, load, 1e-4, step=1e-6, reduction=None, initial=given)
     with pytest.raises(ValueError, match="functions of x and y"):
-        sb.transient(clamped, load, 1e-4, step=1e-6, reduction=None, start=(np.zeros(3), np.zeros(3)))
+        sb.transient(clamped, load, 1e-4, step=1e-6, reduction=None, initial=(np.zeros(3), np.zeros(3)))
 
 
 def test_moving_supports_of_a_loose_body():
@@ -418,7 +418,7 @@ def test_any_point(tmp_path):
     load = sb.PointForce("A", fy=100.0) + sb.EdgeLoad("crack1_left", pressure=1e5)
     still = sb.static(model, load)
     assert still.contact_resultant > 100
-    history = sb.transient(model, load, 1e-5, step=1e-6, start="equilibrium", reduction=None)
+    history = sb.transient(model, load, 1e-5, step=1e-6, initial="equilibrium", reduction=None)
     for place in ((0.05, 0.001), (0.08005, 0.00253), (0.0801, 0.00249)):
         for kind in ("displacement", "stress"):
             exact, found = getattr(still, kind)(place), getattr(history, kind)(place)

@@ -229,7 +229,7 @@ OPTIONS = {
     "sbfem_petsc/analysis/response.py: frequency_response",
     "sbfem_petsc/analysis/response.py: load_response",
     "sbfem_petsc/analysis/swept.py: swept_response",
-    "sbfem_petsc/analysis/transient.py: estimate_error",
+    "sbfem_petsc/analysis/estimate_error.py: estimate_error",
     "sbfem_petsc/analysis/transient.py: transient",
     "sbfem_petsc/plot/animation.py: animate_crack",
     "sbfem_petsc/plot/branches.py: plot_branches",

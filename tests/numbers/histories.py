@@ -111,7 +111,7 @@ def two_masses_let_go():
     system = two_masses(0.0)
     start = np.linspace(1.0, 2.0, len(system.omega)), np.zeros(len(system.omega))
     try:
-        history = sb.transient(system, sb.Constant(0.0), 60.0, 0.05, start=start)
+        history = sb.transient(system, sb.Constant(0.0), 60.0, 0.05, initial=start)
     except sb.SolveError:
         yield "refused", True
         return

@@ -55,7 +55,7 @@ def test_contact_inside_the_tip_element(tmp_path):
     model = sb.Model(beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.05)
     push = sb.PointForce("A", fy=200.0)
     exact = sb.static(model, push).interior
-    history = sb.transient(model, push, 1e-6, 1e-6, modes=16, start="equilibrium")
+    history = sb.transient(model, push, 1e-6, 1e-6, modes=16, initial="equilibrium")
     found = history.field(0.0)
     np.testing.assert_allclose(found, exact.nodal, atol=1e-8 * np.abs(exact.nodal).max())
     for number, forces in exact.tip_forces.items():

@@ -41,7 +41,7 @@ def tell(done):
     print(f"done {done}", flush=True)
     if wait and done > 6.9 / 40:
         wait_for_a_signal()
-found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
+found = sb.transient(make(), LOAD, progress=tell, file=path, resume=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"u": found.displacement("A")[-1].tolist()}))
 """
@@ -113,7 +113,7 @@ def test_a_file_holds_the_history(model, whole, small_chunks, tmp_path):
         assert file["rows/time"].attrs["unit"] == "s" and file["running/recorded"][0] == len(whole.time)
         assert "PointForce" in file["reduced_model"].attrs["loads"][0]
     assert os.listdir(tmp_path) == ["h.h5"]
-    same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
+    same(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)  # nothing left to do
 
 
 @pytest.mark.slow
@@ -129,7 +129,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
     run.send_signal(kind)
     errors = run.communicate(timeout=30)[1]
     assert run.returncode != 0 and ("KeyboardInterrupt" in errors) == (kind == signal.SIGINT)
-    with pytest.warns(IncompleteHistory, match="restart=True"):
+    with pytest.warns(IncompleteHistory, match="resume=True"):
         part = read_history(path)
     n = len(part.time)
     assert not part.complete and 6 * 256 // 5 < n < 9 * 256 // 5
@@ -138,7 +138,7 @@ def test_killed_and_restarted(model, whole, small_chunks, tmp_path, kind):
         whole.displacement("A")[:n],
         atol=1e-10 * np.abs(whole.displacement("A")).max(),
     )
-    same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    same(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     assert read_history(path).complete
 
 
@@ -187,7 +187,7 @@ def test_a_longer_run(model, whole, small_chunks, tmp_path, step):
     path = tmp_path / "h.h5"
     half = sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00512})
     assert read_history(path).complete
-    found = sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "step": step})
+    found = sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "step": step})
     same(found, whole)
     same(read_history(path), whole)
     assert (
@@ -196,7 +196,7 @@ def test_a_longer_run(model, whole, small_chunks, tmp_path, step):
         and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
     )
     with pytest.raises(ValueError, match="run of 0.01024 s, longer than 0.00512 s"):
-        sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00512})
+        sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "duration": 0.00512})
 
 
 def test_a_killed_run_made_longer(model, whole, small_chunks, tmp_path):
@@ -204,7 +204,7 @@ def test_a_killed_run_made_longer(model, whole, small_chunks, tmp_path):
     path = tmp_path / "h.h5"
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.6), **{**RUN, "duration": 0.005})
-    found = sb.transient(model, LOAD, file=path, restart=True, **RUN)
+    found = sb.transient(model, LOAD, file=path, resume=True, **RUN)
     for values, exact in (
         (found.displacement("A"), whole.displacement("A")),
         (found.contact_force, whole.contact_force),
@@ -220,10 +220,10 @@ def test_rows_left_in_the_file(model, whole, small_chunks, tmp_path):
     path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00512, "in_memory": False}
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
-    half = sb.transient(model, LOAD, file=path, restart=True, **short)
+    half = sb.transient(model, LOAD, file=path, resume=True, **short)
     assert all(isinstance(values, np.memmap) for values in (half.states.q, half.states.contact, half.time))
     same_products(half.displacement("A"), whole.displacement("A")[:1025])
-    found = sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN)
+    found = sb.transient(model, LOAD, file=path, resume=True, in_memory=False, **RUN)
     same(found, whole)
     same_products(half.displacement("A"), whole.displacement("A")[:1025])  # of the file before
     with pytest.raises(ValueError, match="in_memory = False needs a file"):
@@ -243,15 +243,15 @@ def test_another_models_file_is_refused(model, whole, small_chunks, tmp_path):
         ({"modes": 12}, "another model"),
         ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 5))}, "other load signals"),
         ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 5))}, "another model"),
-        ({"start": "equilibrium"}, "start"),
+        ({"initial": "equilibrium"}, "initial"),
         ({"reduction": None}, "that of a reduced model, not of an unreduced one"),
     ):
         given = {"model": model, "load": LOAD, **RUN, **options}
         with pytest.raises(ValueError, match=words):
-            sb.transient(file=path, restart=True, **given)
+            sb.transient(file=path, resume=True, **given)
     assert path.read_bytes() == content and os.listdir(tmp_path) == ["h.h5"]
-    with pytest.raises(ValueError, match="restart = True needs the file"):
-        sb.transient(model, LOAD, restart=True, **RUN)
+    with pytest.raises(ValueError, match="resume = True needs the file"):
+        sb.transient(model, LOAD, resume=True, **RUN)
 
 
 def test_lost_files(tmp_path):
@@ -307,7 +307,7 @@ def test_full_disk(model, whole, small_chunks, tmp_path, monkeypatch):
         part = read_history(path)
     assert len(part.time) > 256 // 5
     np.testing.assert_array_equal(part.states.q, whole.states.q[: len(part.time)])
-    same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    same(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
 
 
 @pytest.mark.skipif(
@@ -366,7 +366,7 @@ def test_state_half_written(model, whole, small_chunks, tmp_path):
         raw.write(bytes(size - 160))
     with pytest.warns(IncompleteHistory):
         assert len(read_history(path).time) == 1 + 11 * 256 // 5
-    same(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    same(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
 
 
 @pytest.mark.slow
@@ -403,7 +403,7 @@ def test_the_continued_history_keeps_its_fields(model, whole, small_chunks, tmp_
         ),
     )
     run = {name: value for name, value in RUN.items() if name != "modes"}
-    found = sb.transient(turned, LOAD, file=path, restart=True, **run)
+    found = sb.transient(turned, LOAD, file=path, resume=True, **run)
     same(found, whole)
     peak = float(whole.time[whole.contact_resultant.argmax()])
     np.testing.assert_allclose(

@@ -36,7 +36,7 @@ def tell(done):
             os.kill(os.getpid(), signal.SIGKILL)
     if wait and done > 0.29:
         wait_for_a_signal()
-found = sb.transient(make(), LOAD, progress=tell, file=path, restart=restart, **RUN)
+found = sb.transient(make(), LOAD, progress=tell, file=path, resume=restart, **RUN)
 if MPI.COMM_WORLD.rank == 0:
     force = found.contact_resultant.tolist()
     print(json.dumps({"u": found.displacement("A").tolist(), "force": force, "complete": True}))
@@ -110,7 +110,7 @@ def test_recorded_history_is_the_same(model, whole, tmp_path):
     assert found.complete and found.reduced is None and whole.contact_resultant.max() > 100
     close(found, whole)
     assert found.damped_modes == 12 and found.points == whole.points
-    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)  # nothing left to do
+    close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)  # nothing left to do
     with h5py.File(path) as file:
         assert file["rows/velocity"].attrs["unit"] == "m/s" and file["rows/displacement"].shape == (
             1 + COUNT // 5,
@@ -129,11 +129,11 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
     run.send_signal(kind)
     run.communicate(timeout=30)
     assert run.returncode != 0
-    with pytest.warns(IncompleteHistory, match="restart=True"):
+    with pytest.warns(IncompleteHistory, match="resume=True"):
         part = read_history(path)
     assert not part.complete and 3 * 64 // 5 < len(part.time) < COUNT // 5
     close(part, whole, len(part.time))
-    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     assert read_history(path).complete
 
 
@@ -146,7 +146,7 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
         part = read_history(path)
     assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5
     with pytest.raises(ValueError, match="written with ranks = 2, not 1"):
-        sb.transient(model, LOAD, file=path, restart=True, **RUN)
+        sb.transient(model, LOAD, file=path, resume=True, **RUN)
     continued, straight = (
         answer(on_ranks(2, PROGRAM, str(where), "go", mode))
         for where, mode in ((path, "restart"), (tmp_path / "other.h5", "new"))
@@ -177,7 +177,7 @@ def test_a_part_half_written(model, whole, tmp_path):
     with open(path, "r+b") as raw:
         raw.seek(end - 160)
         raw.write(bytes(160))
-    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
 
 
 @pytest.mark.slow
@@ -187,11 +187,11 @@ def test_a_longer_run(model, whole, tmp_path, step):
     path = tmp_path / "h.h5"
     sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00064})
     assert read_history(path).complete
-    close(sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "step": step}), whole)
+    close(sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "step": step}), whole)
     close(read_history(path), whole)
     assert read_history(path).complete and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
     with pytest.raises(ValueError, match="longer than 0.00064 s"):
-        sb.transient(model, LOAD, file=path, restart=True, **{**RUN, "duration": 0.00064})
+        sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "duration": 0.00064})
 
 
 @pytest.mark.slow
@@ -199,10 +199,10 @@ def test_rows_left_in_the_file(model, whole, tmp_path):
     path, short = tmp_path / "h.h5", {**RUN, "duration": 0.00064, "in_memory": False}
     with pytest.raises(KeyboardInterrupt):
         sb.transient(model, LOAD, file=path, progress=stopped(0.4), **short)
-    half = sb.transient(model, LOAD, file=path, restart=True, **short)
+    half = sb.transient(model, LOAD, file=path, resume=True, **short)
     assert isinstance(half.contact_force, np.memmap)
     close(half, whole, 65)
-    close(sb.transient(model, LOAD, file=path, restart=True, in_memory=False, **RUN), whole)
+    close(sb.transient(model, LOAD, file=path, resume=True, in_memory=False, **RUN), whole)
 
 
 @pytest.mark.slow
@@ -217,13 +217,13 @@ def test_another_runs_file_is_refused(model, tmp_path):
         ({"decimation": 2}, "decimation"),
         ({"scheme": "paper"}, "another model|scheme"),
         ({"load": sb.PointForce("A", fy=sb.ToneBurst(2000.0, 3000, 3))}, "other load signals"),
-        ({"start": (None, lambda x, y: (0.0, x))}, "start"),
+        ({"initial": (None, lambda x, y: (0.0, x))}, "initial"),
         ({"load": sb.PointForce("A", fx=sb.ToneBurst(3000.0, 3000, 3))}, "another model"),
         ({"reduction": "modes"}, "that of an unreduced model, not of a reduced one"),
-        ({"start": "equilibrium"}, "start"),
+        ({"initial": "equilibrium"}, "initial"),
     ):
         with pytest.raises(ValueError, match=words):
-            sb.transient(**{"model": model, "load": LOAD, "file": path, "restart": True, **RUN, **options})
+            sb.transient(**{"model": model, "load": LOAD, "file": path, "resume": True, **RUN, **options})
     assert path.read_bytes() == content
 
 
@@ -239,7 +239,7 @@ def test_another_continued_fraction_is_refused(tmp_path):
             content = path.read_bytes()
             continue
         with pytest.raises(ValueError, match=f"continued_fraction = 2, not {terms}"):
-            sb.transient(other, load, 2e-3, 1e-4, reduction=None, file=path, restart=True)
+            sb.transient(other, load, 2e-3, 1e-4, reduction=None, file=path, resume=True)
         assert path.read_bytes() == content
 
 
@@ -261,6 +261,6 @@ def test_full_disk(model, whole, tmp_path, monkeypatch):
     with pytest.warns(IncompleteHistory):
         part = read_history(path)
     close(part, whole, len(part.time))
-    close(sb.transient(model, LOAD, file=path, restart=True, **RUN), whole)
+    close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     with pytest.raises(ValueError, match="cannot be written"):
         sb.transient(model, LOAD, file=pathlib.Path(tmp_path) / "missing" / "h.h5", **RUN)

@@ -50,7 +50,7 @@ class Bar:
         """From a uniform velocity."""
         shapes = self.reduced.points.modes[:, 1, :]
         start = shapes.T @ self.mass @ np.full(len(self.mass), velocity)
-        return sb.transient(self.reduced, [self.gravity], duration, step, start=(0.0 * start, start))
+        return sb.transient(self.reduced, [self.gravity], duration, step, initial=(0.0 * start, start))
 
 
 def touching(
@@ -125,7 +125,7 @@ def two_rods() -> Iterator[Row]:
     )
     # The function cannot tell the two faces apart: the free rod's own end starts at rest.
     start = (None, lambda x, y: (np.where(x > 1.0 + 1e-9, -1.0, 0.0), 0.0 * x))
-    found = sb.transient(model, sb.EdgeLoad("edge2", tx=1e-30), 1.2e-3, 1e-6, modes=160, start=start)
+    found = sb.transient(model, sb.EdgeLoad("edge2", tx=1e-30), 1.2e-3, 1e-6, modes=160, initial=start)
     force = 0.5 * math.sqrt(2e11 * 7800) * section
     period = 4.0 / math.sqrt(2e11 / 7800)
     during = (found.time > 0.1 * period) & (found.time < 0.9 * period)
