@@ -19,6 +19,7 @@ from ..parallel import agreed, collective
 from ..signals.signal import Signal
 from ..system.model import Model
 from ..system.places import checked_line
+from ..system.tip_facts import together
 from .analysis import analysis
 from .options import LoadHistoryOptions
 from .static import Static, static
@@ -65,8 +66,15 @@ class LoadHistory:
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What K, G and T of the tips do not tell by themselves in one state or more, see `Static`. They are
+        printed too.
+        """
+        return together([state.notes for state in self.states])
+
     def stress_intensity(self, crack: str) -> np.ndarray:
-        """(n, 2): K_I and K_II of a crack's tip, Pa m^(1/2).
+        """(n, 2): K_I and K_II of a crack's tip, Pa m^(1/2) (at open notches as `notes` says).
 
         Raises
         ------
@@ -94,7 +102,7 @@ class LoadHistory:
     def __repr__(self) -> str:
         return (
             f"LoadHistory({len(self.time)} states from {self.time[0]:.6g} to {self.time[-1]:.6g} s, peak "
-            f"contact resultant {self.contact_resultant.max():.6g} N)"
+            f"contact resultant {'; '.join([f'{self.contact_resultant.max():.6g} N', *self.notes])})"
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 
 import numpy as np
@@ -101,12 +102,21 @@ class Motion:
         return line, *self.states.along(points)
 
     def stress_intensity(self, tip: str | None = None) -> np.ndarray:
-        """(n, 2): K_I and K_II of a crack tip, the first one by default, Pa m^(1/2)."""
+        """(n, 2): K_I and K_II of a crack tip, the first one by default, Pa m^(1/2) (at open notches as
+        `notes` says).
+        """
         if tip is None:
             if not self.states.tips:
                 raise UnknownName("stress_intensity: the model has no crack tip with a tip element")
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
+
+    @functools.cached_property
+    def notes(self) -> tuple[str, ...]:
+        """What K of the tips does not tell by itself: units at notches, that of a crack along an interface
+        that closes G alone means something. They are printed too.
+        """
+        return self.states.tip_facts.notes(self.states.contact)
 
     @agreed()
     def field(self, time: float) -> Field:
@@ -174,7 +184,7 @@ class History(Motion):
             f"History({len(self.time)} instants to {self.time[-1]:.6g} s, step {self.step:.3g} s, {kind}, "
             f"{self.states.pairs} pairs, peak contact resultant "
             f"{self.contact_resultant.max(initial=0.0):.6g} N, largest energy error "
-            f"{np.abs(self.energy.balance).max():.2e} J)"
+            f"{'; '.join([f'{np.abs(self.energy.balance).max():.2e} J', *self.notes])})"
         )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI
 from ..signals.signal import Signal
+from ..system.tip_facts import TipFacts
 from .history import History
 
 Rows = dict[str, np.ndarray]
@@ -103,6 +104,7 @@ class Recorder(Protocol):
         signals: Sequence[Signal],
         *,
         texts: Mapping[str, Sequence[str]] | None = None,
+        tips: TipFacts | None = None,
         fingerprint: np.ndarray | None = None,
     ) -> None:
         """What is recorded, and under which conditions. Collective."""

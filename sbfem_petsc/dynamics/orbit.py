@@ -136,7 +136,8 @@ class Orbit(Motion):
         return (
             f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
             f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
-            f"iterations, {verdict}, peak contact resultant {self.contact_resultant.max(initial=0.0):.6g} N)"
+            f"iterations, {verdict}, peak contact resultant "
+            f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self.notes])})"
         )
 
 

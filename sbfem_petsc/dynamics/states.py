@@ -12,6 +12,7 @@ from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from ..system.places import checked_place
 from ..system.sampling import Field
+from ..system.tip_facts import TipFacts
 from .kept_fields import KeptFields
 
 # The name of a point, or coordinates in m.
@@ -33,6 +34,10 @@ class States(Protocol):
     @property
     def tips(self) -> tuple[str, ...]:
         """Names of the crack tips."""
+
+    @property
+    def tip_facts(self) -> TipFacts:
+        """What kind of tips they are."""
 
     @property
     def pairs(self) -> int:
@@ -102,6 +107,11 @@ class ModalStates:
     def tips(self) -> tuple[str, ...]:
         """Names of the crack tips."""
         return self.reduced.tips.names
+
+    @property
+    def tip_facts(self) -> TipFacts:
+        """What kind of tips they are."""
+        return self.reduced.tip_facts
 
     @property
     def pairs(self) -> int:
@@ -192,7 +202,8 @@ class SampledStates:
         N (mean of the step that ends at the instant) and m.
     pairs : int
     intensities : dict of str to (n, 2) array
-        Pa m^(1/2).
+        Pa m^(1/2), or as `tip_facts` says.
+    tip_facts : TipFacts
     fields : KeptFields or None
         For any other place.
     """
@@ -204,6 +215,7 @@ class SampledStates:
     gap: np.ndarray
     pairs: int
     intensities: dict[str, np.ndarray]
+    tip_facts: TipFacts
     fields: KeptFields | None = None
 
     def _fingerprint(self) -> object:

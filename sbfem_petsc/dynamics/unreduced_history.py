@@ -35,6 +35,7 @@ from ..system.model import Model
 from ..system.modes import lowest_modes
 from ..system.pencil import Pencil
 from ..system.resolution import warn_of_tips
+from ..system.tip_facts import TipFacts
 from .drive import Drive
 from .energy import Energy
 from .history import History
@@ -118,8 +119,14 @@ class UnreducedIntegrator:
             "continued_fraction": model.continued_fraction,
             "unknowns": model.unknowns,
         }
-        texts = {"points": tuple(model.points), "tips": model.tips.names}
-        record.begin(self.columns, settings, signals, texts=texts, fingerprint=march.fingerprint())
+        record.begin(
+            self.columns,
+            settings,
+            signals,
+            texts={"points": tuple(model.points)},
+            tips=model.tips.facts,
+            fingerprint=march.fingerprint(),
+        )
 
     def first(self) -> Rows:
         """The row of t = 0."""
@@ -211,7 +218,7 @@ class UnreducedIntegrator:
             rows,
             SampledRun(
                 tuple(model.points),
-                model.tips.names,
+                model.tips.facts,
                 model.gap_operator.pairs,
                 self.march.step,
                 len(self.march.omega),
@@ -259,10 +266,10 @@ def sampled_columns(points: int, tips: int, size: int) -> dict[str, Column]:
 
 
 class SampledRun(NamedTuple):
-    """What a history's rows do not tell: names of points and tips, pairs, the step (s), damped modes."""
+    """What a history's rows do not tell: names of points, the tips, pairs, the step (s), damped modes."""
 
     points: tuple[str, ...]
-    tips: tuple[str, ...]
+    tips: TipFacts
     pairs: int
     step: float
     damped_modes: int
@@ -276,8 +283,16 @@ def unreduced_history(
         {name: rows[field][:, k] for k, name in enumerate(run.points)}
         for field in ("displacement", "velocity", "acceleration")
     )
-    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(run.tips)}
+    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(run.tips.names)}
     states = SampledStates(
-        places, speeds, accelerations, rows["contact_force"], rows["gap"], run.pairs, intensities, fields
+        places,
+        speeds,
+        accelerations,
+        rows["contact_force"],
+        rows["gap"],
+        run.pairs,
+        intensities,
+        run.tips,
+        fields,
     )
     return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)

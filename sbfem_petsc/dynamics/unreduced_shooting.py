@@ -265,7 +265,7 @@ class _UnreducedPeriod:
         )
         # the mean of the accelerations of the two steps beside an instant
         slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
-        names, tips = march.model.points, march.model.tips.names
+        names, tips = march.model.points, march.model.tips.facts
         at_places, at_speeds, at_slopes = (
             {name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)
         )
@@ -276,7 +276,8 @@ class _UnreducedPeriod:
             forces,
             gaps,
             march.model.gap_operator.pairs,
-            {name: intensities[:, k] for k, name in enumerate(tips)},
+            {name: intensities[:, k] for k, name in enumerate(tips.names)},
+            tips,
             self.fields.rolled(1).complete(self.count) if self.fields.wanted else None,
         )
         return Orbit(

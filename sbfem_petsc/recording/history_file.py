@@ -14,6 +14,7 @@ from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
+from ..system.tip_facts import TipFacts
 from ..writing import destination, reason
 from .hdf5 import new_hdf5, opened
 from .history_layout import (
@@ -163,6 +164,7 @@ class HistoryFile:
         signals: Sequence[Signal],
         *,
         texts: Mapping[str, Sequence[str]] | None = None,
+        tips: TipFacts | None = None,
         fingerprint: np.ndarray | None = None,
     ) -> None:
         """What is recorded, and under which conditions; of a run that is resumed they must be the file's.
@@ -176,6 +178,8 @@ class HistoryFile:
         signals : sequence of Signal
         texts : dict of str to sequence of str, optional
             Further names.
+        tips : TipFacts, optional
+            Of an unreduced model.
         fingerprint : array, optional
             Tells unreduced models apart.
 
@@ -195,6 +199,7 @@ class HistoryFile:
                 signal_checks(signals, settings["count"] * settings["step"]),
                 texts or {},
                 {} if fingerprint is None else {"fingerprint": fingerprint},
+                tips,
             )
             if self.comm.rank == 0 and self.former is not None:
                 self._check(signals)
@@ -210,8 +215,12 @@ class HistoryFile:
                     f"{WHAT} {self.path!r} was written with {name} = {theirs.get(name)}, not {value}; "
                     "give the same value, or name another file"
                 )
-        if found.texts != {k: tuple(v) for k, v in self._contents.texts.items()} or not all(
-            close(found.arrays[name], array) for name, array in self._contents.arrays.items()
+        named = [None if tips is None else tips.names for tips in (found.tips, self._contents.tips)]
+        texts = {name: tuple(values) for name, values in self._contents.texts.items()}
+        if (
+            named[0] != named[1]
+            or found.texts != texts
+            or not all(close(found.arrays[name], array) for name, array in self._contents.arrays.items())
         ):
             raise ValueError(
                 f"{WHAT} {self.path!r} was written for another model or other loads; give those, or "

@@ -28,9 +28,11 @@ import numpy as np
 
 from ..errors import SolveError
 from ..signals.signal import Signal
+from ..system.tip_facts import TipFacts
 from ..writing import reason
 from .hdf5 import opened, put, put_texts
 from .sound import number, numbers, text, texts, whole
+from .tip_facts import read_tip_facts, write_tip_facts
 
 WHAT, FORM, VERSION = "history file", "sbfem-petsc history", 2
 SLOTS = ("running/A", "running/B")
@@ -89,9 +91,11 @@ class Contents:
         Lengths of the writers' states.
     signal_checks : (SIGNAL_CHECKS, loads) array
     texts : dict of str to tuple of str
-        Further names: points, crack tips.
+        Further names: points.
     arrays : dict of str to array
         What tells the model from others.
+    tips : TipFacts or None
+        Of an unreduced model; a reduced one knows its own.
     """
 
     kind: str
@@ -101,6 +105,7 @@ class Contents:
     signal_checks: np.ndarray
     texts: Mapping[str, Sequence[str]]
     arrays: Mapping[str, np.ndarray]
+    tips: TipFacts | None = None
 
     @property
     def instants(self) -> int:
@@ -135,6 +140,8 @@ class Contents:
             put_texts(names, name, values)
         for name, array in self.arrays.items():
             put(file.require_group("identity"), name, array, "SI", "tells models apart")
+        if self.tips is not None:
+            write_tip_facts(file.create_group("tip_facts"), self.tips)
         for name, (shape, unit, description) in self.columns.items():
             dataset = _reserve(file, f"rows/{name}", (self.instants, *shape))
             dataset.attrs["unit"], dataset.attrs["description"] = unit, description
@@ -171,6 +178,9 @@ class Contents:
             numbers(file, "signal_checks", SIGNAL_CHECKS, None),
             {name: texts(file["names"], name) for name in file["names"].attrs},
             {name: data[()] for name, data in file.get("identity", {}).items()},
+            None
+            if kind == "reduced"
+            else read_tip_facts(file["tip_facts"], columns["contact_force"].shape[0]),
         )
         if not found.sizes:
             raise ValueError("'checkpoint_sizes' is empty")

@@ -12,6 +12,7 @@ from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .hdf5 import put, put_texts
 from .sound import numbers, texts, truth, whole
+from .tip_facts import read_tip_facts, write_tip_facts
 
 # Relative differences of the same model on other numbers of ranks.
 SAME = 1e-5
@@ -48,6 +49,7 @@ def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
     laws = group.create_group("contact_laws")
     put(laws, "tied", reduced.contact_laws.tied, "1", "whether the force of a contact row may be tension")
     laws.attrs["dissipative"] = reduced.contact_laws.dissipative
+    write_tip_facts(group.create_group("tip_facts"), reduced.tip_facts)
     group.attrs["pairs"] = reduced.pairs
     put_texts(group, "loads", [repr(load) for load in reduced.loads])
 
@@ -82,7 +84,11 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
     part = group["contact_laws"]
     laws = RowLaws(numbers(part, "tied", rows, kinds="b"), truth(part, "dissipative"))
     pairs = whole(group, "pairs", most=rows)
-    return ReducedModel(pairs=pairs, contact_laws=laws, **arrays, **outputs)  # type: ignore[arg-type]
+    facts = read_tip_facts(group["tip_facts"], rows)
+    if facts.names != outputs["tips"].names:
+        raise ValueError(f"the tips are said to be {facts.names} and {outputs['tips'].names}")
+    kept = {"contact_laws": laws, "tip_facts": facts}
+    return ReducedModel(pairs=pairs, **kept, **arrays, **outputs)  # type: ignore[arg-type]
 
 
 def in_rows(reduced: ReducedModel) -> ReducedModel:

@@ -156,6 +156,7 @@ def _reduce(model: Model, units: tuple[Load, ...], found: Modal) -> ReducedModel
         model,
         found,
         gap.laws,
+        model.tips.facts,
     )
 
 

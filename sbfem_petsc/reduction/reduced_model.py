@@ -15,6 +15,7 @@ from ..petsc import MPI, free, require_thread
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.sampling import Field
+from ..system.tip_facts import TipFacts
 from .outputs import LinearOutput
 
 
@@ -58,6 +59,8 @@ class ReducedModel:
         The modes themselves, distributed.
     contact_laws : RowLaws
         Of the contact rows, whose compliance is part of `gap`; default: unilateral contact.
+    tip_facts : TipFacts
+        Of the tips; default: there are none.
     """
 
     frequencies: np.ndarray
@@ -74,6 +77,7 @@ class ReducedModel:
     model: Model | None = field(default=None, repr=False)
     modal: Modal | None = field(default=None, repr=False)
     contact_laws: RowLaws = field(default=None, repr=False)  # type: ignore[assignment]
+    tip_facts: TipFacts = field(default_factory=TipFacts.none, repr=False)
 
     def __post_init__(self) -> None:
         if self.contact_laws is None:

@@ -204,7 +204,7 @@ def write_static(comm: MPI.Comm, file: h5py.File | None, name: str, result: Stat
     with written(comm, path):
         if file is not None:  # on rank 0
             group = file.require_group("static").create_group(name)
-            group.attrs["solver"] = result.solver
+            group.attrs["solver"], group.attrs["notes"] = result.solver, list(result.notes)
             for number, item in enumerate(as_loads(load).parts if load is not None else (), 1):
                 put_fields(group.require_group("loads").create_group(f"{number}"), item)
             put(

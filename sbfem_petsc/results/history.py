@@ -67,11 +67,12 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
         )
     if reduced is not None:
         return reduced_history(rows, reduced, settings["step"], recorded_exchanges(states), complete)
+    assert contents.tips is not None  # by `_require_columns`
     return unreduced_history(
         rows,
         SampledRun(
             tuple(contents.texts["points"]),
-            tuple(contents.texts["tips"]),
+            contents.tips,
             settings["pairs"],
             settings["step"],
             settings["damped_modes"],
@@ -86,14 +87,14 @@ def _require_columns(file: h5py.File, contents: Contents, reduced: ReducedModel 
         wanted = reduced_columns(reduced)
     else:
         settings = file["settings"]
-        points, tips = (contents.texts.get(name) for name in ("points", "tips"))
+        points, tips = contents.texts.get("points"), contents.tips
         if points is None or tips is None:
             raise ValueError("the names of points or tips are missing")
         number(settings, "damping", least=0.0)
         whole(settings, "damped_modes")
         rows = contents.columns["contact_force"].shape[0]
         whole(settings, "pairs", most=rows)
-        wanted = sampled_columns(len(points), len(tips), rows)
+        wanted = sampled_columns(len(points), len(tips.names), rows)
     found = {name: tuple(column.shape) for name, column in contents.columns.items()}
     if found != {name: column.shape for name, column in wanted.items()}:
         raise ValueError(f"its rows are {found}, which is not what the model has")

@@ -13,6 +13,7 @@ from ..dynamics.states import ModalStates, SampledStates
 from ..recording.hdf5 import new_hdf5, opened, put, put_texts
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, texts, truth, whole
+from ..recording.tip_facts import read_tip_facts, write_tip_facts
 
 WHAT, FORM, VERSION = "orbit file", "sbfem-petsc orbit", 2
 
@@ -31,7 +32,7 @@ _SAMPLES = {
     "displacements": ("m", "displacement of a named point"),
     "velocities": ("m/s", "velocity of a named point"),
     "accelerations": ("m/s^2", "acceleration of a named point"),
-    "intensities": ("Pa m^(1/2)", "K_I and K_II of a crack tip"),
+    "intensities": ("Pa m^(1 - exponent)", "K_I and K_II of a crack tip, see tip_facts"),
 }
 _OWN = {
     "time": ("s", "instants of one period"),
@@ -81,6 +82,7 @@ def write_orbit(group: h5py.Group, orbit: Orbit) -> None:
     """A periodic motion in a group of its own."""
     group.attrs.update({name: getattr(orbit, name) for name in _NUMBERS})
     group.attrs["stable"] = str(orbit.stable)
+    put_texts(group, "notes", orbit.notes)
     for name, (unit, meaning) in _OWN.items():
         put(group, name, getattr(orbit, name), unit, meaning)
     _write_states(group.create_group("states"), orbit.states)
@@ -136,6 +138,7 @@ def _write_states(group: h5py.Group, states: ModalStates | SampledStates) -> Non
         put_texts(part, "names", tuple(table))
         for k, values in enumerate(table.values()):
             put(part, f"{k:03d}", values, unit, meaning)
+    write_tip_facts(group.create_group("tip_facts"), states.tip_facts)
 
 
 def _read_states(group: h5py.Group, instants: int) -> ModalStates | SampledStates:
@@ -152,4 +155,8 @@ def _read_states(group: h5py.Group, instants: int) -> ModalStates | SampledState
         tables[name] = {key: numbers(part, f"{k:03d}", instants, 2) for k, key in enumerate(keys)}
     rows = numbers(group, "contact", instants, None)
     gap = numbers(group, "gap", *rows.shape)
-    return SampledStates(**tables, contact=rows, gap=gap, pairs=whole(group, "pairs", most=rows.shape[1]))
+    facts = read_tip_facts(group["tip_facts"], rows.shape[1])
+    if facts.names != tuple(tables["intensities"]):
+        raise ValueError(f"the tips are said to be {facts.names} and {tuple(tables['intensities'])}")
+    pairs = whole(group, "pairs", most=rows.shape[1])
+    return SampledStates(**tables, contact=rows, gap=gap, pairs=pairs, tip_facts=facts)

@@ -100,7 +100,7 @@ def _static(
     values["contact_resultant"] = (float(result.contact_resultant), "N")
     values["residual"] = (float(result.residual), "1")
     for name, pair in result.stress_intensity.items():
-        values[f"stress_intensity/{name}"] = (np.asarray(pair), "Pa m^(1/2)")
+        values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.unit(name))
     for place, stress in stresses(table, result).items():
         values[f"stress/{place}"] = (stress, "Pa")
     values.update(_estimated(table, result))
@@ -125,10 +125,10 @@ def _load_history(
         if histories:
             values[f"displacement/{point}"] = (u, "m")
     for name in result.states[0].stress_intensity:
-        factors = result.stress_intensity(name)
-        values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), "Pa m^(1/2)")
+        factors, unit = result.stress_intensity(name), result.states[0].model.tips.unit(name)
+        values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
         if histories:
-            values[f"stress_intensity/{name}"] = (factors, "Pa m^(1/2)")
+            values[f"stress_intensity/{name}"] = (factors, unit)
     if histories:
         values["time"] = (result.time, "s")
     return values

@@ -89,9 +89,10 @@ def _static(result: Any, points: Sequence[str], stress: dict[str, Any], estimate
         "gap": Quantity(result.gap, "m", "gaps of the contact pairs"),
         "active": Quantity(result.active, "1", "pairs in contact"),
         "stress_intensity": {
-            name: Quantity(np.asarray(values), "Pa m^(1/2)", "K_I, K_II")
+            name: Quantity(np.asarray(values), result.model.tips.unit(name), "K_I, K_II")
             for name, values in result.stress_intensity.items()
         },
+        **_notes(result),
         "residual": Quantity(float(result.residual), "1", "imbalance of the forces, relative to the load"),
         "iterations": Quantity(int(result.iterations), "1", "iterations of the active set"),
         "solver": Quantity(result.solver),
@@ -103,6 +104,11 @@ def _static(result: Any, points: Sequence[str], stress: dict[str, Any], estimate
     return {**tree, **_estimated(estimate)}
 
 
+def _notes(result: Any) -> Tree:
+    """What K, G and T of the tips do not tell by themselves."""
+    return {"notes": Quantity("; ".join(result.notes))} if result.notes else {}
+
+
 def _load_history(result: Any, points: Sequence[str]) -> Tree:
     return {
         "time": Quantity(result.time, "s", "times of the states"),
@@ -111,9 +117,10 @@ def _load_history(result: Any, points: Sequence[str]) -> Tree:
         "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
         "gap": Quantity(result.gap, "m", "gaps of the contact pairs", detail=True),
         "stress_intensity": {
-            name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II")
+            name: Quantity(result.stress_intensity(name), result.states[0].model.tips.unit(name), "K_I, K_II")
             for name in result.states[0].stress_intensity
         },
+        **_notes(result),
     }
 
 
@@ -144,11 +151,13 @@ def _transient(result: Any, points: Sequence[str]) -> Tree:
             "largest imbalance of the energies, relative to the loads' work",
         ),
     }
-    if result.states.tips:
+    facts = result.states.tip_facts
+    if facts.names:
         tree["stress_intensity"] = {
-            name: Quantity(result.stress_intensity(name), "Pa m^(1/2)", "K_I, K_II", detail=True)
-            for name in result.states.tips
+            name: Quantity(result.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
+            for name in facts.names
         }
+        tree.update(_notes(result))
     return tree
 
 

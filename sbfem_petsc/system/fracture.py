@@ -97,32 +97,18 @@ def notes(model, force: np.ndarray, tip_forces: dict[int, np.ndarray]) -> tuple[
     force, tip_forces
         As of `t_stresses`.
     """
-    tips, rows = model.tips, model.tip_rows
-    names, cracks = np.array(tips.names, dtype=object), tips.cracks
-    touching = np.array([force[a:b].any() for a, b in zip(rows, rows[1:])], dtype=bool)
-    loaded = np.zeros(len(names))
+    tips = model.tips
+    loaded = np.zeros(len(tips.names))
     for number, forces in tip_forces.items():
         loaded[number] = forces.any()
-    pressed = touching | (model.comm.allreduce(loaded) > 0.0)
-    found = []
-    closed = tips.interfaces & cracks & touching
-    if closed.any():
-        found.append(
-            f"of {listed(names[closed])}, closed along an interface, K_I and K_II are of no field, only "
-            "energy_release_rate is"
+    pressed = (tips.touching(force) | (model.comm.allreduce(loaded) > 0.0)) & ~tips.interfaces
+    found = tips.notes(force)
+    if pressed.any():
+        found += (
+            f"t_stress of {listed(np.array(tips.names, dtype=object)[pressed])} is sigma_xx, beside the "
+            "pressure p on the faces; sigma_xx - sigma_yy is T + p",
         )
-    for units in dict.fromkeys(tips.units(name) for name in names[~cracks]):
-        alike = [name for name in names[~cracks] if tips.units(name) == units]
-        found.append(
-            f"K_I and K_II of {listed(alike)} are in {units[0]} and {units[1]}, and energy_release_rate is "
-            "nan: stresses at a notch, or a crack that ends at an interface, do not go with r^(-1/2)"
-        )
-    if (pressed & ~tips.interfaces).any():
-        found.append(
-            f"t_stress of {listed(names[pressed & ~tips.interfaces])} is sigma_xx, beside the pressure p on "
-            "the faces; sigma_xx - sigma_yy is T + p"
-        )
-    return tuple(found)
+    return found
 
 
 def t_stresses(

@@ -14,12 +14,11 @@ from ..selement.intensity import intensity_rows
 from ..selement.sectors import Sectors
 from .rows import Rows, flat_entries
 from .shapes import Group
+from .tip_facts import TipFacts
 
 # Length at which stress intensity factors of a crack along an interface are taken, m: K_I + i K_II is then
 # Rice's complex K in SI units.
 REFERENCE_LENGTH = 1.0
-# How near to 1/2 the exponents of a crack's tip are.
-CRACK = 1e-6
 
 
 class TipPlace(NamedTuple):
@@ -31,14 +30,11 @@ class TipPlace(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class TipIntensities:
+class TipIntensities(TipFacts):
     """K_I and K_II of every tip with a tip element.
 
     Attributes
     ----------
-    names : tuple of str
-    exponents : (tips, 2) array
-        Exponents lambda of the displacement modes; the unit of K is Pa m^(1 - lambda), Pa m^(1/2) at a crack.
     rows : Rows
         Two for each tip.
     contact : (2 tips, c) array
@@ -49,30 +45,17 @@ class TipIntensities:
     exponent_errors : (tips,) array
         Of tips that are not in one isotropic material: how far the exponents of their S-elements are from the
         exact ones; zero at others.
-    interfaces : (tips,) bool array
-        Whether several materials meet at the tip.
     """
 
-    names: tuple[str, ...]
-    exponents: np.ndarray
     rows: Rows
     contact: np.ndarray
     faces: dict[int, np.ndarray]
     exponent_errors: np.ndarray
-    interfaces: np.ndarray
 
     @property
-    def cracks(self) -> np.ndarray:
-        """(tips,): whether stresses go with r^(-1/2), as at a crack, so that there is an energy release
-        rate.
-        """
-        return (np.abs(self.exponents - 0.5) <= CRACK).all(axis=1)
-
-    def units(self, tip: str) -> tuple[str, str]:
-        """Of K_I and K_II of a tip."""
-        powers = 1.0 - self.exponents[self.names.index(tip)]
-        one, two = ("Pa m^(1/2)" if abs(p - 0.5) <= CRACK else f"Pa m^{p:.6g}" for p in powers)
-        return one, two
+    def facts(self) -> TipFacts:
+        """What the tips are, without the forms."""
+        return TipFacts(self.names, self.exponents, self.interfaces, self.contact_rows)
 
     def evaluate(self, owned: np.ndarray, more: np.ndarray) -> dict[str, tuple[float, float]]:
         """K_I and K_II of each tip, on all ranks, from this rank's displacement unknowns and what tractions
@@ -138,4 +121,5 @@ def tip_intensities(model) -> TipIntensities:
     )
     gathered = Rows.gathered(model.comm, model.ranges, flat_entries(rows), 2 * len(tips))
     names = tuple(tip.name for tip in tips)
-    return TipIntensities(names, exponents, gathered, contact, columns, errors, interfaces > 0.0)
+    facts = names, exponents, interfaces > 0.0, model.tip_rows
+    return TipIntensities(*facts, gathered, contact, columns, errors)

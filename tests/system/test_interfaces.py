@@ -3,6 +3,7 @@
 import re
 from dataclasses import replace
 
+import h5py
 import numpy as np
 import pytest
 from scipy import optimize
@@ -93,9 +94,39 @@ def test_what_is_told_of_a_crack_along_an_interface(sign, tmp_path):
     """Closed, its stresses are not those that Rice's K stands for, and the print says so."""
     body = model(tmp_path, "along", order=4)
     found = sb.static(body, [sb.EdgeLoad(edge, pressure=sign) for edge in ("bottom", "top")])
-    told = "of 'c', closed along an interface, K_I and K_II are of no field, only energy_release_rate is"
+    told = "of 'c', closed along an interface, K_I and K_II are of no field, only the energy release rate is"
     assert found.notes == ((told,) if sign > 0.0 else ()) and (told in repr(found)) == (sign > 0.0)
     assert found.energy_release_rate["c"] > 0.0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("reduction", ["modes", None])
+@pytest.mark.parametrize("name", ["along", "ending"])
+def test_what_is_told_of_tips_in_motions(name, reduction, tmp_path):
+    """As of static solutions: in the print of histories, steady states and load histories, and in what is
+    read back of their files.
+    """
+    (tmp_path / "body.geo").write_text(BODIES[name])
+    mesh, damping = read_gmsh(tmp_path / "body.geo", order=4), {"damping": 0.05, "rayleigh": (0.0, 0.5)}
+    body = sb.Model(mesh, MATERIALS, clamped=None, supports=HELD, **damping)
+    load = [sb.EdgeLoad(edge, pressure=1.0) for edge in ("bottom", "top")]
+    told = sb.static(body, load).notes
+    assert len(told) == 1
+    path = str(tmp_path / "history.h5")
+    options = {"reduction": reduction, "modes": 20}
+    history = sb.transient(body, load, 2.0, 0.05, file=path, **options)
+    held = [sb.EdgeLoad(edge, pressure=sb.Constant(1.0)) for edge in ("bottom", "top")]
+    orbit = sb.periodic(body, [*held, sb.EdgeLoad("top", tx=sb.Harmonic(0.01, 0.05))], 0.05, modes=20)
+    if reduction is None:  # its shooting takes half a minute
+        orbit = replace(orbit, time=history.time, states=history.states, state=np.zeros(0))
+    sb.save_orbit(orbit, str(tmp_path / "orbit.h5"))
+    found = [history, orbit, sb.read_history(path), sb.read_orbit(str(tmp_path / "orbit.h5"))]
+    for motion in [*found, sb.load_history(body, load, [0.0, 1.0])]:
+        assert motion.notes == told and told[0] in repr(motion)
+    with h5py.File(tmp_path / "orbit.h5") as file:
+        assert tuple(file.attrs["notes"]) == told
+    through = sb.transient(body, PULL, 0.2, 0.05, contact=False, **options)
+    assert through.notes == (() if name == "along" else told)
 
 
 @pytest.mark.parametrize("opening, unit", [(0.05, "Pa m^0.499861"), (0.0, "Pa m^(1/2)")])
