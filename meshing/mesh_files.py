@@ -6,61 +6,34 @@ import hashlib
 import io
 import os
 import re
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from meshing.mesh_arrays import ContactPairs, Crack, MeshArrays, Tip
 from meshing.whole_file import BadTarget, checked_path, read_whole, write_whole
 
-Mesh = TypeVar("Mesh", bound=MeshArrays)
+if TYPE_CHECKING:
+    from meshing.boundary_mesh import BoundaryMesh
 
 _FORMAT = "sbfem boundary mesh"
-_VERSION = 5
+_VERSION = 6
 _BLOCK = 512  # bytes ahead of the HDF5 content; the least that HDF5 knows
-_ARRAYS = {
-    "nodes": "coordinates of the nodes, m",
-    "edges": "nodes of each edge at the Gauss-Lobatto-Legendre points",
-    "element_start": "element_edges[element_start[e]:element_start[e + 1]] are the edges of S-element e, "
-    "counter-clockwise",
-    "element_edges": "edges of all S-elements, flat",
-    "element_reversed": "true where the element runs through the edge from its last node to its first",
-    "scaling_centres": "scaling centre of each S-element, m",
-    "closed": "true: the edges form a loop; false: a chain whose scaling centre is on the boundary",
-    "materials": "index into material_names",
-}
-_PAIRS = {
-    "nodes": "node on the face the normal points to, node on the opposite face",
-    "normal": "unit normal of the faces",
-    "gap": "initial gap, m",
-    "crack": "index of the crack",
-    "position": "fraction of the crack's length from the first tip (0) to the mouth or the other (1)",
-    "arc": "the same, m",
-    "weight": "length of face that the pair stands for, m",
-}
-# Attributes of a crack's group and the fields they hold.
-_CRACK = {
-    "name": "name",
-    "tip_m": "tip",
-    "axis": "axis",
-    "opening_rad": "opening",
-    "length_m": "length",
-    "tip_element": "tip_element",
-}
-_TIP = {
-    "name": "name",
-    "crack": "crack",
-    "position_m": "position",
-    "axis": "axis",
-    "opening_rad": "opening",
-    "element": "element",
-    "faces": "faces",
-    "arc_m": "arc",
-}
+_SETS = {"edge_sets": "edge set", "points": "point"}
 
 
-def save(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
+class Kinds(NamedTuple):
+    """Classes of what a file holds: the mesh, its `pairs`, each of its `cracks` and `tips`."""
+
+    mesh: type[BoundaryMesh]
+    pairs: type
+    cracks: type
+    tips: type
+
+
+def save(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     """Write a mesh to an HDF5 file.
 
     The file describes itself (every data set has a "description"). Ahead of the HDF5 content stands a block
@@ -84,7 +57,7 @@ def save(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
         raise ValueError(f"{path}: the mesh cannot be written there ({error.strerror or error}).") from error
 
 
-def _packed(mesh: MeshArrays) -> bytes:
+def _packed(mesh: BoundaryMesh) -> bytes:
     """The HDF5 content of a file, without the block ahead of it."""
     import h5py
 
@@ -92,28 +65,36 @@ def _packed(mesh: MeshArrays) -> bytes:
     with h5py.File(buffer, "w", userblock_size=_BLOCK) as file:
         file.attrs.update({"format": _FORMAT, "version": _VERSION, "order": mesh.order})
         file.attrs["clamped"] = mesh.clamped or ""
-        for name, description in _ARRAYS.items():
-            _write(file, name, getattr(mesh, name), description)
+        for owner, group in ((mesh, file), (mesh.pairs, file.create_group("pairs"))):
+            for item in _arrays(owner):
+                _write(group, item.name, getattr(owner, item.name), item.metadata["description"])
         names = np.array(mesh.material_names, dtype=h5py.string_dtype())
         _write(file, "material_names", names, "names of the materials")
-        for name, description in _PAIRS.items():
-            _write(file, f"pairs/{name}", getattr(mesh.pairs, name), f"contact pairs: {description}")
         # Names are stored as attributes: a data set's name may not contain a slash.
-        for title, items in (("edge_sets", mesh.edge_sets), ("points", mesh.points)):
+        for title, what in _SETS.items():
             group = file.create_group(title)
-            for i, (name, numbers) in enumerate(items.items()):
-                description = f"{title.replace('_', ' ')[:-1]} {name!r}"
-                _write(group, str(i), np.asarray(numbers), description).attrs["name"] = name
+            for i, (name, numbers) in enumerate(getattr(mesh, title).items()):
+                _write(group, str(i), np.asarray(numbers), f"{what} {name!r}").attrs["name"] = name
         group = file.create_group("sector_materials")
         for element, sectors in mesh.sector_materials.items():
             _write(group, str(element), sectors, "material of the sector of each edge of an S-element")
-        for title, parts, fields in (("cracks", mesh.cracks, _CRACK), ("tips", mesh.tips, _TIP)):
+        for title in ("cracks", "tips"):
             group = file.create_group(title)
-            for i, item in enumerate(parts):
-                group.create_group(str(i)).attrs.update(
-                    {key: getattr(item, name) for key, name in fields.items()}
-                )
+            group.attrs["description"] = "lengths and places in m, angles in radian"
+            for i, item in enumerate(getattr(mesh, title)):
+                group.create_group(str(i)).attrs.update(vars(item))
     return buffer.getvalue()[_BLOCK:]
+
+
+def _arrays(owner: Any) -> Iterator[Any]:
+    """Fields of a class, or of an object of it, that are arrays."""
+    return (item for item in fields(owner) if item.metadata)
+
+
+def _write(group: Any, name: str, values: np.ndarray, description: str) -> Any:
+    dataset = group.create_dataset(name, data=values)
+    dataset.attrs["description"] = description
+    return dataset
 
 
 def _head(content: bytes) -> bytes:
@@ -122,27 +103,22 @@ def _head(content: bytes) -> bytes:
     return text.encode().ljust(_BLOCK, b"\n")
 
 
-def load(path: str | os.PathLike[str], kind: type[Mesh]) -> Mesh:
-    """Read a mesh that `save` has written, as an object of `kind`.
+def load(path: str | os.PathLike[str], kinds: Kinds) -> BoundaryMesh:
+    """Read a mesh that `save` has written.
 
     Raises
     ------
     TypeError, ValueError
         `path` is no path; the file is missing, truncated, changed since it was written, of another version,
-        or no boundary mesh; its arrays do not fit together (see `meshing.contact_checks` and
-        `meshing.mesh_arrays.check`).
+        or no boundary mesh; its arrays do not fit together (see `meshing.mesh_checks`).
     """
     path = checked_path("load", path)
     stored = read_whole(path)
     head, content = stored[:_BLOCK], stored[_BLOCK:]
     found = re.match(rb"sbfem boundary mesh, version ([0-9]+)\n", head)
     if not found:
-        older = stored.startswith(b"\x89HDF") and b"sbfem boundary mesh" in stored
         raise ValueError(
-            f"{path}: it was written by an older version of this program, without a checksum; make the mesh "
-            "again and save it."
-            if older
-            else f"{path}: it is not a boundary mesh that was saved here, or its beginning is damaged."
+            f"{path}: it is not a boundary mesh that was saved here, or its beginning is damaged."
         )
     if int(found[1]) != _VERSION:
         raise ValueError(
@@ -155,14 +131,14 @@ def load(path: str | os.PathLike[str], kind: type[Mesh]) -> Mesh:
             "damaged; save the mesh again."
         )
     try:
-        return kind(**_unpacked(stored))
+        return kinds.mesh(**_unpacked(stored, kinds))
     except (OSError, KeyError, RuntimeError, TypeError, AttributeError) as error:
         raise ValueError(f"{path}: it is no boundary mesh of this version ({error}).") from error
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from error
 
 
-def _unpacked(stored: bytes) -> dict[str, Any]:
+def _unpacked(stored: bytes, kinds: Kinds) -> dict[str, Any]:
     """Fields of the mesh in a file's bytes."""
     import h5py
 
@@ -171,33 +147,32 @@ def _unpacked(stored: bytes) -> dict[str, Any]:
         def values(name: str) -> np.ndarray:
             return _own(file, name, len(stored))[()]
 
-        named = {
-            title: {
-                _own(file, f"{title}/{i}", len(stored)).attrs["name"]: values(f"{title}/{i}")
-                for i in range(len(file[title]))
-            }
-            for title in ("edge_sets", "points")
-        }
-        cracks, tips = (
-            [
-                {name: _plain(file[title][str(i)].attrs[key]) for key, name in fields.items()}
-                for i in range(len(file[title]))
-            ]
-            for title, fields in (("cracks", _CRACK), ("tips", _TIP))
-        )
+        def named(title: str) -> dict[str, np.ndarray]:
+            names = [f"{title}/{i}" for i in range(len(file[title]))]
+            return {_own(file, name, len(stored)).attrs["name"]: values(name) for name in names}
+
+        def parts(title: str) -> tuple[Any, ...]:
+            kind = getattr(kinds, title)
+            found = (file[title][str(i)].attrs for i in range(len(file[title])))
+            return tuple(
+                kind(**{item.name: _plain(attrs[item.name]) for item in fields(kind)}) for attrs in found
+            )
+
         return {
             "order": int(file.attrs["order"]),
             "clamped": str(file.attrs["clamped"]) or None,
-            **{name: values(name) for name in _ARRAYS},
+            **{item.name: values(item.name) for item in _arrays(kinds.mesh)},
             "material_names": tuple(name.decode() for name in values("material_names").tolist()),
             "sector_materials": {
                 int(element): values(f"sector_materials/{element}") for element in file["sector_materials"]
             },
-            "edge_sets": named["edge_sets"],
-            "points": {name: int(node) for name, node in named["points"].items()},
-            "pairs": ContactPairs(**{name: values(f"pairs/{name}") for name in _PAIRS}),
-            "cracks": tuple(Crack(**fields) for fields in cracks),
-            "tips": tuple(Tip(**fields) for fields in tips),
+            "edge_sets": named("edge_sets"),
+            "points": {name: int(node) for name, node in named("points").items()},
+            "pairs": kinds.pairs(
+                **{item.name: values(f"pairs/{item.name}") for item in _arrays(kinds.pairs)}
+            ),
+            "cracks": parts("cracks"),
+            "tips": parts("tips"),
         }
 
 
@@ -213,7 +188,7 @@ def _own(file, name: str, size: int):
     return dataset
 
 
-def export(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
+def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     """Write the edges in a format of meshio, chosen by the file's ending.
 
     Edges become polylines through their GLL nodes: p straight "line" cells each, so that curved edges keep
@@ -253,18 +228,8 @@ def export(mesh: MeshArrays, path: str | os.PathLike[str]) -> None:
         ) from error
 
 
-def _plain(value):
+def _plain(value: Any) -> Any:
     """An HDF5 attribute as Python's own type."""
-    return (
-        tuple(value.tolist())
-        if isinstance(value, np.ndarray)
-        else value.item()
-        if isinstance(value, np.generic)
-        else value
-    )
-
-
-def _write(group, name: str, values: np.ndarray, description: str):
-    dataset = group.create_dataset(name, data=values)
-    dataset.attrs["description"] = description
-    return dataset
+    if isinstance(value, np.ndarray):
+        return tuple(value.tolist())
+    return value.item() if isinstance(value, np.generic) else value

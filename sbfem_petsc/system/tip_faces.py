@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from meshing.mesh_arrays import Tip
+from meshing.boundary_mesh import Tip
 
 from ..parallel import collective
 from ..petsc import MPI
