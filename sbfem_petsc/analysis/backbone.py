@@ -137,9 +137,7 @@ class Backbone:
         k = index_of("orbit", "k", k, len(self.energy))
         driven = self._system.at(float(self._own_frequency[k]), float(self._excitation[k]))
         motion = driven.run(self.states[k])
-        shot = FixedPoint(
-            self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
-        )
+        shot = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         return make_orbit(shot, self.multipliers[k], UNCERTAIN, "point of a backbone")
 
     def _index(self, point: str) -> int:

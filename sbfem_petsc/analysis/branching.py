@@ -7,13 +7,13 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import instance, integer, positive
+from ..continuation.newton import correct
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
-from ..dynamics.branch_range import ParameterRange
+from ..dynamics.driven_orbits import Orbits, ParameterRange
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
-from ..dynamics.shooting import shoot_along
 from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..parallel import agreed, collective
@@ -128,33 +128,28 @@ def _quasi_periodic(
 def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...]) -> Orbit:
     old = branch.period
     period = Period(old.reduced, old.excitation.repeated(2), 2 * old.steps, old.pairs > 0)
+    value = bifurcation.own_value
+    orbits = Orbits(period, ParameterRange(branch.parameter, value, value, branch.fixed_frequency))
     direction = bifurcation.direction.real / np.linalg.norm(bifurcation.direction.real)
     norm = old.size(bifurcation.state)
+    row, there = np.append(direction / norm, 0.0), np.append(bifurcation.state, value)
 
     # the motion passes on both sides of the one of half its period, half a period apart; a pair that begins
     # to touch may leave but one of them in reach
     for share in (side * size for size in sizes for side in (1.0, -1.0)):
-        target = direction @ bifurcation.state + share * norm
 
-        def condition(state, change, target=target):
-            return float(direction @ state - target), direction, 0.0
+        def condition(u: np.ndarray, share: float = share) -> tuple[float, np.ndarray]:
+            return float(row @ (u - there)) - share, row
 
         try:
-            fixed = shoot_along(
-                period,
-                (bifurcation.state + share * norm * direction, bifurcation.own_value),
-                ParameterRange(
-                    branch.parameter, bifurcation.own_value, bifurcation.own_value, branch.fixed_frequency
-                ),
-                condition,
-            )
-        except (SolveError, ValueError):
+            point = correct(orbits, there + np.append(share * norm * direction, 0.0), condition)
+        except SolveError:
             continue
-        motion = fixed.driven.run(fixed.state)
-        half = period.steps // 2
+        motion, half = point.state.motion, period.steps // 2
         apart = np.linalg.norm(period.weights * (motion.states[half] - motion.states[0]))
         if apart > TRULY * abs(share) * norm:
-            at = branch.conditions(float(fixed.parameters[0]))
+            fixed, at = point.state, branch.conditions(point.value)
+            fixed.residuals = tuple(fixed.scale * missed for missed in point.residuals)
             return make_orbit(fixed, *orbit_stability(period, fixed, *at), "period doubling")
     raise on_all_ranks(
         SolveError(

@@ -14,8 +14,8 @@ from ..checks import Bounds, flag, instance, integer, path, positive, real
 from ..checks import frequency as check_frequency
 from ..checks import progress as check_progress
 from ..dynamics.branch import Branch
-from ..dynamics.branch_following import HARMONICS, follow, linear_branch
-from ..dynamics.branch_range import ContinuationSettings, ParameterRange
+from ..dynamics.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..dynamics.driven_orbits import ParameterRange
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.period_map import Period
@@ -201,7 +201,7 @@ def _follow(
     period: Period,
     parameter: ParameterRange,
     begin: Callable[[Period], np.ndarray],
-    settings: ContinuationSettings,
+    settings: BranchSettings,
     record: BranchFile | None,
     progress: Callable[[float], None] | str | None,
 ) -> Branch:
@@ -210,16 +210,14 @@ def _follow(
     if record is not None:
         period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
-        found = follow(
+        found = follow_response(
             period, parameter, lambda: begin(period), settings=settings, recorder=record, report=report
         )
     warn_of_amplitudes(f"{parameter.name}_response", found)
     return found
 
 
-def _with_room(
-    period: Period, parameter: ParameterRange, settings: ContinuationSettings
-) -> ContinuationSettings:
+def _with_room(period: Period, parameter: ParameterRange, settings: BranchSettings) -> BranchSettings:
     """Settings with no more points than there is memory for: few branches take as many as they may.
     Collective.
 
@@ -260,7 +258,7 @@ def _checked(
     stability: bool,
     first: Orbit | None,
     frequency: float,
-) -> ContinuationSettings:
+) -> BranchSettings:
     points = integer(what, "points", points, least=2)
     if not (isinstance(largest_step, float) and largest_step == math.inf):
         positive(what, "largest_step", largest_step)
@@ -270,7 +268,7 @@ def _checked(
         if abs(first.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {frequency:g} Hz")
     leave = first is not None and first.path == DOUBLED
-    return ContinuationSettings(points, float(largest_step), stability, leave)
+    return BranchSettings(points, float(largest_step), stability, leave)
 
 
 def _check_file(what: str, file: str | None, resume: bool) -> None:

@@ -18,6 +18,8 @@ from .problem import Condition, Linear, Metric, Point, Problem
 FINE, FINER, MOST = 5e-3, 2e-4, 20
 # Neighbours tell how a branch bends between two points if they are so far beyond them, of their distance.
 APART = 0.2
+# Share of the value's part in the planes that cut a way: where it turns all else tells how far a point is.
+LEAN = 0.01
 # Values that rounding alone tells apart.
 SAME = 1e-10
 # A chord of a curve, over value and height both scaled to 1, is divided, so many times at most, if it is off
@@ -48,13 +50,14 @@ class Way:
         pace = max(self.metric.pace(self.one.u), 1e-300)
         along = abs(self.other.value - self.one.value) > HELD * pace * self.metric.length(self.step)
         self.held = along and bool((values > 0.0).all() or (values < 0.0).all())
+        self.normal = self.step - (1.0 - LEAN) * _of_value(self.metric, self.one, self.step)
 
     def place_of(self, point: Point) -> float:
         """Fraction of the way at which a point is."""
         if self.held:
             return (point.value - self.one.value) / (self.other.value - self.one.value)
         there = self.metric.way(self.one, point)
-        return self.metric.dot(there, self.step) / self.metric.dot(self.step, self.step)
+        return self.metric.dot(there, self.normal) / self.metric.dot(self.step, self.normal)
 
     def beside(self) -> Places:
         """The points before and behind the two by their fractions of the way between these."""
@@ -72,7 +75,7 @@ class Way:
         if self.held:
             return self.metric.level(self.one.u, value), value
         there = self.one.u + fraction * (self.other.u - self.one.u)
-        return self.metric.plane(self.metric.unit(self.step), there), value
+        return self.metric.plane(self.metric.unit(self.normal), there), value
 
     def point(self, problem: Problem, fraction: float, start: np.ndarray, near: Linear) -> Point:
         """The solution of a problem at a fraction, from a start with linearised equations nearby."""
@@ -82,6 +85,12 @@ class Way:
         found = correct(problem, problem.placed(start, value), condition, near)
         found.value = value
         return found
+
+
+def _of_value(metric: Metric, point: Point, way: np.ndarray) -> np.ndarray:
+    """The part of a way, in units, along the value's gradient."""
+    slope = point.problem.value(point.u)[1] * metric.units
+    return slope * (metric.dot(slope, way) / max(metric.dot(slope, slope), 1e-300))
 
 
 def between(line: Line, k: int, fraction: float, known: Places | None = None) -> Point:
@@ -248,13 +257,16 @@ def located(
 
 def fold(line: Line, k: int) -> tuple[int, Point] | None:
     """Where the value turns between the neighbours of point k: the number of the point before it, and the
-    point there; None if it does not turn.
+    point there; None if it does not turn, or if the tangents of the smooth branch do not, as where steps of
+    time give it teeth.
     """
     before, here, behind = line.points[k - 1 : k + 2]
     if not (here.value - before.value) * (behind.value - here.value) < 0.0:
         return None
     metric = Metric(here.problem, here.u)
-    row = metric.row(metric.chord(before, behind))
+    # which way the branch goes is told by all but the value, which turns
+    way = metric.way(before, behind)
+    row = metric.row(metric.unit(way - _of_value(metric, here, way)))
 
     def pace(point: Point) -> float:
         """The value's part of the branch's direction."""
@@ -264,9 +276,9 @@ def fold(line: Line, k: int) -> tuple[int, Point] | None:
 
     for first in (k - 1, k):
         ends = pace(line.points[first]), pace(line.points[first + 1])
-        if ends[0] * ends[1] <= 0.0:
+        if ends[0] * (here.value - before.value) >= 0.0 >= ends[1] * (here.value - before.value):
             return located(line, first, pace, ends)
-    return k, here
+    return None
 
 
 def refine(

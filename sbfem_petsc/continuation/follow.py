@@ -41,7 +41,9 @@ SAME = 1e-6
 # Of the range: the value of a branch that goes no further does not change.
 STILL = 1e-9
 # Points before a line may close, and how far it may pass beside its first point, of its step.
-CLOSED, BESIDE = 6, 0.2
+FEWEST, BESIDE = 6, 0.2
+# The reason of one that has closed.
+CLOSED = "it is closed"
 # Length of the first step beyond a leap.
 LANDED = 0.02
 
@@ -158,7 +160,7 @@ class Follower:
         """Why the line ends at its last point, if it does, and whether it is complete."""
         last = self.points[-1]
         if self._closes():
-            return "the line is closed", True
+            return CLOSED, True
         if self.within.holds(last.value):
             return "", False
         back = self._back_at_its_beginning()
@@ -173,7 +175,7 @@ class Follower:
             return ""
         furthest = max((point.value for point in self.points), key=lambda value: abs(value - last.value))
         if abs(furthest - last.value) < STILL * self.within.extent:
-            isolated = self.problem.isolated
+            isolated = self.problem.isolated.format(last.value)
             return f"back at its beginning at {last.value:.8g}, which it has not left: {isolated}"
         metric = Metric(self.problem, last.u)
         if metric.length(metric.way(first, last)) >= SAME:
@@ -186,7 +188,7 @@ class Follower:
     def _closes(self) -> bool:
         """Whether the last step has passed the first point in the direction in which the line began."""
         points = self.points
-        if len(points) < CLOSED or len(points[0].u) != len(points[-1].u):
+        if len(points) < FEWEST or len(points[0].u) != len(points[-1].u):
             return False
         metric = Metric(self.problem, points[-1].u)
         step, there = metric.way(points[-2], points[-1]), metric.way(points[-2], points[0])
@@ -202,13 +204,12 @@ class Follower:
     def next(self) -> Point | None:
         """Take one step; None, with the line's reason, where there is none."""
         line, last = self.line, self.points[-1]
-        self.metric = Metric(self.problem, last.u)
         try:
             heading = self.heading()
         except PetscFailure:
             raise
         except FAILURES:
-            line.reason = f"{self.problem.isolated} at {last.value:.8g}"
+            line.reason, line.advice = self.problem.isolated.format(last.value), ""
             return None
         point = self._found(heading)
         if point is None:
@@ -228,8 +229,8 @@ class Follower:
         Its sign is such that the determinant of the linearised equations and the tangent keeps its sign along
         the branch: so it passes folds and corners, also those that a step has skipped.
         """
-        last = self.points[-1]
-        behind = self._behind()
+        last, behind = self.points[-1], self._behind()
+        self.metric = Metric(self.problem, last.u)
         if behind is not None:
             near = self.metric.chord(behind, last)
         elif self.problem.begins is not None:

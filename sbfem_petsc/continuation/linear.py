@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from scipy import linalg
@@ -24,28 +25,50 @@ class Dense:
         """See `problem.Linear`."""
         return DenseBorder(self.matrix, row)
 
-    def mixed(self, others: Sequence[Dense], weights: Sequence[float]) -> Dense:
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Dense:
         """See `problem.Linear`."""
         return Dense(np.tensordot(weights, [other.matrix for other in others], 1))
 
 
-class DenseBorder:
+class Factors:
+    """LU factors of a square matrix.
+
+    Attributes
+    ----------
+    sign : float
+        Of the determinant.
+
+    Raises
+    ------
+    Lost
+        If it is singular.
+    """
+
+    def __init__(self, matrix: np.ndarray):
+        self._factors, self._exchanged, singular = linalg.lapack.dgetrf(matrix)
+        if singular:
+            raise Lost(f"solutions are not isolated: pivot {singular} of {len(matrix)} is zero")
+        # each exchange of rows turns the determinant
+        turned = (self._exchanged != np.arange(len(matrix))).sum() + (np.diagonal(self._factors) < 0.0).sum()
+        self.sign: float | None = -1.0 if turned % 2 else 1.0
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """The inverse times a right side."""
+        return linalg.lapack.dgetrs(self._factors, self._exchanged, right)[0]
+
+
+class DenseBorder(Factors):
     """LU factors of a bordered matrix, whose border is made as large as the other rows."""
 
     def __init__(self, matrix: np.ndarray, row: np.ndarray):
         self.size = float(np.abs(matrix).max(initial=0.0)) / max(float(np.abs(row).max()), 1e-300) or 1.0
-        self.factors, self.exchanged, singular = linalg.lapack.dgetrf(np.vstack([matrix, self.size * row]))
-        if singular:
-            raise Lost("solutions are not isolated")
-        # each exchange of rows turns the determinant
-        turned = (self.exchanged != np.arange(len(row))).sum() + (np.diagonal(self.factors) < 0.0).sum()
-        self.sign: float | None = -1.0 if turned % 2 else 1.0
+        super().__init__(np.vstack([matrix, self.size * row]))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """See `problem.Border`."""
         right = right.copy()
         right[-1] *= self.size
-        return linalg.lapack.dgetrs(self.factors, self.exchanged, right)[0]
+        return super().solve(right)
 
 
 class Krylov:
@@ -76,7 +99,7 @@ class Krylov:
         """See `problem.Linear`."""
         return KrylovBorder(self, self.size * row)
 
-    def mixed(self, others: Sequence[Krylov], weights: Sequence[float]) -> Krylov:
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Krylov:
         """See `problem.Linear`."""
         return self
 

@@ -93,9 +93,15 @@ def correct(
 class _Newton:
     def __init__(self, problem: Problem, condition: Condition, near: Linear | None, most: float):
         self.problem, self.condition, self.near, self.most = problem, condition, near, most
-        self.iterations = self.made = 0
+        self.residuals: list[float] = []
+        self.made = 0
         self.inverse: Updated | None = None
         self.exact = False
+
+    @property
+    def iterations(self) -> int:
+        """How many have been taken."""
+        return len(self.residuals) - 1
 
     @property
     def effort(self) -> float:
@@ -107,6 +113,7 @@ class _Newton:
         problem = self.problem
         self.units = problem.units(u)[0]
         here = _Iterate(problem, u, self.condition)
+        self.residuals.append(here.norm)
         if self.near is not None:
             self.inverse = Updated(self.near.bordered(here.row), problem.sum)
         while here.norm > problem.closed:
@@ -124,13 +131,14 @@ class _Newton:
                     raise self._failed(here.norm)
                 self.inverse = None  # the exact derivative, from where it is
                 continue
-            self.iterations += 1
+            self.residuals.append(following.norm)
             if share == 1.0 and size <= problem.settled:
                 here = following
                 break
             self._learn(here, following, share, whole)
             here = following
-        return Point(problem, here.u, here.state, problem.value(here.u)[0], self.effort, self.iterations)
+        value = problem.value(here.u)[0]
+        return Point(problem, here.u, here.state, value, self.effort, tuple(self.residuals))
 
     def _inverse(self, here: _Iterate) -> Updated:
         self.exact = self.inverse is None

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -49,7 +49,7 @@ class Linear(Protocol):
     def bordered(self, row: np.ndarray) -> Border:
         """With a row below them. Raises `Lost` where that is singular."""
 
-    def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> Linear:
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Linear:
         """Weighted sum of others, what is expected between or beyond them; itself where there is no sum."""
 
 
@@ -92,7 +92,7 @@ class Problem(Protocol):
     begins : (n + 1,) array or None
         Direction of the first step in units; None: that in which the value goes where it is to go.
     isolated : str
-        What to say where solutions are not isolated.
+        What to say where solutions are not isolated, with a place for the value.
     advice : str
         What may help where a branch comes to a stop.
     """
@@ -147,7 +147,7 @@ class BaseProblem:
 
     closed, settled, corners, narrow = 1e-11, 1e-9, False, 0.0
     begins: np.ndarray | None = None
-    isolated = "solutions are not isolated"
+    isolated = "solutions are not isolated at {:.8g}"
     advice = "take more steps"
 
     def placed(self, u: np.ndarray, value: float) -> np.ndarray:
@@ -197,19 +197,25 @@ class Point:
         What the range is over.
     effort : float
         Newton iterations; three with an updated derivative count as one.
-    iterations : int
+    residuals : tuple of float
+        What was missed at each Newton iterate, relative.
     """
 
-    problem: Problem
+    problem: Any
     u: np.ndarray
-    state: State
+    state: Any
     value: float
     effort: float = 0.0
-    iterations: int = 0
+    residuals: tuple[float, ...] = (0.0,)
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations."""
+        return len(self.residuals) - 1
 
     @property
     def linear(self) -> Linear:
-        """The linearised equations without their steps' corners."""
+        """The smooth linearised equations."""
         return self.state.linear(smooth=True)
 
     @classmethod

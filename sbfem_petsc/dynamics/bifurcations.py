@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..errors import SolveError
+from ..continuation.events import find_zero, fold
+from ..continuation.follow import Line
+from ..continuation.problem import Point
 from . import extrapolation
-from .branch_zero import between, find_zero, place_of
-from .continuation import Continuation, ContinuationPoint
 from .stability import Multipliers, multipliers_of
 from .unit_circle import outside
 
@@ -63,27 +62,24 @@ class Bifurcation:
         )
 
 
-def locate(continuation: Continuation, found: list[Multipliers]) -> list[Bifurcation]:
+def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
     """All bifurcations of a branch in the order of its points.
 
     Parameters
     ----------
-    continuation : Continuation
+    line : Line
         Gone through.
     found : list of Multipliers
         Of all its points.
     """
     result = []
-    points = continuation.points
-    for k in range(1, len(points)):
-        if (
-            k + 1 < len(points)
-            and (points[k].value - points[k - 1].value) * (points[k + 1].value - points[k].value) < 0.0
-        ):
-            result.append(_fold(continuation, k))
+    for k in range(1, len(line.points)):
+        turn = fold(line, k) if k + 1 < len(line.points) else None
+        if turn is not None:
+            result.append(_fold(line, *turn))
         one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
         if one != other:
-            crossing = _crossing(continuation, k, max(one, other) - 1, found)
+            crossing = _crossing(line, k, max(one, other) - 1, found)
             if crossing is not None:
                 result.append(crossing)
     return result
@@ -105,82 +101,33 @@ def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int)
     return result
 
 
-def _turns(points: list[ContinuationPoint], k: int) -> bool:
-    steps = np.diff([s.value for s in points[max(0, k - 2) : k + 2]])
+def _turns(points: list[Point], k: int) -> bool:
+    steps = np.diff([point.value for point in points[max(0, k - 2) : k + 2]])
     return bool((steps[1:] * steps[:-1] < 0.0).any())
 
 
-def _fold(continuation: Continuation, k: int) -> Bifurcation:
-    """Where the branch turns: the parameter's extremum between the neighbours of point k."""
-    points = continuation.points
-
-    def slope(point: ContinuationPoint) -> float:
-        """The parameter's part of the branch's direction."""
-        m2, carried = len(point.fixed.state), point.derivative(continuation.parameter.name)
-        bordered = np.zeros((m2 + 1, m2 + 1))
-        bordered[:m2] = carried
-        bordered[:m2, :m2] -= np.eye(m2)
-        chord = np.append(points[k + 1].fixed.state - points[k - 1].fixed.state, 0.0)
-        bordered[m2] = chord / np.linalg.norm(chord)
-        # the unit in which the parameter is solved for must not make the border small
-        scale = float(np.linalg.norm(carried[:, m2]) / np.linalg.norm(carried[:, :m2], 2))
-        bordered[:, m2] /= max(scale, 1e-300)
-        direction = np.linalg.solve(bordered, np.eye(m2 + 1)[m2])
-        return float(direction[m2])
-
-    for first in (k - 1, k):
-        ends = slope(points[first]), slope(points[first + 1])
-        if ends[0] * ends[1] > 0.0:
-            continue
-        point, one, other = find_zero(continuation, first, slope, ends)
-        point = _by_secant(continuation, first, slope, (point, one, other))
-        return _fold_at(continuation, first, point)
-    return _fold_at(continuation, k, points[k])
-
-
-def _fold_at(continuation: Continuation, k: int, point: ContinuationPoint) -> Bifurcation:
+def _fold(line: Line, k: int, point: Point) -> Bifurcation:
     """A point between point k and the next one as a fold."""
-    values = multipliers_of(point.fixed)
+    values = multipliers_of(point.state)
     nearest = int(np.argmin(np.abs(values.values - 1.0)))
-    multiplier, (value, error) = complex(values.values[nearest]), extrapolation.fold(continuation, k, point)
-    state, direction = point.fixed.state, values.direction(nearest)
+    multiplier, (value, error) = complex(values.values[nearest]), extrapolation.fold(line, k, point)
+    state, direction = point.state.state, values.direction(nearest)
     return Bifurcation("fold", value, multiplier, state, direction, k + 1, point.value, error)
 
 
-def _by_secant(
-    continuation: Continuation,
-    k: int,
-    test: Callable[[ContinuationPoint], float],
-    found: tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint],
-) -> ContinuationPoint:
-    """The point where a straight line through its neighbours of either sign vanishes, if that is nearer to
-    the zero: the parameter's extremum is then off by the fourth power of how far they are apart.
-    """
-    point, *sides = found
-    places, values = [place_of(continuation, k, side) for side in sides], [test(side) for side in sides]
-    if values[0] == values[1]:
-        return point
-    place = places[0] - values[0] * (places[1] - places[0]) / (values[1] - values[0])
-    try:
-        nearer = between(continuation, k, place, dict(zip(places, sides)))
-    except SolveError:
-        return point
-    return nearer if abs(test(nearer)) < abs(test(point)) else point
-
-
-def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipliers]) -> Bifurcation | None:
+def _crossing(line: Line, k: int, rank: int, found: list[Multipliers]) -> Bifurcation | None:
     """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
     from the multipliers of all points.
     """
-    points = continuation.points
+    points = line.points
     known = {points[n]: found[n] for n in range(max(0, k - 2), min(len(points), k + 2))}
 
-    def excess(point: ContinuationPoint) -> float:
+    def excess(point: Point) -> float:
         if point not in known:
-            known[point] = multipliers_of(point.fixed)
+            known[point] = multipliers_of(point.state)
         return float(np.abs(known[point].values[rank]) - 1.0)
 
-    def smooth(places: dict[float, ContinuationPoint]) -> dict[float, float]:
+    def smooth(places: dict[float, Point]) -> dict[float, float]:
         """The same of one multiplier, whatever its rank at other points."""
         spectra = {place: known[point].values for place, point in places.items()}
         unstable_end = 0.0 if ends[0] > 0.0 else 1.0
@@ -191,31 +138,31 @@ def _crossing(continuation: Continuation, k: int, rank: int, found: list[Multipl
     ends = excess(first), excess(second)
     if ends[0] * ends[1] > 0.0:
         return None
-    point, one, other = find_zero(continuation, k - 1, excess, ends, smooth, RESOLVED)
+    point, one, other = find_zero(line, k - 1, excess, ends, smooth, RESOLVED)
     at = known[point]
     value = complex(at.values[rank])
     # a jump over the circle between two points that touch differently, finer than bifurcations are located
-    unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.fixed.touching != second.fixed.touching).any()
+    unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.state.touching != second.state.touching).any()
     # beside a pair that begins to touch it may pass the circle as elsewhere
     jump = max(abs(excess(end)) for end in (one, other)) > RESOLVED
     kind = (
         "grazing"
-        if ((one.fixed.touching != other.fixed.touching).any() and jump) or unresolved
+        if ((one.state.touching != other.state.touching).any() and jump) or unresolved
         else "Neimark-Sacker"
         if value.imag != 0.0
         else "period doubling"
         if value.real < 0.0
         else "branch point"
     )
-    rows = np.flatnonzero(one.fixed.touching != other.fixed.touching)
+    rows = np.flatnonzero(one.state.touching != other.state.touching)
     row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
     # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
     if kind == "branch point" and _turns(points, k):
         return None
     if kind == "grazing":
-        place, error = extrapolation.jump(continuation, k - 1, (point, one, other))
+        place, error = extrapolation.jump(line, k - 1, (point, one, other))
     else:
         around = [known[end].values for end in (point, one, other)]
-        place, error = extrapolation.passage(continuation, k - 1, (point, one, other), around, value)
-    state, direction = point.fixed.state, at.direction(rank)
+        place, error = extrapolation.passage(line, k - 1, (point, one, other), around, value)
+    state, direction = point.state.state, at.direction(rank)
     return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

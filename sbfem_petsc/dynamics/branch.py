@@ -48,7 +48,7 @@ class Branch:
     reason : str
         Why the curve ends.
     complete : bool
-        Whether it reached the end of the range; a branch may also leave where it began.
+        Whether it reached the end of the range, or has closed; a branch may also leave where it began.
     periods : int
     period : Period
         The map whose fixed points these are.
@@ -162,9 +162,7 @@ class Branch:
         conditions = self.conditions(float(self.value[k]))
         driven = self.period.at(*conditions)
         motion = driven.run(self.states[k])
-        fixed = FixedPoint(
-            self.states[k], np.zeros(0), driven, motion, (float(np.linalg.norm(motion.residual)),)
-        )
+        fixed = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         values, error = self.multipliers[k], float(self.multiplier_error[k])
         if len(values) and math.isnan(error):
             later = functools.partial(multiplier_error, self.period, fixed, values[0], *conditions)

@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from meshing.warnings import BranchWarning
 
+from ..continuation.events import beside, insert, refine
+from ..continuation.follow import CLOSED, Follower, Line, Settings, follow
+from ..continuation.problem import Point, Range
 from ..errors import SolveError, caller_level, on_all_ranks
 from .bifurcations import Bifurcation, locate
 from .branch import Branch
-from .branch_range import ContinuationSettings, ParameterRange
-from .branch_zero import beside, between
-from .continuation import Continuation, ContinuationPoint
+from .driven_orbits import Orbits, ParameterRange
 from .excitation import one_sided
 from .extrapolation import uncertainty_at
-from .fixed_point import FixedPoint
 from .orbit import FLOOR, NEAR, modal_motion
 from .period_map import Period
 from .several_periods import distances, minimal_periods
@@ -31,10 +32,6 @@ from .unit_circle import ambiguous, excursion, passages
 HARMONICS = 20
 # Frequencies of a linear response: so many over the range, and so many about each resonance.
 EVEN, ABOUT = 201, 41
-# A chord of the curve, over parameter and amplitude both scaled to 1, is divided, so many times at most, if
-# it is off the curve by more than this share of the amplitude, or of it times a cosine where the curve is
-# steeper; beside a peak until the bend (radian) or the chord is as small; not if it is shorter.
-CHORD, STEEP, BEND, PEAK, SHORT, PASSES = 0.015, 0.3, 0.3, 0.005, 0.005, 6
 # A stretch with a period doubling and a fold in it is halved so often at most.
 HALVINGS = 8
 # Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
@@ -61,12 +58,37 @@ class BranchRecorder(Protocol):
         """Keep the branch as it is and the length of its next step. Collective."""
 
 
-def follow(
+@dataclass(frozen=True)
+class BranchSettings:
+    """How a branch of periodic motions is followed.
+
+    Attributes
+    ----------
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the parameter from a point to the next one.
+    stability : bool
+        Whether Floquet multipliers and bifurcations are computed.
+    leave : bool
+        The first motion is next to a period doubling, and the branch goes away from it.
+    more : str
+        How there could be more points, for the warning of a branch that ends after so many.
+    """
+
+    points: int = 400
+    largest_step: float = math.inf
+    stability: bool = True
+    leave: bool = False
+    more: str = "raise points"
+
+
+def follow_response(
     period: Period,
     parameter: ParameterRange,
     first: Callable[[], np.ndarray],
     *,
-    settings: ContinuationSettings,
+    settings: BranchSettings,
     recorder: BranchRecorder | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Branch:
@@ -78,7 +100,7 @@ def follow(
     parameter : ParameterRange
     first : callable
         State of a motion at the start.
-    settings : ContinuationSettings
+    settings : BranchSettings
     recorder : BranchRecorder, optional
     report : callable, optional
         Called with the fraction done.
@@ -100,97 +122,102 @@ def follow(
         )
     former = recorder.former if recorder is not None else None
     known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
-    rows, points = PointRows(period, settings.stability), []
+    problem, rows = Orbits(period, parameter), PointRows(period, settings.stability)
+    line = Line([])
     for state, value in known:
-        points.append(_point(period, parameter, state, float(value)))
-        rows.add(points[-1])
-        if len(points) > 2:
-            points[-3].fixed.forget()
-    continuation = Continuation(period, points[0], parameter, settings)
-    continuation.points = points
+        line.points.append(Point.known(problem, np.append(state, value)))
+        rows.add(line.points[-1])
+        if len(line.points) > 2:
+            line.points[-3].state.forget()
+    within = parameter.range
     if former is not None:
-        continuation.length, continuation.reason = former[2:]
+        line.length, line.reason = former[2:]
+        ended = len(known) > 1 and not within.holds(line.points[-1].value)
+        line.complete = ended or line.reason == CLOSED
     elif settings.leave:
-        lead_away(continuation)
-    parameter = continuation.parameter
-    if len(points) == 1 or parameter.holds(points[-1].value):
-        for item in continuation:
-            rows.add(item)
-            if recorder is not None:
-                recorder.update(lambda: _branch(continuation, rows, False), continuation.length)
-            if report is not None:
-                report(min(1.0, abs(item.value - parameter.start) / parameter.extent))
-        if not parameter.holds(continuation.points[-1].value):
-            _refine(continuation, rows)
+        within = led_away(line, within)
+    made = functools.partial(_branch, line, rows, parameter)
+
+    def step(_: Line) -> None:
+        rows.add(line.points[-1])
+        if recorder is not None:
+            recorder.update(lambda: made(False), line.length)
+        if report is not None:
+            report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
+
+    if not line.complete:
+        follow(line, within, Settings(settings.points, settings.largest_step), step)
+        if line.complete or not within.holds(line.points[-1].value):
+            refine(line, within.extent, lambda: rows.arrays()[1].T, rows.add)
             if settings.stability:
-                _separate(continuation, rows)
-    result = _branch(continuation, rows, True)
+                _separate(line, rows)
+    result = made(True)
     if recorder is not None:
-        recorder.update(lambda: result, continuation.length, last=True)
+        recorder.update(lambda: result, line.length, last=True)
+    _tell(what, line, parameter, settings, result)
+    return result
+
+
+def _tell(what: str, line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
+    """Warn of, or raise, why a branch has not come to the end of its range."""
+    last = float(result.value[-1])
     if len(result.value) >= settings.points and not result.complete:
         warnings.warn(
-            f"{what}: the curve ends at {result.value[-1]:.8g} after {settings.points} points, before "
+            f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
             f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
             BranchWarning,
             stacklevel=caller_level(),
         )
-    elif continuation.reason.startswith("back"):
-        warnings.warn(f"{what}: the curve is {continuation.reason}", BranchWarning, stacklevel=caller_level())
-    elif parameter.holds(float(result.value[-1])) or len(result.value) == 1:
-        error = SolveError(
-            f"{what}: the curve stops at {result.value[-1]:.8g} after {len(result.value)} points: "
-            f"{continuation.reason}; {continuation.advice}"
-        )
+    elif line.reason.startswith("back"):
+        warnings.warn(f"{what}: the curve is {line.reason}", BranchWarning, stacklevel=caller_level())
+    elif not line.complete:
+        why = "; ".join(filter(None, (line.reason, line.advice)))
+        error = SolveError(f"{what}: the curve stops at {last:.8g} after {len(result.value)} points: {why}")
         error.branch = result  # type: ignore[attr-defined]
         raise on_all_ranks(error)
-    return result
 
 
-def lead_away(continuation: Continuation) -> None:
-    """Let a branch of several periods begin in the direction in which it parts from shorter motions.
+def led_away(line: Line, within: Range) -> Range:
+    """The range of a branch of several periods that begins in the direction in which it parts from shorter
+    motions.
 
     Behind a subcritical period doubling that is away from where the range lies; the branch comes back through
     a fold, so the range is extended on that side.
     """
-    first, parameter = continuation.points[0], continuation.parameter
-    before = distances(first.fixed.driven, first.fixed.motion)
-    if not before or minimal_periods(first.fixed) < continuation.period.excitation.periods:
-        return
-    size, unit = continuation.metric()
-    heading = continuation.heading()
-    continuation.sign = None
-    driven = continuation.driven(first.value + AHEAD * unit * heading[-1])
-    after = distances(driven, driven.run(first.fixed.state + AHEAD * size * heading[:-1]))
+    first = line.points[0]
+    orbits, fixed = first.problem, first.state
+    before = distances(fixed.driven, fixed.motion)
+    if not before or minimal_periods(fixed) < orbits.period.excitation.periods:
+        return within
+    heading = Follower(Line([first]), within, Settings()).heading()
+    ahead = first.u + AHEAD * orbits.units(first.u)[0] * heading
+    driven = orbits.driven(float(ahead[-1]))
+    after = distances(driven, driven.run(ahead[:-1]))
     nearest = min(before, key=lambda fewer: before[fewer])
-    if after[nearest] < before[nearest]:
-        reach = max(EXCURSION * abs(first.value), parameter.extent)
-        continuation.parameter = replace(parameter, before=reach)
+    if after[nearest] >= before[nearest]:
+        return within
+    reach = max(EXCURSION * abs(first.value), within.extent)
+    if within.direction > 0:
+        return Range(max(first.value - reach, 1e-9 * within.upper), within.upper, -1)
+    return Range(within.lower, first.value + reach, 1)
 
 
-def _point(period: Period, parameter: ParameterRange, state: np.ndarray, value: float) -> ContinuationPoint:
-    driven = parameter.at(period, value)
-    motion = driven.run(state)
-    residual = (float(np.linalg.norm(motion.residual)),)
-    return ContinuationPoint(FixedPoint(state, np.array([value]), driven, motion, residual), value)
-
-
-def _branch(continuation: Continuation, rows: PointRows, finished: bool) -> Branch:
+def _branch(line: Line, rows: PointRows, parameter: ParameterRange, finished: bool) -> Branch:
     """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
-    parameter, points, period = continuation.parameter, continuation.points, continuation.period
-    asked = finished and continuation.settings.stability
-    arrived = parameter.reached(points[-1].value)
+    points, period = line.points, rows.period
+    asked = finished and rows.stability
     found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
-    bifurcations = tuple(locate(continuation, found)) if asked else ()
+    bifurcations = tuple(locate(line, found)) if asked else ()
     return Branch(
         parameter.name,
-        np.array([point.value for point in points]),
-        np.array([point.fixed.state for point in points]),
+        line.values,
+        np.array([point.state.state for point in points]),
         *rows.arrays(),
-        _uncertainty(continuation, found, bifurcations) if asked else np.full(len(points), np.nan),
-        np.array([len(point.fixed.residuals) - 1 for point in points]),
+        _uncertainty(line, found, bifurcations) if asked else np.full(len(points), np.nan),
+        np.array([point.iterations for point in points]),
         bifurcations,
-        continuation.reason or "unfinished",
-        len(points) > 1 and arrived,
+        line.reason or "unfinished",
+        len(points) > 1 and (parameter.reached(points[-1].value) or line.reason == CLOSED),
         period.excitation.periods,
         period,
         parameter.frequency,
@@ -205,9 +232,9 @@ class PointRows:
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
 
-    def add(self, point: ContinuationPoint, place: int | None = None) -> None:
+    def add(self, point: Point, place: int | None = None) -> None:
         """Note a point, at the end or before another one."""
-        r, fixed = self.period.reduced, point.fixed
+        r, fixed = self.period.reduced, point.state
         q, _ = modal_motion(fixed.driven, fixed.motion)
         forces, pairs = fixed.motion.forces[:-1], self.period.pairs
         padded = np.zeros((len(forces), len(r.initial_gap)))
@@ -232,85 +259,29 @@ class PointRows:
         return harmonics, amplitudes, subharmonics, peaks, values
 
 
-def _refine(continuation: Continuation, rows: PointRows) -> None:
-    """Points between those where the amplitude of a named point bends over the parameter, so that chords show
-    the curve and peaks stand where they are.
-    """
-    for _ in range(PASSES):
-        points = continuation.points
-        value = np.array([point.value for point in points]) / continuation.parameter.extent
-        amplitudes = rows.arrays()[1].T
-        bent = {k for heights in amplitudes if heights.any() for k in coarse_chords(value, heights)}
-        for k in sorted(bent, reverse=True):
-            try:
-                point = between(continuation, k, 0.5)
-            except SolveError:  # a corner of the branch: the curve is left as it is there
-                continue
-            rows.add(point, k + 1)
-            points.insert(k + 1, point)
-            point.fixed.forget()
-        if not bent:
-            break
-
-
-def coarse_chords(value: np.ndarray, amplitude: np.ndarray) -> np.ndarray:
-    """Numbers of the chords of a curve that are to be divided.
-
-    Parameters
-    ----------
-    value : (n,) array
-        Parameter as a share of its range.
-    amplitude : (n,) array
-    """
-    heights = amplitude / amplitude.max()
-    steps = np.diff(np.stack([value, heights], axis=1), axis=0)
-    length = np.hypot(*steps.T)
-    turn = np.abs(np.diff(np.unwrap(np.arctan2(steps[:, 1], steps[:, 0]))))
-    curvature = 2.0 * turn / np.maximum(length[1:] + length[:-1], 1e-300)
-    most, sharpest = (
-        np.maximum(np.append(item, 0.0), np.append(0.0, item)) for item in (curvature, turn)
-    )  # of both ends of each chord
-    # a corner is off no chord by more than its turn tells
-    off = np.minimum(most * length**2 / 8.0, sharpest * length / 4.0)
-    height = 0.5 * (heights[1:] + heights[:-1])
-    flatness = np.maximum(np.abs(steps[:, 0]) / np.maximum(length, 1e-300), STEEP)
-    coarse = (off > CHORD * height * flatness) & (length > SHORT)
-    inner = heights[1:-1]
-    peaks = 1 + np.flatnonzero((inner >= heights[:-2]) & (inner >= heights[2:]) & (turn > BEND))
-    beside = np.unique(np.concatenate([peaks - 1, peaks]))
-    coarse[beside[length[beside] > PEAK]] = True
-    return np.flatnonzero(coarse)
-
-
-def _separate(continuation: Continuation, rows: PointRows) -> None:
+def _separate(line: Line, rows: PointRows) -> None:
     """Points between those with several passages of the unit circle between them, until each has its own
     place.
     """
-    found, points = rows.found, continuation.points
+    found, points = rows.found, line.points
     for _ in range(HALVINGS):
-        places = {k: _unseen(continuation, k, found) for k in range(len(points) - 1)}
+        places = {k: _unseen(line, k, found) for k in range(len(points) - 1)}
         for k, place in reversed(places.items()):
             if place is None:
                 continue
-            try:
-                point = between(continuation, k, place)
-            except SolveError:  # a corner of the branch: they stay together
-                continue
-            rows.add(point, k + 1)
-            points.insert(k + 1, point)
-            point.fixed.forget()
+            insert(line, k, place, rows.add)
         if not any(places.values()):
             break
 
 
-def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None]) -> float | None:
+def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None:
     """Where between points k and k + 1 a further one tells passages of the unit circle apart."""
     one, other = found[k : k + 2]
     assert one is not None and other is not None  # stability is asked for
     passing = passages(one, other)
     if passing > 1 or ambiguous(one, other):
         return 0.5
-    outer = beside(continuation, k)
+    outer = beside(line, k)
     if passing or len(outer) < 2:
         return None
     before, behind = found[k - 1], found[k + 2]
@@ -319,9 +290,7 @@ def _unseen(continuation: Continuation, k: int, found: list[Multipliers | None])
     return excursion([(low, before), (0.0, one), (1.0, other), (high, behind)])
 
 
-def _uncertainty(
-    continuation: Continuation, found: list[Multipliers], bifurcations: tuple[Bifurcation, ...]
-) -> np.ndarray:
+def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifurcation, ...]) -> np.ndarray:
     """(n,): uncertainty of the largest modulus where the verdict may depend on it, nan elsewhere.
 
     Beside bifurcations it is expected to be as much as the modulus changes over what the steps move these.
@@ -337,7 +306,7 @@ def _uncertainty(
     asked = {*range(0, len(found), SPARSE), *(nearest - {*changes, *(changes - 1)})}
     for item in bifurcations:
         pair = np.array([item.after - 1, item.after])
-        one, other = (continuation.points[k] for k in pair)
+        one, other = (line.points[k] for k in pair)
         moved = math.inf if math.isnan(item.error) else abs(item.value - item.own_value) + item.error
         expected = moved * np.ptp(largest[pair]) / max(abs(other.value - one.value), 1e-300)
         asked |= {*pair[off[pair] < FAR * expected]}
@@ -345,7 +314,7 @@ def _uncertainty(
         k = asked.pop()
         if not np.isnan(result[k]) or off[k] > NEAR:
             continue
-        result[k] = uncertainty_at(continuation, k, largest)
+        result[k] = uncertainty_at(line, k, largest)
         beside = {max(k - 1, 0), min(k + 1, len(found) - 1)}
         asked |= {n for n in beside if result[k] > FLOOR and off[n] < FAR * result[k]}
     return result
@@ -365,15 +334,10 @@ def linear_branch(period: Period, start: float, stop: float) -> Branch:
     values = values[(values >= lower) & (values <= upper)]
     values = values if stop > start else values[::-1]
     rows, states = PointRows(period, stability=False), []
+    orbits = Orbits(period, ParameterRange("frequency", start, stop))
     for value in values:
-        driven = period.at(float(value))
-        motion = driven.run(driven.linear_state)
-        states.append(driven.linear_state)
-        rows.add(
-            ContinuationPoint(
-                FixedPoint(driven.linear_state, np.zeros(0), driven, motion, (0.0,)), float(value)
-            )
-        )
+        states.append(period.at(float(value)).linear_state)
+        rows.add(Point.known(orbits, np.append(states[-1], value)))
     return Branch(
         "frequency",
         values,

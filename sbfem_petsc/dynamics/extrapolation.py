@@ -13,9 +13,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ..continuation.events import in_finer_steps, place_of
+from ..continuation.follow import Line
+from ..continuation.problem import Point
 from ..errors import SolveError
-from .branch_zero import in_finer_steps, place_of
-from .continuation import Continuation, ContinuationPoint
 from .orbit import uncertainty_of
 from .stability import multipliers_of
 from .unit_circle import outside
@@ -30,23 +31,23 @@ FINEST = 1e-6
 # Where multipliers jump the bracket grows by this factor until it holds the jump.
 WIDER = 4.0
 
-Found = tuple[ContinuationPoint, ContinuationPoint, ContinuationPoint]
+Found = tuple[Point, Point, Point]
 
 
-def uncertainty_at(continuation: Continuation, k: int, largest: np.ndarray) -> float:
+def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
     """Of the largest modulus, `largest` those of all points, at point k: by its change in twice the steps at
     the same place of the branch, and by that of the parameter there, which beside a fold is more; inf where
     twice the steps have no motion.
     """
-    points = continuation.points
+    points = line.points
     point, first = points[k], min(k, len(points) - 2)
-    start, place = (point.fixed.state, point.value), (first, float(k - first))
+    place = first, float(k - first)
     try:
-        finer = in_finer_steps(continuation, TIMES[0], place, start, point)
+        finer = in_finer_steps(line, TIMES[0], place, point.u, point)
     except SolveError:
         return math.inf
     change, moved = (
-        abs(largest[k] - abs(multipliers_of(finer.fixed).values[0])),
+        abs(largest[k] - abs(multipliers_of(finer.state).values[0])),
         abs(finer.value - point.value),
     )
     if moved:
@@ -56,37 +57,37 @@ def uncertainty_at(continuation: Continuation, k: int, largest: np.ndarray) -> f
     return uncertainty_of(change)
 
 
-def fold(continuation: Continuation, k: int, point: ContinuationPoint) -> tuple[float, float]:
+def fold(line: Line, k: int, point: Point) -> tuple[float, float]:
     """Value and uncertainty of a fold at a point between point k and the next one: to first order the
     parameter's extremum does not move along the branch.
     """
-    place, near = (k, place_of(continuation, k, point)), point
+    place, near = (k, place_of(line, k, point)), point
 
     def located(times: int) -> float:
         nonlocal near
-        near = in_finer_steps(continuation, times, place, (near.fixed.state, near.value), point)
+        near = in_finer_steps(line, times, place, near.u, point)
         return near.value
 
     return extrapolated(point.value, located)
 
 
 def passage(
-    continuation: Continuation, k: int, found: Found, spectra: list[np.ndarray], value: complex
+    line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex
 ) -> tuple[float, float]:
     """Value and uncertainty of the point between point k and the next one at which a multiplier, `value`,
     passes the unit circle; `found` are that point and its neighbours of either sign, `spectra` all their
     multipliers.
     """
     try:
-        sought = _Passage(continuation, k, found, spectra, value)
+        sought = _Passage(line, k, found, spectra, value)
     except SolveError:
         return found[0].value, math.nan
     return extrapolated(sought.own, sought.located)
 
 
-def jump(continuation: Continuation, k: int, found: Found) -> tuple[float, float]:
+def jump(line: Line, k: int, found: Found) -> tuple[float, float]:
     """The same where multipliers jump over the unit circle."""
-    sought = _Jump(continuation, k, found)
+    sought = _Jump(line, k, found)
     value, error = extrapolated(found[0].value, sought.located)
     return value, error + sought.resolved
 
@@ -114,14 +115,12 @@ class _Passage:
     which stays smooth where it meets another one; of a complex pair how far outside the circle it is.
     """
 
-    def __init__(
-        self, continuation: Continuation, k: int, found: Found, spectra: list[np.ndarray], value: complex
-    ):
-        self.continuation, self.k, (point, one, other) = continuation, k, found
-        places = [place_of(continuation, k, item) for item in found]
+    def __init__(self, line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex):
+        self.line, self.k, (point, one, other) = line, k, found
+        places = [place_of(line, k, item) for item in found]
         width = places[2] - places[1]
         # rates along the way, and how the test changes
-        self.state = (other.fixed.state - one.fixed.state) / width
+        self.rate = (other.u - one.u) / width
         self.value = (other.value - one.value) / width
         self.multiplier = complex(value.real, abs(value.imag))
         excess, before, after = (self._excess(item) for item in spectra)
@@ -147,9 +146,9 @@ class _Passage:
             place = self.place + self.shift
             if not abs(place - self.first) < FURTHEST:
                 break
-            start = self.near.fixed.state + self.shift * self.state, self.near.value + self.shift * self.value
-            point = in_finer_steps(self.continuation, times, (self.k, place), start, self.near)
-            excess = self._excess(multipliers_of(point.fixed).values)
+            start = self.near.u + self.shift * self.rate
+            point = in_finer_steps(self.line, times, (self.k, place), start, self.near)
+            excess = self._excess(multipliers_of(point.state).values)
             if last is not None and place != last[0]:
                 self.slope = (excess - last[1]) / (place - last[0])
             self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
@@ -172,17 +171,17 @@ class _Passage:
 class _Jump:
     """A jump of multipliers over the unit circle, between two places with different numbers outside."""
 
-    def __init__(self, continuation: Continuation, k: int, found: Found):
-        self.continuation, self.k = continuation, k
+    def __init__(self, line: Line, k: int, found: Found):
+        self.line, self.k = line, k
         point, one, other = found
-        self.first = place_of(continuation, k, point)
-        self.ends = {place_of(continuation, k, item): item for item in (one, other)}
+        self.first = place_of(line, k, point)
+        self.ends = {place_of(line, k, item): item for item in (one, other)}
         self.width = max(self.ends) - min(self.ends)
         self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
         self.resolved = 0.5 * abs(one.value - other.value)
 
-    def _count(self, point: ContinuationPoint) -> int:
-        return int(outside(multipliers_of(point.fixed)).sum())
+    def _count(self, point: Point) -> int:
+        return int(outside(multipliers_of(point.state)).sum())
 
     def located(self, times: int) -> float:
         """Value of the parameter in the middle of a bracket in so many times the steps.
@@ -215,7 +214,6 @@ class _Jump:
         self.resolved = 0.5 * abs(finer[lower].value - finer[upper].value)
         return 0.5 * (finer[lower].value + finer[upper].value)
 
-    def _point(self, times: int, place: float, known: dict[float, ContinuationPoint]) -> ContinuationPoint:
+    def _point(self, times: int, place: float, known: dict[float, Point]) -> Point:
         near = known[min(known, key=lambda other: abs(other - place))]
-        start = near.fixed.state, near.value
-        return in_finer_steps(self.continuation, times, (self.k, place), start, near)
+        return in_finer_steps(self.line, times, (self.k, place), near.u, near)

@@ -14,10 +14,10 @@ import numpy as np
 
 from ..errors import SolveError, on_all_ranks
 from .fixed_point import FixedPoint
-from .newton import RELATIVE, ROUND_OFF
 from .orbit import uncertainty_of
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .periodic_schur import product_eigenvalues
+from .shooting import RELATIVE, ROUND_OFF
 
 ITERATIONS = 40
 # Shares of Newton's step of which the first is taken whose residual is below one of the last few: where pairs
@@ -102,7 +102,7 @@ class SegmentedPeriod:
         residual = states[-1] + motions[-1].residual - states[0]
         motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"))
         state = states[0] + self.driven.linear_state
-        return FixedPoint(state, np.zeros(0), self.driven, motion, residuals, len(residuals) - 1)
+        return FixedPoint(state, self.driven, motion, residuals)
 
 
 def condensed(derivatives: np.ndarray, missed: np.ndarray) -> np.ndarray:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -108,6 +108,7 @@ class Period:
             phases = excitation.phases(self.steps)
             self._waves = np.concatenate([phases.real, -phases.imag], axis=1)
         self._prepared: dict[tuple[float, float], DrivenPeriod] = {}
+        self._scaled: tuple[tuple[float, float], Period] | None = None
         self._rest: np.ndarray | None = None
         self._loaded: dict[float, tuple[np.ndarray, np.ndarray]] = {}
 
@@ -154,8 +155,24 @@ class Period:
             self._lengths[step] = _Length(self, step)
         return self._lengths[step]
 
-    def at(self, frequency: float, factor: float = 1.0) -> DrivenPeriod:
-        """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
+    def scaled(self, *, damping: float = 1.0, gap: float = 1.0) -> Period:
+        """The same period of the model with factors on its damping ratios and initial gaps."""
+        if damping == gap == 1.0:
+            return self
+        if self._scaled is None or self._scaled[0] != (damping, gap):
+            r = self.reduced
+            changed = replace(r, damping=damping * r.damping, initial_gap=gap * r.initial_gap)
+            self._scaled = (damping, gap), Period(changed, self.excitation, self.steps, self.pairs > 0)
+        return self._scaled[1]
+
+    def at(
+        self, frequency: float, factor: float = 1.0, *, damping: float = 1.0, gap: float = 1.0
+    ) -> DrivenPeriod:
+        """The period at a forcing frequency (Hz) and factors on the oscillating loads, the damping and the
+        initial gaps.
+        """
+        if not damping == gap == 1.0:
+            return self.scaled(damping=damping, gap=gap).at(frequency, factor)
         key = (frequency, factor)
         if key not in self._prepared:
             if len(self._prepared) > 4:

@@ -1,25 +1,27 @@
-"""Fixed points of the period of a reduced model (`period_map`): from a guess, along a branch, very near
+"""Fixed points of the period of a reduced model (`period_map`) by SNES (prefix ``shooting_``), and very near
 another one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
 
 import numpy as np
-from scipy import linalg
 
-from ..errors import SolveError
-from .branch_range import ParameterRange
+from ..continuation.linear import Factors
+from ..continuation.newton import GAIN, ITERATIONS, Updated
+from ..continuation.problem import Lost
+from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..petsc import PETSc, configure, finite, require_thread, scripted
 from .fixed_point import FixedPoint
-from .newton import ROUND_OFF, Newton, TooManyIterations
-from .period_map import DrivenPeriod, Period
+from .period_map import DrivenPeriod, Period, PeriodMotion
 
+PREFIX = "shooting_"
+# SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
+# a smaller one, and relative to the state.
+RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
 # Residual relative to the linear oscillation at which a fixed point nearby is taken.
 NEARBY = 1e-8
-# Change of the state, relative to its size, after which a point along a branch is taken: what is left is
-# less, as each iteration gains a factor of more than three.
-SETTLED = 1e-9
 JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
 WHOLE = 1200
@@ -54,17 +56,18 @@ def shoot(
         each unknown (the paper's way); "auto": matrix-free above 1200 unknowns, otherwise the dense one, with
         Broyden's rank-one updates from an iteration to the next while they gain enough.
     iterations : int, optional
-        Newton iterations at most. Default: `ITERATIONS`.
+        Newton iterations at most. Default: `newton.ITERATIONS`.
 
     Raises
     ------
     SolveError
         If Newton's method does not converge; the message gives the residual.
+    PetscFailure
+        If the iterations that ``-shooting_snes_max_it`` allows are used up.
     """
 
     def solve(kind: str) -> FixedPoint:
-        newton = Newton(period, kind, (), None, iterations)
-        return newton.solve(state, lambda _: period.at(frequency, factor), np.zeros(0))
+        return Shooting(period.at(frequency, factor), kind, iterations).solve(state)
 
     if jacobian != "auto":
         return solve(jacobian)
@@ -76,6 +79,8 @@ def shoot(
             return found
     try:
         return solve("updated")
+    except PetscFailure:
+        raise
     except SolveError:
         return solve("dense")
 
@@ -88,69 +93,20 @@ def _from_fewer_steps(
     if 2 * steps > period.steps:
         return None
     driven = period.at(frequency, factor)
-    coarse = Newton(period.in_steps(steps), "updated", (), None)
+    coarse = Shooting(period.in_steps(steps).at(frequency, factor), "updated")
     coarse.relative = ROUGHLY
-    fine = Newton(period, "updated", (), None)
+    fine = Shooting(driven, "updated")
     try:
         residual = driven.run(state).residual
         if np.linalg.norm(residual) <= ROUGH * driven.oscillation:
             return None
-        rough = coarse.solve(state, lambda _: coarse.period.at(frequency, factor), np.zeros(0))
+        rough = coarse.solve(state)
         fine.near = coarse.derivative
-        return fine.solve(rough.state, lambda _: driven, np.zeros(0))
+        return fine.solve(rough.state)
+    except PetscFailure:
+        raise
     except SolveError:
         return None
-
-
-def shoot_along(
-    period: Period,
-    guess: tuple[np.ndarray, float],
-    parameter: ParameterRange,
-    condition: Callable[[np.ndarray, float], tuple[float, np.ndarray, float]] | None,
-    near: np.ndarray | None = None,
-    most: float = np.inf,
-) -> FixedPoint:
-    """Fixed point with one free parameter and one condition, or at a value of the parameter.
-
-    Parameters
-    ----------
-    period : Period
-    guess : (2 m,) array, float
-        Of x(0) and of the parameter.
-    parameter : ParameterRange
-        The free one.
-    condition : callable or None
-        (state, change of the parameter) -> (c, row (2 m,), slope): the condition c = 0 and its derivatives;
-        None: the parameter stays as it is guessed.
-    near : (2 m, 2 m + 1) array, optional
-        Derivative of x(T) at a fixed point nearby, to begin with.
-    most : float
-        Iterations (`FixedPoint.effort`) beyond which it is given up.
-
-    Raises
-    ------
-    SolveError
-        If Newton's method does not converge.
-    """
-    state, first = guess[0], np.array([guess[1]])
-    free = (parameter.name,) if condition is not None else ()
-
-    def solve(kind: str, near: np.ndarray | None) -> FixedPoint:
-        newton = Newton(period, kind, free, condition)
-        newton.near, newton.most, newton.settled = near, most, SETTLED
-        if free:
-            return newton.solve(state, lambda p: parameter.at(period, float(p[0])), first)
-        driven = parameter.at(period, guess[1])
-        return newton.solve(state, lambda _: driven, first[:0])
-
-    if near is not None:
-        try:
-            return solve("updated", near if free else near[:, : len(state)])
-        except TooManyIterations:
-            raise
-        except SolveError:
-            pass
-    return solve("dense", None)
 
 
 def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
@@ -159,8 +115,9 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
 
     To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
     """
-    factors, exchanged, singular = linalg.lapack.dgetrf(derivative - np.eye(len(state)))
-    if singular:
+    try:
+        inverse = Factors(derivative - np.eye(len(state)))
+    except Lost:
         return None
     aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
     residuals: list[float] = []
@@ -168,8 +125,227 @@ def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray
         motion = driven.run(state)
         residuals.append(float(np.linalg.norm(motion.residual)))
         if residuals[-1] <= aim:
-            return FixedPoint(state, np.zeros(0), driven, motion, tuple(residuals))
+            return FixedPoint(state, driven, motion, tuple(residuals))
         if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
             return None
-        change, _ = linalg.lapack.dgetrs(factors, exchanged, motion.residual)
-        state = state - change
+        state = state - inverse.solve(motion.residual)
+
+
+class Shooting:
+    """SNES on x(T) - x(0) of a driven period.
+
+    Parameters
+    ----------
+    driven : DrivenPeriod
+    jacobian : {"updated", "dense", "matrix-free", "differences"}
+    iterations : int, optional
+    """
+
+    def __init__(self, driven: DrivenPeriod, jacobian: str, iterations: int | None = None):
+        self.driven, self.jacobian = driven, jacobian
+        self.iterations = ITERATIONS if iterations is None else iterations
+        self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # derivative of x(T) - x(0) to begin with, and the last iteration's
+        self.near: np.ndarray | None = None
+        self.derivative: np.ndarray | None = None
+        self.residuals: list[float] = []
+        # the inverse of the updated one, and whether it is that of the matrix PETSc solves with
+        self.inverse = Updated(Factors(np.eye(1)))
+        self.known = False
+        self._key: bytes | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def solve(self, state: np.ndarray) -> FixedPoint:
+        """The fixed point near a state."""
+        require_thread()
+        driven, size = self.driven, len(state)
+        moving = max(driven.period.size(state), driven.oscillation, 1e-300)
+        snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        snes.setOptionsPrefix(PREFIX)
+        x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
+        x.array = state
+        snes.setFunction(self._function, f)
+        ksp = snes.getKSP()
+        pc = ksp.getPC()
+        matrix, in_python = self._operator(ksp, pc, size)
+        snes.setJacobian(self._jacobian, matrix)
+        largest = max(float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(state)), 1e-300)
+        snes.setTolerances(
+            rtol=self.relative, atol=finite(ROUND_OFF * largest), stol=0.0, max_it=self.iterations
+        )
+        snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
+        try:
+            try:
+                with scripted(*in_python):
+                    configure(snes)
+                    snes.solve(None, x)
+            except (PETSc.Error, Lost) as error:
+                why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
+                raise on_all_ranks(
+                    SolveError(
+                        f"periodic: the linear system of Newton's method cannot be solved ({why}): an "
+                        "undamped resonance, or a motion as a rigid body, leaves the periodic motion "
+                        "undetermined"
+                    )
+                ) from None
+            self._check(snes, moving)
+            found = x.array_r.copy()
+            motion = self._motion(found)
+            if self._last is not None:
+                self.derivative = matrix.getDenseArray().copy()
+        finally:
+            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
+            for item in (snes, ksp, pc, x, f, matrix):
+                item.destroy()
+        return FixedPoint(found, driven, motion, tuple(self.residuals))
+
+    def _operator(
+        self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
+    ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
+        """The Jacobian for its kind and how it is solved with, and what of it is written in Python."""
+        if self.jacobian == "matrix-free":
+            matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.GMRES)
+            ksp.setGMRESRestart(min(size, 200))
+            ksp.setTolerances(rtol=1e-11, max_it=2 * size)
+            pc.setType(PETSc.PC.Type.PYTHON)
+            pc.setPythonContext(_Uncoupled(self))
+            return matrix, (matrix, pc)
+        matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
+        matrix.setUp()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        if self.jacobian != "updated":
+            pc.setType(PETSc.PC.Type.LU)
+            return matrix, ()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Broyden(self))
+        return matrix, (pc,)
+
+    def _motion(self, array: np.ndarray) -> PeriodMotion:
+        key = array.tobytes()
+        if key != self._key:
+            self._key, self._kept = key, self.driven.run(array)
+        return self._kept
+
+    def _function(self, snes, x, f) -> None:
+        f.array[:] = self._motion(x.array_r).residual
+
+    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+        motion, state = self._motion(x.array_r), x.array_r.copy()
+        if self.jacobian == "matrix-free":
+            matrix.getPythonContext().motion = motion
+        elif self.jacobian == "differences":
+            self._by_differences(state, motion, matrix.getDenseArray())
+        elif self.jacobian == "dense":
+            matrix.getDenseArray()[:] = self._derivative(motion)
+        else:
+            self._by_update(state, motion, matrix.getDenseArray())
+        matrix.assemble()
+
+    def _derivative(self, motion: PeriodMotion) -> np.ndarray:
+        unit = np.eye(len(motion.residual))
+        return self.driven.carried(motion, unit) - unit
+
+    def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
+        step = np.sqrt(np.finfo(float).eps) * max(
+            np.linalg.norm(state), np.linalg.norm(self.driven.linear_state), 1e-300
+        )
+        for k, unit in enumerate(np.eye(len(state))):
+            array[:, k] = (self.driven.run(state + step * unit).residual - motion.residual) / step
+
+    def _by_update(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
+        """Broyden's update of the last iteration's derivative, if that was good enough."""
+        residual, last = motion.residual, self._last
+        if last is None:
+            array[:] = self._derivative(motion) if self.near is None else self.near
+            self.inverse = Updated(Factors(array))
+        elif np.linalg.norm(residual) <= GAIN * np.linalg.norm(last[1]):
+            step = state - last[0]
+            row = step / (step @ step)
+            added = residual - last[1] - array @ step
+            array += np.outer(added, row)
+            self.inverse.add(added, row)
+        else:
+            array[:] = self._derivative(motion)
+            self.inverse = Updated(Factors(array))
+        self._last, self.known = (state, residual), True
+
+    def _check(self, snes: PETSc.SNES, size: float) -> None:
+        reason = snes.getConvergedReason()
+        if reason > 0:
+            return
+        missed = (
+            f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "
+            f"{(self.residuals or [math.nan])[0] / size:.2e}"
+        )
+        option = f"{PREFIX}snes_max_it"
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and PETSc.Options().hasName(option):
+            raise on_all_ranks(
+                PetscFailure(
+                    f"periodic: Newton's method has taken the {snes.getIterationNumber()} iterations that "
+                    f"-{option} {PETSc.Options().getInt(option)} allows: {missed}; allow more, or leave the "
+                    "option out"
+                )
+            )
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): {missed}; start from a neighbour, take more "
+                f"steps, or see -{PREFIX}snes_..."
+            )
+        )
+
+
+def snes_reason(reason: int) -> str:
+    """PETSc's name of a reason for which SNES stopped."""
+    return next(
+        (
+            name
+            for name, value in vars(PETSc.SNES.ConvergedReason).items()
+            if isinstance(value, int) and value == reason
+        ),
+        str(reason),
+    )
+
+
+class _Broyden:
+    """Preconditioner: the inverse that is updated from an iteration to the next."""
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def setUp(self, pc) -> None:
+        shooting = self.shooting
+        if not shooting.known:  # a matrix of PETSc's own, such as that of -shooting_snes_fd
+            shooting.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
+        shooting.known = False
+
+    def apply(self, pc, x, y) -> None:
+        y.array[:] = self.shooting.inverse.solve(x.array_r)
+
+
+class _Products:
+    """Phi - 1 as products: one linearised period each."""
+
+    motion: PeriodMotion
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def mult(self, matrix, x, y) -> None:
+        vector = x.array_r[:, None]
+        y.array[:] = (self.shooting.driven.carried(self.motion, vector) - vector)[:, 0]
+
+
+class _Uncoupled:
+    """Preconditioner: the motion without contact, closed form."""
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def setUp(self, pc) -> None:
+        pass
+
+    def apply(self, pc, x, y) -> None:
+        y.array[:] = self.shooting.driven.linear_resolvent(x.array_r)

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
+from ..continuation.follow import Line, Settings, follow
+from ..continuation.newton import FAILURES
+from ..continuation.problem import Point
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from .branch_range import ContinuationSettings, ParameterRange
-from .continuation import Continuation, ContinuationPoint
+from .driven_orbits import Orbits, ParameterRange
 from .fixed_point import FixedPoint
 from .period_map import Period
 from .shooting import shoot
@@ -62,8 +64,10 @@ NEWTON_ALONE = Search(settling=(), ramp=0.0, dampings=(), neighbours=())
 RETURNED, TRULY = 1e-4, 1e-2
 # Newton's method is tried again behind a long history if that has come nearer to its end by this factor.
 NEARER = 0.3
-# Smallest factor between two damping ratios on the way down.
-FINEST = 1.002
+# Points at most of a branch that leads to the wanted motion.
+POINTS = 400
+# The same from a neighbouring frequency.
+NEAR_BY = 40
 
 
 def find_steady_state(
@@ -230,46 +234,30 @@ class _Attempts:
         if first is None:
             self.notes.append(f"a ramp of the load, without a motion at {ramp:g} of it")
             return None
-        trace = Continuation(
-            period, ContinuationPoint(first, ramp), ParameterRange("load", 0.0, 1.0, frequency)
-        )
-        shot = self._end(trace, 1.0)
+        shot, ended = self._along(first, ramp, ParameterRange("load", ramp, 1.0, frequency))
         if shot is None:
-            self.notes.append(f"a ramp of the load, which ended as well: {trace.reason} of the full load")
+            self.notes.append(f"a ramp of the load, which ended as well: {ended} of the full load")
         return shot
 
     def lower_damping(self) -> FixedPoint | None:
-        """From a motion with larger damping, in steps of the damping ratio that halve where one fails."""
+        """The end of a branch from a motion with larger damping."""
         start, factor = None, 1.0
         for factor in self.search.dampings:
-            damped = _with_damping(self.period, factor)
+            damped = self.period.scaled(damping=factor)
             start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
             if start is None:
                 start = self._history(damped, self.frequency, damped.at(self.frequency).linear_state, 240)[0]
-            if start is not None:
+            if start is not None and start.driven.period is damped:
                 break
+            start = None
         if start is None:
             if self.search.dampings and self.period.reduced.damping.any():
                 self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
             return None
-        # near a resonance the motion grows as the inverse of the damping
-        state, slope, ratio = start.state, np.zeros(len(start.state)), factor**0.25
-        while factor > 1.0:
-            following = max(1.0, factor / ratio)
-            guess = state + slope * (1.0 / following - 1.0 / factor)
-            shot = self._newton(_with_damping(self.period, following), guess, self.frequency)
-            if shot is None:
-                ratio = math.sqrt(ratio)
-                if ratio < FINEST:
-                    self.notes.append(
-                        f"a ramp of the damping, which ended at {factor:.4g} times the given one"
-                    )
-                    return None
-                continue
-            slope = (shot.state - state) / (1.0 / following - 1.0 / factor)
-            state, factor, ratio = shot.state, following, ratio**1.3
-        # the map itself, not a copy of it
-        return self._newton(self.period, state, self.frequency)
+        shot, ended = self._along(start, factor, ParameterRange("damping", factor, 1.0, self.frequency))
+        if shot is None:
+            self.notes.append(f"a ramp of the damping, which ended: {ended} times the given one")
+        return shot
 
     def from_neighbours(self) -> FixedPoint | None:
         """The end of a branch over the frequency, from either side."""
@@ -284,30 +272,31 @@ class _Attempts:
                 ends.append(f"{value:.6g} Hz (no motion there)")
                 continue
             beyond = value + (value - self.frequency)
-            trace = Continuation(
-                self.period,
-                ContinuationPoint(shot, value),
-                ParameterRange("frequency", beyond, self.frequency),
-                ContinuationSettings(points=40),
-            )
-            found = self._end(trace, self.frequency)
+            parameter = ParameterRange("frequency", beyond, self.frequency)
+            found, ended = self._along(shot, value, parameter, NEAR_BY)
             if found is not None:
                 return found
-            ends.append(f"{value:.6g} Hz (until {trace.reason})")
+            ends.append(f"{value:.6g} Hz (until {ended})")
         if ends:
             self.notes.append(f"continuation from {', '.join(ends)}")
         return None
 
-    def _end(self, trace: Continuation, value: float) -> FixedPoint | None:
-        """The end of a branch, where the range ends at the wanted value."""
+    def _along(
+        self, first: FixedPoint, value: float, parameter: ParameterRange, points: int = POINTS
+    ) -> tuple[FixedPoint | None, str]:
+        """The wanted motion at the end of a branch from one at a value of a parameter, and why that ended."""
+        orbits = Orbits(self.period, parameter)
+        line = Line([Point.known(orbits, np.append(first.state, value))])
         try:
-            for station in trace:
-                if abs(station.value - value) <= 1e-12 * abs(value):
-                    # the branch ends at the value itself, not near it
-                    return self._newton(self.period, station.fixed.state, self.frequency)
-        except (SolveError, np.linalg.LinAlgError) as error:
-            trace.reason = str(error)
-        return None
+            follow(line, parameter.range, Settings(points))
+        except PetscFailure:
+            raise
+        except FAILURES as error:
+            return None, str(error)
+        if not parameter.reached(line.points[-1].value):
+            return None, line.reason
+        # of the map itself, not of a copy of it
+        return self._newton(self.period, line.points[-1].u[:-1], self.frequency), line.reason
 
 
 def _recurrence(changes: list[float]) -> int:
@@ -321,9 +310,3 @@ def _recurrence(changes: list[float]) -> int:
 def _repeated(period: Period, times: int) -> Period:
     """The same map over several of its periods."""
     return Period(period.reduced, period.excitation.repeated(times), times * period.steps, period.pairs > 0)
-
-
-def _with_damping(period: Period, factor: float) -> Period:
-    """The same map with the damping ratios times a factor, critical at most."""
-    reduced = replace(period.reduced, damping=np.minimum(factor * period.reduced.damping, 1.0))
-    return Period(reduced, period.excitation, period.steps, period.pairs > 0)

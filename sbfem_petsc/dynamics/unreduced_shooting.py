@@ -26,9 +26,9 @@ from .excitation import Excitation
 from .integration import Steps, row_size
 from .kept_fields import KeptFields
 from .loading import loading
-from .newton import PREFIX, snes_reason
 from .orbit import Orbit
 from .preparation import STEPS, PeriodSettings
+from .shooting import PREFIX, snes_reason
 from .states import SampledStates
 from .unreduced_history import unreduced_columns
 from .unreduced_steps import KEPT_RESPONSES, UnreducedSteps

@@ -147,7 +147,7 @@ class BranchFile:
         Parameters
         ----------
         period : dynamics.period_map.Period
-        parameter : dynamics.branch_range.ParameterRange
+        parameter : dynamics.driven_orbits.ParameterRange
 
         Returns
         -------

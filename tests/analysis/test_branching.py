@@ -140,7 +140,7 @@ def test_a_motion_of_one_period_over_two(reduction):
     assert short.periods == 2
     drive = Excitation.of([sb.Harmonic(0.05, short.frequency)], short.frequency, 2, 64)
     driven = Period(reduction, drive, 512).at(short.frequency)
-    assert minimal_periods(FixedPoint(short.state, np.zeros(0), driven, driven.run(short.state), ())) == 1
+    assert minimal_periods(FixedPoint(short.state, driven, driven.run(short.state))) == 1
 
 
 @pytest.mark.long

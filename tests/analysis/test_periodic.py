@@ -13,8 +13,10 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.contact.closed_sets import thin_factors
 from sbfem_petsc.contact.marching import Marched
-from sbfem_petsc.dynamics import period_map
+from sbfem_petsc.dynamics import period_map, steady
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
+from sbfem_petsc.errors import PetscFailure
+from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
 from tests.reference import paper_beam
@@ -318,8 +320,8 @@ def test_dense_matrix_free_and_differences(case_p, frequency):
 
 @pytest.mark.slow
 def test_options_of_the_command_line():
-    """-shooting_... reaches Newton's method: too few iterations are an error with the residual and exit code
-    1 in a program, PETSc's own differences give the same orbit.
+    """-shooting_... reaches Newton's method: PETSc's own differences, and another solver of its linear
+    systems, give the same orbit; the monitor prints.
     """
     program = """
 import sys
@@ -346,17 +348,42 @@ run(main)
             timeout=300,
         )
 
-    differences, strict = call("-shooting_snes_fd"), call("-shooting_snes_max_it", "0")
+    def answered(done):
+        return complex(next(line for line in done.stdout.splitlines() if line.startswith("(")))
+
+    differences = call("-shooting_snes_fd", "-shooting_snes_monitor")
     exact = sb.periodic(
         beam(order=3, tip_size=2e-4), FORCE, 3000.0, modes=16, steps=256, stability=False
     ).harmonics("A")[2]
     # differences by 1e-8 leave Newton's method at 1e-10 of the first residual
-    assert abs(complex(differences.stdout.splitlines()[0]) - exact) < 1e-7 * abs(exact)
-    assert strict.returncode == 1
-    assert (
-        strict.stderr.startswith("error: periodic: Newton's method did not converge")
-        and "of the motion's size" in strict.stderr
-    )
+    monitored = [line for line in differences.stdout.splitlines() if "SNES Function norm" in line]
+    assert abs(answered(differences) - exact) < 1e-7 * abs(exact)
+    assert len(monitored) > 3 and "0 SNES Function norm" in monitored[0]
+    solver = call("-shooting_ksp_type", "gmres", "-shooting_ksp_converged_reason")
+    assert "Linear shooting_ solve converged due to CONVERGED_RTOL" in solver.stdout
+    assert abs(answered(solver) - exact) < 1e-7 * abs(exact)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("allowed", [0, 1])
+def test_iterations_that_an_option_allows(allowed, monkeypatch):
+    """-shooting_snes_max_it ends it at once, with a sentence that names it: no history and no ramp."""
+
+    def no(*arguments):
+        raise AssertionError("a search was begun")
+
+    monkeypatch.setattr(steady, "_Attempts", no)
+    options = PETSc.Options()
+    options.setValue("shooting_snes_max_it", allowed)
+    try:
+        with pytest.raises(
+            PetscFailure,
+            match=f"has taken the {allowed} iterations that -shooting_snes_max_it {allowed} allows: "
+            r"x\(T\) - x\(0\) is at .* of the motion's size",
+        ):
+            sb.periodic(beam(order=3, tip_size=2e-4), FORCE, 3000.0, modes=24, steps=1024, stability=False)
+    finally:
+        options.delValue("shooting_snes_max_it")
 
 
 def test_start_from_a_neighbour(case_p):

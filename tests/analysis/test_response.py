@@ -4,14 +4,18 @@ refusals.
 
 import copy
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics import branch_following, continuation
+from sbfem_petsc.continuation import events, follow
+from sbfem_petsc.continuation.events import Way, between
+from sbfem_petsc.continuation.follow import Follower, Line, Settings
+from sbfem_petsc.continuation.problem import Point, Range
 from sbfem_petsc.dynamics.branch import find_peak
-from sbfem_petsc.dynamics.branch_zero import across, between
+from sbfem_petsc.dynamics.driven_orbits import Orbits, OrbitState, ParameterRange
 from sbfem_petsc.dynamics.excitation import Excitation
 from sbfem_petsc.dynamics.period_map import Period
 from sbfem_petsc.dynamics.shooting import shoot
@@ -151,8 +155,9 @@ def stepped():
     system = two_masses()
     driven = Period(system, Excitation.of([sb.Harmonic(0.1, 0.1)], 0.1, 1, 1), 256)
     first = shoot(driven, driven.at(0.105).linear_state, 0.105)
-    parameter = continuation.ParameterRange("frequency", 0.105, 0.112)
-    found = continuation.Continuation(driven, continuation.ContinuationPoint(first, 0.105), parameter)
+    parameter = ParameterRange("frequency", 0.105, 0.112)
+    line = Line([Point.known(Orbits(driven, parameter), np.append(first.state, 0.105))])
+    found = Follower(line, parameter.range, Settings())
     assert len(list(itertools.islice(found, 5))) == 5
     return found
 
@@ -164,27 +169,29 @@ def test_points_between_two():
     period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
     lower, upper = 0.9 / TURN, 1.1 / TURN
     first = shoot(period, period.at(lower).linear_state, lower)
-    parameter = continuation.ParameterRange("frequency", lower, upper)
-    found = continuation.Continuation(period, continuation.ContinuationPoint(first, lower), parameter)
-    list(found)
+    parameter = ParameterRange("frequency", lower, upper)
+    orbits = Orbits(period, parameter)
+    line = Line([Point.known(orbits, np.append(first.state, lower))])
+    follow.follow(line, parameter.range)
     held = []
-    for k, (one, other) in enumerate(itertools.pairwise(found.points)):
-        size, normal = across(found, k)
-        held.append(not normal[:-1].any())
+    for k, (one, other) in enumerate(itertools.pairwise(line.points)):
+        way = Way(line, k)
+        held.append(way.held)
         for fraction in (0.3, 0.8):
-            point = between(found, k, fraction)
-            residual = found.driven(point.value).run(point.fixed.state).residual
-            assert np.linalg.norm(residual) < 1e-8 * size
-            part, way = (
-                np.append(
-                    (to.fixed.state - one.fixed.state) / size, (to.value - one.value) / parameter.extent
-                )
-                for to in (point, other)
-            )
-            assert part @ normal / (way @ normal) == pytest.approx(fraction, abs=1e-8)
-            if held[-1]:
+            point = between(line, k, fraction)
+            residual = orbits.driven(point.value).run(point.u[:-1]).residual
+            assert np.linalg.norm(residual) < 1e-8 * way.metric.units[0]
+            if way.held:
                 assert point.value == one.value + fraction * (other.value - one.value)
-    assert any(held) and not all(held) and found.points[-1].value == upper
+                continue
+            # across the chord, with the value as a share of the range
+            size = way.metric.units[0]
+            chord, there = (
+                np.append((to.u[:-1] - one.u[:-1]) / size, (to.value - one.value) / parameter.range.extent)
+                for to in (other, point)
+            )
+            assert there @ chord / (chord @ chord) == pytest.approx(fraction, abs=1e-8)
+    assert any(held) and not all(held) and line.points[-1].value == upper
 
 
 def test_points_on_the_part_that_has_been_gone_through(stepped):
@@ -192,13 +199,13 @@ def test_points_on_the_part_that_has_been_gone_through(stepped):
     point aside of them.
     """
     points = stepped.points
-    behind = [between(stepped, k, 0.5) for k in (2, 3)]
+    behind = [between(stepped.line, k, 0.5) for k in (2, 3)]
     ahead = points.pop()
-    stepped.points = points[:5]
+    del points[5:]
     assert all(stepped._gone_through(point) for point in behind)
     assert not stepped._gone_through(ahead)
     aside = copy.copy(behind[1])
-    aside.value = behind[1].value + 0.5 * (points[4].value - points[3].value)
+    aside.u = np.append(behind[1].u[:-1], behind[1].value + 0.5 * (points[4].value - points[3].value))
     assert not stepped._gone_through(aside)
 
 
@@ -214,16 +221,13 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
     curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert curve.complete and curve.contact_peak[-1] > 25.0
 
-    def of_the_steps(self, name):
-        fixed = self.fixed
-        return fixed.driven.carried(fixed.motion, np.eye(len(fixed.state)), (name,))
-
-    monkeypatch.setattr(continuation.ContinuationPoint, "derivative", of_the_steps)
+    of_steps = OrbitState.linear
+    monkeypatch.setattr(OrbitState, "linear", lambda self, smooth=False: of_steps(self))
     curve = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert curve.complete
-    monkeypatch.setattr(continuation.Continuation, "_gone_through", lambda self, point: False)
-    monkeypatch.setattr(continuation, "ASIDE", np.pi)
-    monkeypatch.setattr(continuation, "STRAIGHT", 0.0)
+    monkeypatch.setattr(Follower, "_gone_through", lambda self, point: False)
+    monkeypatch.setattr(follow, "ASIDE", np.pi)
+    monkeypatch.setattr(follow, "STRAIGHT", 0.0)
     with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
         other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert not other.complete and "run back along itself" in other.reason
@@ -294,9 +298,9 @@ def test_chords_are_near_the_curve(zeta, ends):
     off = np.abs(np.interp(omega, value, amplitude) / exact(omega) - 1.0)
     top = np.sqrt(1.0 - 2.0 * zeta**2)
     rise = np.diff(amplitude) / exact(top) / np.diff(value)
-    steep = np.abs(rise) > np.sqrt(1.0 / branch_following.STEEP**2 - 1.0)
+    steep = np.abs(rise) > np.sqrt(1.0 / events.STEEP**2 - 1.0)
     chord = np.minimum(np.searchsorted(value, omega, side="right") - 1, len(rise) - 1)
-    assert off[~steep[chord]].max() < 1.2 * branch_following.CHORD and steep.any()
+    assert off[~steep[chord]].max() < 1.2 * events.CHORD and steep.any()
     peak = curve.peak("x")
     assert abs(TURN * peak.frequency - top) < 0.02 * 2.0 * zeta
     assert peak.amplitude == pytest.approx(exact(top), rel=1e-3)
@@ -307,26 +311,22 @@ def test_ends_at_the_end_of_its_range():
     period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
     lower, upper = 0.9 / TURN, 1.1 / TURN
     first = shoot(period, period.at(lower).linear_state, lower)
-    found = continuation.Continuation(
-        period,
-        continuation.ContinuationPoint(first, lower),
-        continuation.ParameterRange("frequency", lower, upper),
-    )
-    led = 0
-    while found.parameter.holds(found.points[-1].value) or len(found.points) == 1:
-        before, heading = copy.copy(found), found.heading()
-        before.points = list(found.points)
-        target = found.points[-1].value + found.length * found.metric()[1] * heading[-1]
-        value = found._next().value
+    parameter = ParameterRange("frequency", lower, upper)
+    orbits = Orbits(period, parameter)
+    line = Line([Point.known(orbits, np.append(first.state, lower))])
+    found, led = Follower(line, parameter.range, Settings()), 0
+    while parameter.range.holds(line.points[-1].value) or len(line.points) == 1:
+        before, heading = replace(line, points=list(line.points)), found.heading()
+        target = line.points[-1].value + line.length * found.metric.units[-1] * heading[-1]
+        value = found.next().value
         end = 0.5 * (target + value)
-        before.parameter = continuation.ParameterRange("frequency", end - (upper - lower), end)
-        if target < end < value and abs(heading[-1]) <= continuation.HELD:
-            point = before._next()
+        if target < end < value and abs(heading[-1]) <= follow.HELD:
+            point = Follower(before, Range(end - (upper - lower), end, 1), Settings()).next()
             led += 1
             assert point.value == end
-            residual = before.driven(end).run(point.fixed.state).residual
-            assert np.linalg.norm(residual) < 1e-8 * np.linalg.norm(point.fixed.state)
-    assert found.points[-1].value == upper and led
+            residual = orbits.driven(end).run(point.u[:-1]).residual
+            assert np.linalg.norm(residual) < 1e-8 * np.linalg.norm(point.u[:-1])
+    assert line.points[-1].value == upper and led
 
 
 @pytest.mark.parametrize("times, divided", [(0.85, []), (1.15, [0, 1])])
@@ -334,19 +334,19 @@ def test_chords_that_are_divided(times, divided):
     """At the bottom of a circle, whose chords of length l are off it by l^2 / 8 r, from where that is as much
     as allowed.
     """
-    length = times * np.sqrt(8.0 * 0.5 * branch_following.CHORD)
+    length = times * np.sqrt(8.0 * 0.5 * events.CHORD)
     angles = 2.0 * np.arcsin(0.5 * length / 0.5) * np.arange(-1, 2)
-    found = branch_following.coarse_chords(0.5 * np.sin(angles), 1.0 + 0.5 * (1.0 - np.cos(angles)))
+    found = events.coarse_chords(0.5 * np.sin(angles), 1.0 + 0.5 * (1.0 - np.cos(angles)))
     np.testing.assert_array_equal(found, divided)
 
 
 def test_chords_at_a_corner():
     """Those beside it, unless they are short."""
     corner = np.array([[0.0, 0.5], [0.1, 0.5], [0.2, 0.5], [0.3, 0.8], [0.4, 1.1], [0.5, 1.4]])
-    np.testing.assert_array_equal(branch_following.coarse_chords(*corner.T), [1, 2])
+    np.testing.assert_array_equal(events.coarse_chords(*corner.T), [1, 2])
     corner[:, 1] = 1.0 + 0.01 * corner[:, 1]
     corner[:, 0] *= 0.01
-    np.testing.assert_array_equal(branch_following.coarse_chords(*corner.T), [])
+    np.testing.assert_array_equal(events.coarse_chords(*corner.T), [])
 
 
 def test_peak_of_a_known_resonance():
@@ -527,14 +527,14 @@ def test_a_curve_that_stops(monkeypatch):
     """Newton's method fails beyond 0.65 rad/s: where and why in the message, and the points so far with
     it.
     """
-    whole = continuation.shoot_along
+    whole = follow.correct
 
-    def fails(period, guess, *rest, **options):
-        if guess[1] > 0.65 / TURN:
+    def fails(problem, u, *rest):
+        if u[-1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, guess, *rest, **options)
+        return whole(problem, u, *rest)
 
-    monkeypatch.setattr(continuation, "shoot_along", fails)
+    monkeypatch.setattr(follow, "correct", fails)
     with pytest.raises(
         sb.SolveError,
         match="frequency_response: the curve stops at 0.103.* after .* points: no further point within a "

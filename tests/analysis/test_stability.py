@@ -2,6 +2,7 @@
 bifurcations.
 """
 
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 from scipy import optimize
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics import bifurcations, branch_following, branch_zero, continuation, extrapolation
-from sbfem_petsc.dynamics.continuation import ContinuationPoint
+from sbfem_petsc.continuation import events
+from sbfem_petsc.continuation.follow import Settings
+from sbfem_petsc.continuation.problem import BaseProblem, Point
+from sbfem_petsc.dynamics import bifurcations, branch_following, driven_orbits, extrapolation
 from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
 from sbfem_petsc.dynamics.shooting import shoot
 from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multipliers
@@ -457,8 +460,8 @@ def test_one_pair_in_the_place_of_another(beam, monkeypatch):
     _, reduction = beam
 
     def located(span, largest):
-        monkeypatch.setattr(continuation, "SPAN", span)
-        monkeypatch.setattr(continuation, "LARGEST", largest)
+        monkeypatch.setattr(driven_orbits, "SPAN", span)
+        monkeypatch.setattr(branch_following, "Settings", partial(Settings, largest=largest))
         load = sb.PointForce("A", fy=1500.0)
         return [item.value for item in sb.frequency_response(reduction, load, 14135.0, 14155.0).bifurcations]
 
@@ -527,33 +530,34 @@ def test_located_by_brents_method(name, beam, monkeypatch):
     largest, so that smooth ones are looked for; they take fewer points than the root finder.
     """
     apart, calls = [], [0, 0]
-    own = branch_zero.find_zero
+    own = events.find_zero
 
-    def both(continuation, k, test, ends, smooth=None, small=np.inf):
+    def both(line, k, test, ends, smooth=None, small=np.inf):
         def counted(point):
             calls[0] += 1
             return test(point)
 
-        found = own(continuation, k, counted, ends, smooth, small)
+        found = own(line, k, counted, ends, smooth, small)
         known = {0.0: ends[0], 1.0: ends[1]}
 
         def value(share):
             if share not in known:
                 calls[1] += 1
-                known[share] = test(branch_zero.between(continuation, k, share))
+                known[share] = test(events.between(line, k, share))
             return known[share]
 
         exact = optimize.brentq(value, 0.0, 1.0, xtol=1e-6)
-        apart.append(abs(branch_zero.place_of(continuation, k, found[0]) - exact))
+        apart.append(abs(events.place_of(line, k, found[0]) - exact))
         return found
 
-    monkeypatch.setattr(bifurcations, "find_zero", both)
+    for module in (bifurcations, events):
+        monkeypatch.setattr(module, "find_zero", both)
     if name == "two masses":
         curve = sb.frequency_response(two_masses(), [0.1], 0.5 / (2 * np.pi), 0.9 / (2 * np.pi), steps=2048)
     else:
         curve = sb.frequency_response(beam[1], sb.PointForce("A", fy=1500.0), 14180.0, 14310.0)
     assert len(apart) >= len(curve.bifurcations) >= 3
-    assert max(apart) < branch_zero.FINE
+    assert max(apart) < events.FINE
     assert calls[0] < 0.7 * calls[1]
 
 
@@ -648,22 +652,26 @@ def test_no_bifurcation_off_the_unit_circle():
     assert max(abs(abs(b.multiplier) - 1.0) for b in curve.bifurcations) < 1e-4
 
 
-class _Spectrum:
+class _Spectrum(BaseProblem):
     """A branch whose multipliers are given functions of the parameter, with points at -1, 0, 1 and 2."""
 
     def __init__(self, values, monkeypatch):
         self.values, self.calls = values, 0
         self.points = [self.point(float(place)) for place in (-1, 0, 1, 2)]
-        self.parameter = SimpleNamespace(extent=1.0, name="frequency")
-        self.period = SimpleNamespace(size=np.linalg.norm)
-        monkeypatch.setattr(branch_zero, "between", self.between)
+        monkeypatch.setattr(events, "between", self.between)
         monkeypatch.setattr(bifurcations, "multipliers_of", lambda fixed: self.at(fixed.state[1]))
 
-    def point(self, place):
-        fixed = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
-        return ContinuationPoint(fixed, place)
+    def units(self, u):
+        return np.ones(3), np.ones(3)
 
-    def between(self, continuation, k, share, known=None):
+    def value(self, u):
+        return u[-1], np.array([0.0, 0.0, 1.0])
+
+    def point(self, place):
+        state = SimpleNamespace(state=np.array([1.0, place]), touching=np.zeros(1, dtype=bool))
+        return Point(self, np.array([1.0, place, place]), state, place)
+
+    def between(self, line, k, share, known=None):
         self.calls += 1
         return self.point(self.points[k].value + share)
 
@@ -710,11 +718,11 @@ def _pair(size, angle):
 )
 def test_located_where_the_test_changes_its_sign(values, place, kind, calls, monkeypatch):
     """Given multipliers, of which several may pass the circle between two points."""
-    monkeypatch.setattr(extrapolation, "passage", lambda continuation, k, found, *_: (found[0].value, 0.0))
+    monkeypatch.setattr(extrapolation, "passage", lambda line, k, found, *_: (found[0].value, 0.0))
     branch = _Spectrum(values, monkeypatch)
     found = [item for item in branch.crossings() if 0.0 < item.value < 1.0]
     assert [item.kind for item in found] == [kind]
-    assert abs(found[0].value - place) < branch_zero.FINE
+    assert abs(found[0].value - place) < events.FINE
     assert branch.calls <= calls
 
 

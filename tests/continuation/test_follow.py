@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sbfem_petsc.continuation.events import between, find_zero, fold, place_of, refine
-from sbfem_petsc.continuation.follow import Line, Settings, follow
+from sbfem_petsc.continuation.follow import CLOSED, Line, Settings, follow
 from sbfem_petsc.continuation.newton import ITERATIONS, TooManyIterations, correct
 from sbfem_petsc.continuation.problem import Lost, Metric, Point, Range
 
@@ -57,7 +57,7 @@ def test_a_circle_closes(direction):
     """From its lowest point around it, through both folds, back to it."""
     problem = circle()
     line = follow(Line([at(problem, 1.0, 0.0)]), Range(-2.0, 2.0, direction))
-    assert line.complete and line.reason == "the line is closed"
+    assert line.complete and line.reason == CLOSED
     u = np.array([point.u for point in line.points])
     np.testing.assert_allclose(np.hypot(*u.T), 1.0, atol=1e-10)
     angles = np.unwrap(np.arctan2(u[:, 1], u[:, 0]))

@@ -13,7 +13,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing.warnings import IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
-from sbfem_petsc.dynamics import continuation
+from sbfem_petsc.continuation import follow as following
 from sbfem_petsc.recording import branch_file as module
 from sbfem_petsc.results.branches import read_branch, save_branch
 from tests.systems import same_products
@@ -179,7 +179,7 @@ def test_a_complete_curve_is_not_traced_again(whole, monkeypatch):
     def no(*arguments, **options):
         raise AssertionError("a point was sought")
 
-    monkeypatch.setattr(continuation, "shoot_along", no)
+    monkeypatch.setattr(following, "correct", no)
     before = open(path, "rb").read()
     resumed = follow(file=path, resume=True, stability=False)
     np.testing.assert_array_equal(resumed.value, curve.value)
@@ -214,16 +214,16 @@ def test_a_curve_that_has_ended_is_not_said_to_go_on(whole, tmp_path):
 @pytest.mark.long
 def test_a_failed_curve_keeps_its_points(tmp_path, monkeypatch):
     """What Newton's method could not go on from is in the file, marked, and is continued when it can."""
-    whole = continuation.shoot_along
+    whole = following.correct
 
-    def fails(period, guess, *rest, **options):
-        if guess[1] > 0.65 / TURN:
+    def fails(problem, u, *rest):
+        if u[-1] > 0.65 / TURN:
             raise sb.SolveError("no")
-        return whole(period, guess, *rest, **options)
+        return whole(problem, u, *rest)
 
     path = str(tmp_path / "failed.h5")
     with monkeypatch.context() as patch:
-        patch.setattr(continuation, "shoot_along", fails)
+        patch.setattr(following, "correct", fails)
         with pytest.raises(sb.SolveError, match="the curve stops at") as caught:
             follow(file=path, stability=False)
     with pytest.warns(IncompleteBranch):

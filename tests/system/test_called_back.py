@@ -12,7 +12,8 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from mpi4py import MPI
 from petsc4py import PETSc
-from sbfem_petsc.dynamics import curve_system, newton, stability, unreduced_shooting
+from sbfem_petsc.dynamics import curve_system, stability, unreduced_shooting
+from sbfem_petsc.dynamics import shooting as fixed_points
 from sbfem_petsc.system import dual_contact, krylov_step
 from tests.systems import two_masses
 
@@ -42,10 +43,10 @@ CALLS = [
     (krylov_step.KrylovStep, "apply", 1, lambda: sb.modal(body(), 4)),
     (krylov_step.KrylovStep, "apply", 8, lambda: sb.modal(body(), 4)),
     (dual_contact.Dual, "mult", 2, lambda: sb.static(body(), push)),
-    (newton.Newton, "_function", 2, lambda: shooting("auto")),
-    (newton.Newton, "_jacobian", 1, lambda: shooting("dense")),
-    (newton._Products, "mult", 3, lambda: shooting("matrix-free")),
-    (newton._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
+    (fixed_points.Shooting, "_function", 2, lambda: shooting("auto")),
+    (fixed_points.Shooting, "_jacobian", 1, lambda: shooting("dense")),
+    (fixed_points._Products, "mult", 3, lambda: shooting("matrix-free")),
+    (fixed_points._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
     (unreduced_shooting._UnreducedPeriod, "_function", 2, unreduced),
     (unreduced_shooting._Products, "mult", 2, unreduced),
     (unreduced_shooting._Precondition, "apply", 2, unreduced),
@@ -91,8 +92,8 @@ EXPECTED = """\
 KrylovStep apply 1
 KrylovStep apply 8
 Dual mult 2
-Newton _function 2
-Newton _jacobian 1
+Shooting _function 2
+Shooting _jacobian 1
 _Products mult 3
 _Uncoupled apply 3
 _UnreducedPeriod _function 2
