@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from meshing.whole_file import BadTarget, checked_path, read_whole, write_whole
+from meshing.whole_file import checked_path, read_whole, replaced
 
 if TYPE_CHECKING:
     from meshing.boundary_mesh import BoundaryMesh
@@ -47,14 +47,8 @@ def save(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     """
     path = checked_path("save", path)
     content = _packed(mesh)
-
-    def fill(place: Path) -> None:
-        place.write_bytes(_head(content) + content)
-
-    try:
-        write_whole(path, fill)
-    except OSError as error:
-        raise ValueError(f"{path}: the mesh cannot be written there ({error.strerror or error}).") from error
+    with replaced(str(path), "mesh") as temporary:
+        Path(temporary).write_bytes(_head(content) + content)
 
 
 def _packed(mesh: BoundaryMesh) -> bytes:
@@ -199,7 +193,7 @@ def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     Raises
     ------
     ValueError
-        meshio does not know the ending or the file cannot be written.
+        meshio does not know the ending, or the file cannot be written.
     """
     import meshio
 
@@ -216,16 +210,16 @@ def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     points = np.column_stack([mesh.nodes, np.zeros(len(mesh.nodes))])
     path = checked_path("export", path)
     exported = meshio.Mesh(points, [("line", lines)], point_data={"gap": gap}, cell_data=cell_data)
-    try:
-        write_whole(path, exported.write)
-    except BadTarget:
-        raise
-    except Exception as error:  # meshio's writers raise what they like
-        said = " ".join(str(getattr(error, "strerror", None) or error).split())
-        raise ValueError(
-            f"{path}: the mesh cannot be exported there ({said}); use an ending meshio writes, e.g. .vtu, "
-            "and a folder you can write."
-        ) from error
+    with replaced(str(path), "mesh") as temporary:
+        try:
+            exported.write(temporary)
+        except OSError:
+            raise
+        except Exception as error:  # meshio's writers raise what they like
+            said = " ".join(str(error).split())
+            raise ValueError(
+                f"mesh {str(path)!r} cannot be exported ({said}); use an ending that meshio writes, e.g. .vtu"
+            ) from error
 
 
 def _plain(value: Any) -> Any:

@@ -1,19 +1,19 @@
-"""Files that are there as a whole or not at all."""
+"""Files that are read whole, and files that are there as a whole or not at all."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shutil
 import stat
-from collections.abc import Callable
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 from meshing.input_checks import shown
 
-
-class BadTarget(ValueError):
-    """A file that is not replaced."""
+UNFINISHED = re.compile(r"\.(.+)\.\w{8}\.part")  # names of folders in which files are made
 
 
 def checked_path(item: str, path: object) -> Path:
@@ -55,43 +55,80 @@ def read_whole(path: Path) -> bytes:
         raise ValueError(f"{path}: it cannot be read ({error.strerror or error}).") from None
 
 
-def write_whole(path: Path, fill: Callable[[Path], None]) -> None:
-    """Write a file, and what is written beside it, under temporary names, and put them in place once they
-    are complete.
-
-    Parameters
-    ----------
-    path : path
-        An existing file is replaced; a link is followed.
-    fill : callable
-        Called with a path of the same name in a folder of its own; may write further files beside it.
+def destination(path: str, what: str) -> str:
+    """The absolute path of a file that is to be written, a symbolic link's goal.
 
     Raises
     ------
-    OSError
-        As the system says; then nothing is left behind and an existing file is as it was.
-    BadTarget
-        The target is no regular file, or a file that belongs to it would replace one that does not.
+    ValueError
+        If a folder, a device or a pipe stands there.
     """
-    target = Path(os.path.realpath(path))
-    if target.exists() and not target.is_file():
-        raise BadTarget(f"{path}: it is no regular file and is not replaced; give another name.")
-    fresh = not target.exists()
-    folder = target.with_name(f".{target.name}.{os.getpid()}.part")
-    folder.mkdir()
+    real = os.path.realpath(path)
+    if os.path.lexists(real) and not os.path.isfile(real):
+        kind = "a folder" if os.path.isdir(real) else "no regular file"
+        raise ValueError(f"{what} {path!r} cannot be written: {real!r} is {kind}; name another one")
+    return real
+
+
+def reason(error: Exception) -> str:
+    """What the system says of a failure, also through HDF5's messages."""
+    told = re.search(r"error message = '([^']*)'", str(error))
+    return told[1] if told else getattr(error, "strerror", None) or str(error)
+
+
+@contextlib.contextmanager
+def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
+    """A file to write, of the same name in a folder of its own; at the end it takes the place of `path`.
+
+    What was written beside it then stands beside `path`. Nothing is left behind by a failure, and a former
+    file stays as it was; its permissions are kept.
+
+    Parameters
+    ----------
+    path : str
+    what : str
+        Kind of file, for messages: "picture".
+    place : str, optional
+        Where it is to stand; `destination` of the path by default.
+
+    Raises
+    ------
+    ValueError
+        See `destination`; if the system refuses, as on a full disk; if what was written beside it would
+        replace a file that does not belong to it.
+    """
+    place = destination(path, what) if place is None else place
+    folder, name = os.path.split(place)
+    spare = None
     try:
-        fill(folder / target.name)
-        written = sorted(folder.iterdir(), key=lambda file: file.name == target.name)  # the file itself last
-        for file in written[:-1]:
-            if fresh and target.with_name(file.name).exists():
-                raise BadTarget(
-                    f"{path}: {file.name}, which belongs to it, would replace a file that is there."
-                )
-        for file in written:
-            with open(file, "rb") as stored:
-                os.fsync(stored.fileno())
-        for file in written:
-            os.replace(file, target.with_name(file.name))
+        spare = tempfile.mkdtemp(prefix=f".{name}.", suffix=".part", dir=folder)
+        yield os.path.join(spare, name)
+        others = sorted(set(os.listdir(spare)) - {name})
+        foreign = [other for other in others if os.path.lexists(os.path.join(folder, other))]
+        if foreign and not os.path.exists(place):
+            raise ValueError(
+                f"{what} {path!r} cannot be written: {foreign[0]!r}, which belongs to it, would replace a "
+                "file that is there; name another one"
+            )
+        if os.path.exists(place):
+            os.chmod(os.path.join(spare, name), stat.S_IMODE(os.stat(place).st_mode))
+        for file in (*others, name):
+            _synchronise(os.path.join(spare, file))
+        for file in (*others, name):  # the file itself last
+            os.replace(os.path.join(spare, file), os.path.join(folder, file))
+        with contextlib.suppress(OSError):  # not every file system knows this of folders
+            _synchronise(folder)
+    except OSError as error:
+        raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
     finally:
-        with contextlib.suppress(OSError):
-            shutil.rmtree(folder)
+        if spare is not None:
+            shutil.rmtree(spare, ignore_errors=True)
+
+
+def _synchronise(path: str) -> None:
+    """Bring a file or folder to the disk."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

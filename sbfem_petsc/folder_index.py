@@ -8,16 +8,16 @@ import contextlib
 import fcntl
 import json
 import os
-import re
+import shutil
 import stat
 from collections.abc import Iterator
+
+from meshing.whole_file import UNFINISHED
 
 # The index: a JSON string a line, folders with "/" at their end. It also carries the lock of a run.
 INDEX = ".sbfem-index"
 # Folders above a file in which an index is looked for.
 UP = 4
-# Names under which files are made until they are whole.
-UNFINISHED = re.compile(r"\.(.+)\.\d+\.part(\.\w+)?")
 
 _NOT_OURS = "move it away, or name another folder with --output"
 
@@ -221,8 +221,7 @@ class HeldFolder:
             self.close()
             raise
         for place in leftovers:
-            with contextlib.suppress(OSError):
-                os.remove(place)
+            shutil.rmtree(place, ignore_errors=True)
 
     def _lock(self) -> None:
         assert self._handle is not None
@@ -245,14 +244,14 @@ class HeldFolder:
             name = os.path.join(below, entry.name)
             unfinished = UNFINISHED.fullmatch(entry.name)
             if entry.is_dir(follow_symlinks=False):
+                if unfinished is not None and os.path.join(below, unfinished[1]) in names:
+                    yield entry.path
+                    continue
                 known = f"{name}/" in names
                 if known and not os.path.lexists(os.path.join(entry.path, INDEX)):
                     yield from self._leftovers(name)
             elif not entry.is_file(follow_symlinks=False):
                 known = False
-            elif unfinished is not None and os.path.join(below, unfinished[1]) in names:
-                known = True
-                yield entry.path
             else:
                 known = name in names or name == INDEX
             if not known:

@@ -1,18 +1,17 @@
-"""Files that are written whole or not at all: under another name first, which is then exchanged for their
-own.
-"""
+"""Files in output folders and elsewhere, written whole or not at all, and tables of numbers."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import os
-import re
 import tempfile
 from collections.abc import Iterator, Mapping
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
+
+from meshing import whole_file
 
 from .checks import path as checked_path
 from .folder_index import claim
@@ -29,53 +28,18 @@ def destination(path: Any, what: str) -> str:
         what an output folder does not list.
     """
     text = checked_path(what, "path", path)
-    place = claim(text, what)
-    if place is not None:
-        return place
-    real = os.path.realpath(text)
-    if os.path.lexists(real) and not os.path.isfile(real):
-        kind = "a folder" if os.path.isdir(real) else "no regular file"
-        raise ValueError(f"{what} {text!r} cannot be written: {real!r} is {kind}; name another one")
-    return real
+    return claim(text, what) or whole_file.destination(text, what)
 
 
-def reason(error: Exception) -> str:
-    """What the system says of a failure, also through HDF5's messages."""
-    told = re.search(r"error message = '([^']*)'", str(error))
-    return told[1] if told else getattr(error, "strerror", None) or str(error)
-
-
-@contextlib.contextmanager
-def replaced(path: Any, what: str) -> Iterator[str]:
-    """A name to write to; what stands there at the end takes the place of `path`, whole.
-
-    Nothing is left behind by a failure, and a former file stays as it was.
-
-    Parameters
-    ----------
-    path : str or path
-    what : str
-        Kind of file, for messages: "picture".
+def replaced(path: Any, what: str) -> AbstractContextManager[str]:
+    """`meshing.whole_file.replaced`, in output folders by their index.
 
     Raises
     ------
     TypeError, ValueError
         See `destination`; or if the system refuses, as on a full disk.
     """
-    place = destination(path, what)
-    folder, name = os.path.split(place)
-    temporary = os.path.join(folder, f".{name}.{os.getpid()}.part")
-    try:
-        yield temporary
-        synchronise(temporary)
-        os.replace(temporary, place)
-        with contextlib.suppress(OSError):  # not every file system knows this of folders
-            synchronise(folder)
-    except OSError as error:
-        raise ValueError(f"{what} {os.fspath(path)!r} cannot be written: {reason(error)}") from None
-    finally:
-        with contextlib.suppress(OSError):
-            os.remove(temporary)
+    return whole_file.replaced(checked_path(what, "path", path), what, destination(path, what))
 
 
 @contextlib.contextmanager
@@ -96,15 +60,6 @@ def spare_folder() -> Iterator[str]:
         ) from None
     with folder as name:
         yield name
-
-
-def synchronise(path: str) -> None:
-    """Bring a file or folder to the disk."""
-    handle = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(handle)
-    finally:
-        os.close(handle)
 
 
 def write_table(path: Any, columns: Mapping[str, Any]) -> None:

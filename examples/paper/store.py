@@ -6,11 +6,12 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 import pathlib
 import zipfile
 
 import numpy as np
+
+from sbfem_petsc.writing import replaced
 
 from .bench import REFERENCE
 from .findings import Claim, Finding, Part, Table, plain
@@ -92,16 +93,11 @@ class Store:
             path.unlink(missing_ok=True)
 
     def _replace(self, name: str, write) -> None:
-        temporary = self.parts / f"{name}.part"
-        with open(temporary, "wb") as file:
+        with replaced(self.parts / name, "part") as temporary, open(temporary, "wb") as file:
             write(file)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, self.parts / name)
 
 
 def write_text(path: pathlib.Path, text: str) -> None:
     """Write a file whole or not at all."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8")
-    os.replace(temporary, path)
+    with replaced(path, "page") as temporary:
+        pathlib.Path(temporary).write_text(text, encoding="utf-8")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import subprocess
 from collections.abc import Sequence
@@ -195,19 +194,14 @@ class _Film:
         """Draw and write the states of some instants; `told` is said of each instant of the motion."""
         title = f"{title}, {self.window.magnified} × {plain(self.factor)}"
         with replaced(path, "animation") as temporary:
-            film = f"{temporary}{os.path.splitext(path)[1]}"  # writers know a format by its ending
             try:
-                with writer.saving(self.drawing, film, DOTS):
+                with writer.saving(self.drawing, temporary, DOTS):
                     self._draw(writer, instants, title, told)
-                os.replace(film, temporary)
             except subprocess.CalledProcessError as error:
                 raise SolveError(
                     f"animation {path!r}: the program ffmpeg ended with code {error.returncode}"
                     f"{_said(error.stderr)}; write a .gif, or mend its installation"
                 ) from None
-            finally:
-                with contextlib.suppress(OSError):
-                    os.remove(film)
 
     def _draw(
         self, writer: AbstractMovieWriter, instants: np.ndarray, title: str, told: Sequence[str]

@@ -13,8 +13,10 @@ from typing import Any
 import h5py
 import numpy as np
 
+from meshing.whole_file import reason
+
 from ..checks import path as checked_path
-from ..writing import reason, replaced
+from ..writing import replaced
 from .sound import require_own
 
 # Groups whose data sets are written while a run goes on, and have checksums of their own.

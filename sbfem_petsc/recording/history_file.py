@@ -9,13 +9,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from meshing.whole_file import reason
+
 from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Signal
 from ..system.tip_facts import TipFacts
-from ..writing import destination, reason
+from ..writing import destination
 from .hdf5 import new_hdf5, opened
 from .history_layout import (
     FORM,

@@ -26,10 +26,11 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
+from meshing.whole_file import reason
+
 from ..errors import SolveError
 from ..signals.signal import Signal
 from ..system.tip_facts import TipFacts
-from ..writing import reason
 from .hdf5 import opened, put, put_texts
 from .sound import number, numbers, text, texts, whole
 from .tip_facts import read_tip_facts, write_tip_facts

@@ -7,8 +7,9 @@ import fcntl
 import os
 import platform
 
+from meshing.whole_file import reason
+
 from ..folder_index import claim, open_regular
-from ..writing import reason
 
 
 class WriterLock:

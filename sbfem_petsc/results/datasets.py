@@ -9,9 +9,10 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 
+from meshing.whole_file import reason
+
 from ..parallel import collective
 from ..petsc import MPI
-from ..writing import reason
 from .gather import stream
 
 WHAT = "results file"

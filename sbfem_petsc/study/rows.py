@@ -17,8 +17,9 @@ from typing import Any
 
 import numpy as np
 
+from meshing.whole_file import reason
+
 from ..folder_index import claim, open_regular
-from ..writing import reason
 
 _HEAD = struct.Struct("<4sQI")  # mark, length, checksum
 _MARK = b"row\0"

@@ -209,13 +209,13 @@ def test_paths_that_are_none(method, path):
 def test_places_that_cannot_be_written(tmp_path):
     with pytest.raises(ValueError, match="cannot be written"):
         MESH.save(tmp_path / "none" / "mesh.h5")
-    with pytest.raises(ValueError, match="cannot be exported"):
+    with pytest.raises(ValueError, match="cannot be written"):
         MESH.export(tmp_path / "none" / "mesh.vtu")
     with pytest.raises(ValueError, match="cannot be exported"):
         MESH.export(tmp_path / "mesh.unknown")
     for method in (MESH.save, MESH.export):
         for target in ("/dev/null", tmp_path):
-            with pytest.raises(ValueError, match="no regular file"):
+            with pytest.raises(ValueError, match="is (a folder|no regular file); name another one"):
                 method(target)
     assert os.listdir(tmp_path) == [] and os.path.exists("/dev/null")
 
@@ -224,7 +224,7 @@ def test_links_are_followed_and_companions_do_not_replace_files(saved, tmp_path)
     (tmp_path / "link.h5").symlink_to(saved)
     MESH.save(tmp_path / "link.h5")
     assert (tmp_path / "link.h5").is_symlink() and same(MESH, BoundaryMesh.load(saved))
-    with pytest.raises(ValueError, match=r"mesh\.h5, which belongs to it, would replace"):
+    with pytest.raises(ValueError, match=r"'mesh\.h5', which belongs to it, would replace"):
         MESH.export(tmp_path / "mesh.xdmf")  # meshio puts the numbers of a .xdmf into a .h5
     assert same(MESH, BoundaryMesh.load(saved))
     MESH.export(tmp_path / "other.xdmf")

@@ -170,8 +170,9 @@ def test_killed_and_resumed(folder, summary, tmp_path):
     state = json.loads((out / "run.json").read_text())
     assert "frequencies" in state["done"]
     stamp = os.stat(out / "analyses" / "frequencies.h5").st_mtime_ns
-    left, foreign = out / ".results.h5.12345.part", out / ".mine.part"  # one of a killed run, one of the user
-    left.touch()
+    left, foreign = out / ".results.h5.1a_b2c3d.part", out / ".mine.part"  # a killed run's, the user's
+    left.mkdir()
+    (left / "results.h5").touch()
     foreign.touch()
     refused = sbfem("run", path, "--output", out, "--quiet")
     assert refused.code == 2 and "'.mine.part'" in refused.err and foreign.exists() and left.exists()
