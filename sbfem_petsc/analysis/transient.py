@@ -19,7 +19,7 @@ from ..checks import choice, flag, real_array, shown
 from ..dynamics.history import History
 from ..dynamics.initial import modal_start
 from ..dynamics.integration import Steps, integrate, row_size
-from ..dynamics.loading import Loading, communicator, loading, serving
+from ..dynamics.loading import Loading, communicator, loading, serving, warn_of_unreduced
 from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
@@ -225,6 +225,7 @@ class _Unreduced:
         limited = (touching or loads.jumps) and not given
         needed = model.damping or limited
         damped = (modes or default_modes(model, loads.highest_frequency)) if needed else 0
+        warn_of_unreduced("transient", model, loads, damped)
         highest = float(model.modes(damped).frequencies[-1]) if limited else 0.0
         return cls(model, loads, initial, highest, row_size(unreduced_columns(model)), damped)
 

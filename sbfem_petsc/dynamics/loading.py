@@ -212,17 +212,56 @@ def serving(
                     "modes"
                 )
             )
+        _warn_of_reduced(owner, system, loads, highest)
         return system
     with collective(system.comm):
         modes = optional_integer(owner, "modes", modes, least=1, most=system.boundary_unknowns // 2)
     system.require_support(f"{owner} of the reduced model")
     result = reduced(system, loads.units, modes or default_modes(system, highest))
-    assert result.modal is not None
-    warn_of_band(owner, result.modal, result.damping, highest)
-    with collective(system.comm):  # functions of a user
-        places = [result.loads.index(loads.units[k]) for k in loads.sudden]
-    moved = (result.load_modes.T[places] / np.where(result.omega > 0.0, result.omega, np.inf)) ** 2
-    whole = moved.sum(axis=1) + result.load_flexibility[places, places]
-    acting = whole > 0.0
-    warn_of_jumps(owner, result.modal, result.damping, moved[acting] / whole[acting, None], loads.duration)
+    _warn_of_reduced(owner, result, loads, highest)
     return result
+
+
+def _warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest: float) -> None:
+    """Warn of modes too few or cells too large for loads; of one that knows its modes. Collective."""
+    r = reduced
+    if r.modal is None:
+        return
+    warn_of_band(owner, r.modal, r.damping, highest)
+    with collective(r.comm):  # functions of a user
+        sudden = loads.sudden
+    forces, above = r.load_modes[:, sudden], r.load_flexibility[sudden, sudden]
+    warn_of_jumps(owner, r.modal, r.damping, _shares(r.omega, forces, above), loads.duration)
+
+
+def warn_of_unreduced(owner: str, model: Model, loads: Loading, modes: int | None) -> None:
+    """Warn of cells too large for loads that jump or have no known highest frequency on an unreduced model,
+    by its lowest modes. Collective.
+
+    Parameters
+    ----------
+    modes : int or None
+        None: as many as a reduced model has by default.
+    """
+    with collective(model.comm):  # functions of a user
+        units = [loads.units[k] for k in loads.sudden]
+    if not units:
+        return
+    found = model.modes(modes or default_modes(model, loads.highest_frequency))
+    omega, columns = 2.0 * np.pi * found.frequencies, model.load_columns(units)
+    solved = model.solver.columns(columns.forces, owner)
+    forces = model.comm.allreduce(found.shapes.T @ columns.forces)
+    static = model.comm.allreduce((columns.forces * solved).sum(axis=0)) + columns.flexibility.diagonal()
+    # what the modes do not move follows, with some mass, too
+    above = static - ((forces / omega[:, None]) ** 2).sum(axis=0)
+    shares = _shares(omega, forces, np.maximum(above, 0.0))
+    warn_of_jumps(owner, found, model.damping_ratios(omega), shares, loads.duration, whole=True)
+
+
+def _shares(omega: np.ndarray, forces: np.ndarray, above: np.ndarray) -> np.ndarray:
+    """(loads, modes): of the static displacement under loads, in each mode, by their forces on the modes
+    (modes, loads) and their work on what is above these (loads,); those that move nothing are left out.
+    """
+    moved = (forces / np.where(omega > 0.0, omega, np.inf)[:, None]) ** 2
+    total = moved.sum(axis=0) + above
+    return (moved[:, total > 0.0] / total[total > 0.0]).T

@@ -25,7 +25,7 @@ from ..system.pencil import Pencil
 from .excitation import Excitation
 from .integration import Steps, row_size
 from .kept_fields import KeptFields
-from .loading import loading
+from .loading import loading, warn_of_unreduced
 from .orbit import Orbit
 from .preparation import STEPS, PeriodSettings
 from .shooting import PREFIX, snes_reason
@@ -77,6 +77,7 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
     count = (settings.steps or STEPS) * excitation.periods | 1
     excitation = excitation.below(0.5 * count)
     modes = settings.modes or MODES
+    warn_of_unreduced("periodic", model, loads, modes)
     _require_room(model, count, modes)
     found = lowest_modes(model, modes, auxiliary_tolerance=0.0)
     pencil = Pencil(model, 1.0, 0.0)

@@ -137,7 +137,9 @@ def warn_of_band(owner: str, found: Modal, ratios: np.ndarray, highest: float) -
         )
 
 
-def warn_of_jumps(owner: str, found: Modal, ratios: np.ndarray, shares: np.ndarray, duration: float) -> None:
+def warn_of_jumps(
+    owner: str, found: Modal, ratios: np.ndarray, shares: np.ndarray, duration: float, whole: bool = False
+) -> None:
     """Warn if errors of modes, or modes that are not computed, change by more than `WARNED_AMPLITUDE` what
     loads without a highest frequency move. Collective.
 
@@ -150,10 +152,12 @@ def warn_of_jumps(owner: str, found: Modal, ratios: np.ndarray, shares: np.ndarr
         Of the static displacement under each such load in each mode.
     duration : float
         Of the motion, s: what a mode's frequency is off by adds up as long, or until it has died out.
+    whole : bool
+        Whether what is above the computed modes swings too.
     """
     model, most = found.model, shares.max(axis=0, initial=0.0)
     missing = 1.0 - shares.sum(axis=1).min(initial=1.0)
-    if missing > WARNED_MISSING:
+    if missing > WARNED_MISSING and not whole:
         warnings.warn(
             f"{owner}: a load jumps, or has no known highest frequency, and {missing:.1g} of the "
             f"displacement under it is that of modes above the {len(most)} computed ones, which end at "

@@ -216,3 +216,27 @@ def test_cells_too_large_are_told(load):
     with pytest.warns(sb.MeshWarning, match="a load jumps, .* the error of mode .* changes what it moves"):
         instants, coarse = motion(None, order=2, size=0.1)
     assert np.abs(np.interp(time, instants, coarse) - fine).max() > 5e-3 * fine.max()
+
+
+@pytest.mark.parametrize("way", ["reduced model", "unreduced", "steady state"])
+def test_cells_too_large_are_told_however_it_is_computed(way):
+    """A reduced model that is handed in, and the model itself, tell what the model's reduction tells; loads
+    of a known band move nothing beyond it.
+    """
+    damping = {"damping": RATIO, "rayleigh": (0.0, 1e-6)}
+    model = sb.Model(Beam(0.4, 0.1).mesh(order=2, size=0.1), ALUMINIUM, clamped="left", **damping)
+
+    def run(signal):
+        load = sb.PointForce("A", fy=signal)
+        if way == "steady state":
+            return sb.periodic(model, load, 500.0, reduction=None, steps=64)
+        reduced = sb.reduce(model, load, modes=40)
+        given, options = (model, {"reduction": None}) if way == "unreduced" else (reduced, {})
+        return sb.transient(given, load, 4e-3, 1e-6, decimation=100, **options)
+
+    sudden = sb.Custom(lambda t: (t * 500.0 % 1.0 < 0.5) * 1.0) if way == "steady state" else sb.Step(1.0)
+    with pytest.warns(sb.MeshWarning, match="a load jumps, .* the error of mode .* changes what it moves"):
+        run(sudden)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", sb.MeshWarning)
+        run(sb.Harmonic(1.0, 50.0))
