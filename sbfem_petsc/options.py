@@ -7,6 +7,7 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Iterator, Mapping
+from numbers import Real
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -38,6 +39,10 @@ class Options(BaseModel):
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """What single options cannot tell: the name of one, or "", and what is wrong with it."""
         return iter(())
+
+    def of(self, kind: type[Options]) -> dict[str, Any]:
+        """By name, the options of a class that this one has taken over."""
+        return {name: getattr(self, name) for name in kind.model_fields}
 
     @classmethod
     def checked(cls: type[Own], owner: str, values: Mapping[str, Any]) -> Own:
@@ -75,6 +80,8 @@ def _plain(value: Any) -> Any:
         return value.item()
     if isinstance(value, np.ndarray) and value.ndim == 1 and not np.ma.is_masked(value):
         return value.tolist()
+    if hasattr(value, "__float__") and not isinstance(value, Real):
+        return object()  # pydantic would take it: an array without dimensions, say
     return list(value) if isinstance(value, tuple) else value
 
 

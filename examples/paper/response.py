@@ -91,7 +91,7 @@ def near_peak(bench: Bench, force: float, damping: float, found) -> tuple[np.nda
                     push(force),
                     float(frequency),
                     steps=STEPS,
-                    start=nearest,
+                    guess=nearest,
                     stability=False,
                 )
             )
@@ -402,7 +402,7 @@ def most_unstable(force: float, found):
     def negative(frequency: float) -> float:
         nearest = min(kept, key=lambda o: abs(o.frequency - frequency))
         try:
-            orbit = sb.periodic(found.reduced, push(force), float(frequency), steps=STEPS, start=nearest)
+            orbit = sb.periodic(found.reduced, push(force), float(frequency), steps=STEPS, guess=nearest)
         except sb.SolveError:
             return 0.0
         kept.append(orbit)

@@ -44,7 +44,7 @@ def doublings(load, curve):
             )
             try:
                 other = sb.periodic(
-                    curve.reduced, load, orbit.frequency, periods=2, steps=len(orbit.time), start=start
+                    curve.reduced, load, orbit.frequency, periods=2, steps=len(orbit.time), guess=start
                 )
             except sb.SolveError:
                 continue

@@ -69,13 +69,13 @@ def checked(reduced, curve, line, k, steps):
     start = dataclasses.replace(curve.orbit(0), state=line.states[k])
     for side in (-1.0, 1.0):  # behind a fold there is no motion
         try:
-            first = sb.periodic(reduced, load, frequency * (1.0 + side * NEAR), steps=steps, start=start)
+            first = sb.periodic(reduced, load, frequency * (1.0 + side * NEAR), steps=steps, guess=start)
             near = sb.frequency_response(
                 reduced,
                 load,
                 first.frequency,
                 frequency * (1.0 - side * NEAR),
-                first=first,
+                guess=first,
                 largest_step=FINE * frequency,
             )
         except sb.SolveError:

@@ -8,23 +8,23 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from ..capacity import require_memory
-from ..checks import Bounds, instance, integer, real, real_array, shown
-from ..checks import frequency as check_frequency
-from ..checks import progress as check_progress
+from ..checks import instance, integer, real_array, shown
 from ..dynamics.attraction import Attraction, Patience
 from ..dynamics.basins import Basins, StartAxis, grid_of, start_direction
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import PeriodSettings, check_first, prepare
+from ..dynamics.preparation import PeriodSettings, check_guess, prepare
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agreed, checked_communicator, collective
+from ..parallel import checked_communicator, collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from .analysis import analysis
+from .options import BasinsOptions
 
 
-@agreed()
+@analysis(BasinsOptions)
 def basins(
     model: Model | ReducedModel,
     load,
@@ -48,9 +48,8 @@ def basins(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a system of matrices a value for each of its
-    unit loads
-        As for `periodic`.
+    load : PointForce, EdgeLoad, a sum or a sequence of them
+        For a system of matrices a value for each of its unit loads. As for `periodic`.
     frequency : float
         Hz.
     starts : sequence of StartAxis, or (q, v)
@@ -91,19 +90,13 @@ def basins(
     with collective(own):
         ranks = own if comm is None else checked_communicator(what, comm)
     with collective(ranks):
-        frequency = check_frequency(what, "frequency", frequency)
         orbits = _checked_orbits(orbits, around, frequency)
-        longest = integer(what, "longest", longest, least=1, most=1000)
-        real(what, "tolerance", tolerance, within=Bounds(least=1e-13, most=1e-2))
-        limit = integer(what, "limit", limit, least=1, most=10**7)
-        check_progress(what, progress)
         count = _count(starts)
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
         steps = len(given[0].time) // given[0].periods
     settings = PeriodSettings(None, steps, modes)
-    first = given[0] if given else None
-    period = prepare(what, model, load, frequency, settings=settings, first=first)
+    period = prepare(what, model, load, frequency, settings=settings, guess=given[0] if given else None)
     # the grid and the product it is summed from, flat copies of the parts, their ends
     require_memory(
         what,
@@ -114,7 +107,7 @@ def basins(
     )
     with collective(ranks):
         for orbit in given:
-            check_first(what, orbit, period.reduced)
+            check_guess(what, orbit, period.reduced)
         origin = np.zeros(2 * period.modes) if around is None else _state(around, period.modes)
         axes, states = _states(starts, period.reduced, period.weights, origin)
         if not period.excitation.oscillating.amplitudes.any():

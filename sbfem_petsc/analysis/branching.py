@@ -37,7 +37,7 @@ def switch_branch(
     quasi-periodic with a tone of its own at a Neimark-Sacker point.
 
     It is looked for at a given distance from the branch along the critical Floquet direction, with the
-    branch's parameter free. `frequency_response(..., start=orbit.frequency, first=orbit)` follows the branch
+    branch's parameter free. `frequency_response(..., start=orbit.frequency, guess=orbit)` follows the branch
     of an orbit, `quasi_periodic_response(motion, stop)` that of a quasi-periodic motion.
 
     Parameters

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..checks import Bounds, flag, instance, integer, real
-from ..checks import frequency as check_frequency
+from ..checks import instance, shown
 from ..dynamics.loading import communicator
 from ..dynamics.multiple_shooting import segmented_stability, shoot_segments
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
@@ -19,18 +19,18 @@ from ..dynamics.states import ModalStates
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from ..system.plausibility import warn_of_motion
+from .analysis import analysis
+from .options import PeriodicOptions
 
-# Stands for True of a reduced model; the multipliers of an unreduced one are not computed.
-_OF_REDUCED = object()
 # Times the steps are doubled to meet a tolerance.
 DOUBLINGS = 7
 
 
-@agreed()
+@analysis(PeriodicOptions)
 def periodic(
     model: Model | ReducedModel,
     load,
@@ -41,9 +41,9 @@ def periodic(
     modes: int | None = None,
     contact: bool = True,
     reduction: str | None = "modes",
-    start: Orbit | None = None,
+    guess: Orbit | None = None,
     jacobian: str = "auto",
-    stability: Any = _OF_REDUCED,
+    stability: bool | None = None,
     longest: int = LONGEST,
     tolerance: float | None = None,
     search: Search | None = None,
@@ -74,12 +74,12 @@ def periodic(
         False: the faces may overlap.
     reduction : "modes" or None
         None: the unreduced model, distributed and without a matrix (see `dynamics.unreduced_shooting`).
-    start : Orbit, optional
-        First guess, of the same model. Default: the response without contact.
+    guess : Orbit, optional
+        A motion to begin from, of the same model. Default: the response without contact.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
         See `shooting.shoot`.
     stability : bool, optional
-        Compute the Floquet multipliers. Default: True of a reduced model; those of an unreduced one are not
+        Compute the Floquet multipliers. Default: of a reduced model; those of an unreduced one are not
         computed.
     longest : int
         Most forcing periods in a common period of tones.
@@ -90,7 +90,7 @@ def periodic(
     search : dynamics.steady.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
     segments : int
-        More than 1: multiple shooting over so many parts of the period, from `start` or the linear response
+        More than 1: multiple shooting over so many parts of the period, from `guess` or the linear response
         alone, without a search; for periods in which disturbances grow by 1e6 or more, and for many periods
         of a fast tone in one of a slow one. The period's steps are a multiple of it; the default is.
 
@@ -108,40 +108,29 @@ def periodic(
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body.
     """
+    settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
     with collective(communicator(model)):
-        segments = integer("periodic", "segments", segments, least=1, most=10**4)
-        settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
-        stability = reduction is not None if stability is _OF_REDUCED else stability
-        flag("periodic", "stability", stability)
-        settings = settings.checked("periodic")
         check_reduction("periodic", reduction)
-        frequency = check_frequency("periodic", "frequency", frequency)
+        if guess is not None:
+            instance("periodic", "guess", guess, Orbit, "an Orbit")
         if search is not None:
             instance("periodic", "search", search, Search, "a dynamics.steady.Search")
-        if tolerance is not None:
-            real("periodic", "tolerance", tolerance, "relative", within=Bounds(above=0.0, below=1.0))
-        if segments > 1 and (search is not None or jacobian != "auto" or reduction is None):
-            raise ValueError(
-                f"periodic: segments = {segments} takes neither search nor jacobian nor reduction = None"
-            )
-        if search is not None and not contact:
-            raise ValueError(
-                "periodic: search has no use without contact: the motion is that of linear modes"
-            )
-        if reduction is None:
-            _check_unreduced(model, settings, start, tolerance)
-            if search is not None or stability:
+            if not contact or segments > 1:
                 raise ValueError(
-                    "periodic: search and stability = True are for the reduced model; the unreduced one is "
-                    "looked for behind a history if need be, and its multipliers are not computed"
+                    "periodic: search is for a reduced model with contact and segments = 1; without contact "
+                    "the motion is that of linear modes, and in segments it is found from guess alone"
                 )
+        if reduction is None:
+            segmented = segments if segments > 1 else None
+            asked = {"guess": guess, "tolerance": tolerance, "search": search, "segments": segmented}
+            _check_unreduced(model, {**asked, "stability": stability or None}, jacobian)
     if reduction is None:
         assert isinstance(model, Model)
         found = unreduced_periodic(model, load, frequency, settings=settings)
         warn_of_motion("periodic", model, found)
         return found
-    task = _Task(model, load, frequency, stability, search if contact else NEWTON_ALONE, segments)
-    found = _shot(task, settings, start) if tolerance is None else _refined(task, settings, start, tolerance)
+    task = _Task(model, load, frequency, stability is not False, search if contact else NEWTON_ALONE)
+    found = _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
     warn_of_motion("periodic", model, found)
     return found
 
@@ -155,19 +144,17 @@ class _Task:
     frequency: float
     stability: bool
     search: Search | None
-    segments: int
 
 
-def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
+def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     """The orbit at given steps."""
-    period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, first=start)
-    if task.segments > 1:
-        return _in_segments(task, period, start)
-    guess = period.at(task.frequency).linear_state if start is None else start.state
+    period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+    if settings.segments > 1:
+        return _in_segments(task, settings.segments, period, guess)
     fixed, path = find_steady_state(
         period,
         task.frequency,
-        guess,
+        period.at(task.frequency).linear_state if guess is None else guess.state,
         jacobian=settings.jacobian,
         multiples=settings.periods is None,
         search=task.search,
@@ -177,33 +164,33 @@ def _shot(task: _Task, settings: PeriodSettings, start: Orbit | None) -> Orbit:
     return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
 
 
-def _in_segments(task: _Task, period: Period, start: Orbit | None) -> Orbit:
+def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None) -> Orbit:
     """The orbit by multiple shooting."""
-    if period.steps % task.segments:
+    if period.steps % segments:
         raise on_all_ranks(
             ValueError(
-                f"periodic: {period.steps} steps a period are no multiple of segments = {task.segments}; "
+                f"periodic: {period.steps} steps a period are no multiple of segments = {segments}; "
                 "give another number of either"
             )
         )
-    guess = None if start is None else _at_segments(start, period, task)
-    fixed, segmented, motions = shoot_segments(period, task.frequency, task.segments, guess)
+    states = None if guess is None else _at_segments(guess, period, task.frequency, segments)
+    fixed, segmented, motions = shoot_segments(period, task.frequency, segments, states)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
     return make_orbit(fixed, *segmented_stability(segmented, motions), "multiple shooting")
 
 
-def _at_segments(start: Orbit, period: Period, task: _Task) -> np.ndarray:
+def _at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:
     """(segments, 2 m): a motion at the segments' beginnings, in differences to the linear response; one under
     a multiple of the frequency is repeated as often as it takes.
     """
-    driven = period.at(task.frequency)
-    instants = np.arange(task.segments) * (period.steps // task.segments)
+    driven = period.at(frequency)
+    instants = np.arange(segments) * (period.steps // segments)
     # in forcing periods: motions under neighbouring frequencies keep their phase
-    times = max(1, round(start.frequency / task.frequency))
-    places = times * instants * period.excitation.periods / period.steps / start.periods * len(start.time)
-    assert isinstance(start.states, ModalStates)  # of the same reduced model
-    states = np.concatenate([period.weights * start.states.q, start.states.v], axis=1)
+    times = max(1, round(guess.frequency / frequency))
+    places = times * instants * period.excitation.periods / period.steps / guess.periods * len(guess.time)
+    assert isinstance(guess.states, ModalStates)  # of the same reduced model
+    states = np.concatenate([period.weights * guess.states.q, guess.states.v], axis=1)
     before = np.floor(places + 1e-9).astype(int)
     share = (places - before)[:, None]
     states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
@@ -214,9 +201,9 @@ def _at_segments(start: Orbit, period: Period, task: _Task) -> np.ndarray:
     return states - linear
 
 
-def _refined(task: _Task, settings: PeriodSettings, start: Orbit | None, tolerance: float) -> Orbit:
+def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, tolerance: float) -> Orbit:
     """An orbit whose displacements do not change by more than a tolerance when its steps are doubled."""
-    found = _shot(task, settings, start)
+    found = _shot(task, settings, guess)
     for _ in range(DOUBLINGS):
         steps = 2 * len(found.time) // found.periods
         settings = replace(settings, steps=steps, periods=found.periods)
@@ -237,16 +224,15 @@ def _refined(task: _Task, settings: PeriodSettings, start: Orbit | None, toleran
     )
 
 
-def _check_unreduced(model, settings: PeriodSettings, start, tolerance) -> None:
+def _check_unreduced(model: Any, asked: Mapping[str, Any], jacobian: str) -> None:
     """What shooting on the unreduced model cannot do."""
     if not isinstance(model, Model):
         raise ValueError("periodic: reduction = None needs the model itself, not a reduced one")
-    if tolerance is not None:
-        raise ValueError(
-            "periodic: tolerance is for the reduced model; repeat the unreduced one with more steps"
-        )
-    if start is not None or settings.jacobian not in ("auto", "matrix-free"):
-        raise ValueError(
-            "periodic: start and jacobian are for the reduced model; the unreduced one starts from its "
-            "linear response, without a matrix"
-        )
+    given = {**asked, "jacobian": None if jacobian in ("auto", "matrix-free") else jacobian}
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"periodic: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction = "
+                "None, is shot at from its linear response, without a matrix, in the steps given, and has no "
+                "multipliers: leave it out"
+            )

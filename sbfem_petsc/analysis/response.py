@@ -10,9 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from ..capacity import FEW, require_memory, room
-from ..checks import Bounds, flag, instance, integer, path, positive, real
-from ..checks import frequency as check_frequency
-from ..checks import progress as check_progress
+from ..checks import instance
 from ..dynamics.branch import Branch
 from ..dynamics.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..dynamics.driven_orbits import ParameterRange
@@ -23,7 +21,7 @@ from ..dynamics.preparation import PeriodSettings, prepare
 from ..dynamics.shooting import shoot
 from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.branch_file import BranchFile
@@ -31,6 +29,8 @@ from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant, Signal
 from ..system.model import Model
 from ..system.plausibility import warn_of_amplitudes
+from .analysis import analysis
+from .options import FrequencyResponseOptions, LoadResponseOptions
 
 # `Orbit.path` of a motion next to a period doubling.
 DOUBLED = "period doubling"
@@ -38,7 +38,7 @@ DOUBLED = "period doubling"
 INSTANTS = 256
 
 
-@agreed()
+@analysis(FrequencyResponseOptions)
 def frequency_response(
     model: Model | ReducedModel,
     load,
@@ -49,9 +49,9 @@ def frequency_response(
     periods: int | None = None,
     steps: int | None = None,
     modes: int | None = None,
-    first: Orbit | None = None,
+    guess: Orbit | None = None,
     points: int = 400,
-    largest_step: float = math.inf,
+    largest_step: float | None = None,
     stability: bool = True,
     file: str | None = None,
     resume: bool = False,
@@ -63,28 +63,28 @@ def frequency_response(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a system of matrices a value for each of its
-    unit loads
-        Numbers are amplitudes of sin(2 pi f t) at the swept frequency; `Constant` signals are preloads.
+    load : PointForce, EdgeLoad, a sum or a sequence of them
+        For a system of matrices a value for each of its unit loads. Numbers are amplitudes of
+        sin(2 pi f t) at the swept frequency; `Constant` signals are preloads.
     start, stop : float
         Hz; `stop` below `start` sweeps downwards.
     contact : bool
     periods, steps, modes
         See `periodic`.
-    first : Orbit, optional
-        A motion at `start` on the branch that is wanted, of its own number of periods. Default: the one
-        `periodic` finds. From one that `switch_branch` has found the branch goes away from the period
-        doubling, if need be through a fold outside the range.
+    guess : Orbit, optional
+        A motion to begin from: one at `start` on the branch that is wanted, of its own number of periods.
+        Default: the one that `periodic` finds. From one that `switch_branch` has found the branch goes away
+        from the period doubling, if need be through a fold outside the range.
     points : int
         Points at most.
-    largest_step : float
+    largest_step : float, optional
         Largest change of the frequency (Hz) from a point to the next one, for a finer curve.
     stability : bool
         Compute Floquet multipliers and bifurcations.
     file : str, optional
         HDF5 file that is kept up to date (`read_branch`).
     resume : bool
-        Continue `file` if it exists, with the same model, loads and settings.
+        Go on from `file` if it exists, with the same model, loads and settings.
     progress : callable, "auto" or None
         As for `transient`.
 
@@ -96,44 +96,32 @@ def frequency_response(
         If there is no first point, or if the curve comes to a stop within the range; the points so far are
         its attribute `branch`, and in `file`.
     """
-    what = "frequency_response"
-    comm = communicator(model)
+    what, comm = "frequency_response", communicator(model)
     with collective(comm):
-        start, stop = check_frequency(what, "start", start), check_frequency(what, "stop", stop)
-        PeriodSettings(periods, steps, modes, contact).checked(what)
-        if first is not None:
-            instance(what, "first", first, Orbit, "an Orbit")
-        if start == stop:
-            raise ValueError(f"{what}: start and stop are both {start:g} Hz; give a range, or use periodic")
-        if not contact and (file is not None or first is not None):
-            raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor first")
-        flag(what, "contact", contact)
-        settings = _checked(what, points, largest_step, stability, first, start)
-        _check_file(what, file, resume)
-        check_progress(what, progress)
+        if not contact and (file is not None or guess is not None):
+            raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor guess")
+        check_begin(what, guess, start, periods)
         amplitudes_only(what, load)
-        if first is not None and periods not in (None, first.periods):
-            raise ValueError(f"{what}: first takes {first.periods} forcing periods, not periods = {periods}")
-    steps, periods = _of_first(first, steps, periods)
-    highest = max(start, stop)
-    shooting = PeriodSettings(periods, steps, modes, contact)
+    over, highest = ParameterRange("frequency", start, stop), max(start, stop)
+    steps, periods = _of_guess(guess, steps, periods)
     if not contact:
-        linear = replace(shooting, steps=INSTANTS)
+        linear = PeriodSettings(periods, INSTANTS, modes, contact)
         found = linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
         warn_of_amplitudes(what, found)
         return found
 
     def begin(period: Period) -> np.ndarray:
-        guess = period.at(start).linear_state if first is None else first.state
-        return find_steady_state(period, start, guess, multiples=False)[0].state
+        state = period.at(over.start).linear_state if guess is None else guess.state
+        return find_steady_state(period, over.start, state, multiples=False)[0].state
 
     with _file(comm, file, resume) as record:
-        wide = replace(shooting, band=highest)
-        period = prepare(what, model, load, start, settings=wide, first=first)
-        return _follow(period, ParameterRange("frequency", start, stop), begin, settings, record, progress)
+        settings = PeriodSettings(periods, steps, modes, band=highest)
+        period = prepare(what, model, load, over.start, settings=settings, guess=guess)
+        asked = _continuation(points, largest_step, stability, guess)
+        return _follow(period, over, begin, asked, record, progress)
 
 
-@agreed()
+@analysis(LoadResponseOptions)
 def load_response(
     model: Model | ReducedModel,
     load,
@@ -144,9 +132,9 @@ def load_response(
     periods: int | None = None,
     steps: int | None = None,
     modes: int | None = None,
-    first: Orbit | None = None,
+    guess: Orbit | None = None,
     points: int = 400,
-    largest_step: float = math.inf,
+    largest_step: float | None = None,
     stability: bool = True,
     file: str | None = None,
     resume: bool = False,
@@ -157,37 +145,31 @@ def load_response(
 
     Parameters
     ----------
+    model : Model or ReducedModel
+    frequency : float
+        Forcing frequency, Hz.
     start, stop : float
         Factors; not negative.
-    load, frequency, periods, steps, modes, first, points, largest_step, stability, file, resume,
-    progress
-        See `frequency_response`; `first` is an orbit at the factor `start`.
+    largest_step : float, optional
+        Largest change of the factor from a point to the next one, for a finer curve.
+    load, periods, steps, modes, guess, points, stability, file, resume, progress
+        See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
-    what = "load_response"
-    comm = communicator(model)
+    what, comm = "load_response", communicator(model)
     with collective(comm):
-        start, stop = (
-            real(what, name, value, within=Bounds(least=0.0, most=1e15))
-            for name, value in (("start", start), ("stop", stop))
-        )
-        if start == stop:
-            raise ValueError(f"{what}: start and stop are both {start:g}; give a range, or use periodic")
-        check_progress(what, progress)
-        frequency = check_frequency(what, "frequency", frequency)
-        PeriodSettings(periods, steps, modes).checked(what)
-        settings = _checked(what, points, largest_step, stability, first, frequency)
-        _check_file(what, file, resume)
-    steps, periods = _of_first(first, steps, periods)
-    shooting = PeriodSettings(periods, steps, modes)
+        check_begin(what, guess, frequency, periods)
+    steps, periods = _of_guess(guess, steps, periods)
 
     def begin(period: Period) -> np.ndarray:
-        guess = first.state if first is not None else period.at(frequency, start).linear_state
-        return shoot(period, guess, frequency, start).state
+        state = guess.state if guess is not None else period.at(frequency, start).linear_state
+        return shoot(period, state, frequency, start).state
 
     with _file(comm, file, resume) as record:
-        period = prepare(what, model, load, frequency, settings=shooting, first=first)
-        parameter = ParameterRange("load", start, stop, frequency)
-        return _follow(period, parameter, begin, settings, record, progress)
+        settings = PeriodSettings(periods, steps, modes)
+        period = prepare(what, model, load, frequency, settings=settings, guess=guess)
+        asked = _continuation(points, largest_step, stability, guess)
+        over = ParameterRange("load", start, stop, frequency)
+        return _follow(period, over, begin, asked, record, progress)
 
 
 def _file(
@@ -244,39 +226,30 @@ def _with_room(period: Period, parameter: ParameterRange, settings: BranchSettin
     return replace(settings, points=most, more="there is no memory for more points: give fewer modes")
 
 
-def _of_first(first: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:
-    """Steps and periods of the motion that a branch starts from."""
-    if first is None:
+def _of_guess(guess: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:
+    """Steps and periods of the motion that a branch begins from."""
+    if guess is None:
         return steps, 1 if periods is None else periods
-    return (len(first.time) // first.periods if steps is None else steps), first.periods
+    return (len(guess.time) // guess.periods if steps is None else steps), guess.periods
 
 
-def _checked(
-    what: str,
-    points: int,
-    largest_step: float,
-    stability: bool,
-    first: Orbit | None,
-    frequency: float,
+def _continuation(
+    points: int, largest_step: float | None, stability: bool, guess: Orbit | None
 ) -> BranchSettings:
-    points = integer(what, "points", points, least=2)
-    if not (isinstance(largest_step, float) and largest_step == math.inf):
-        positive(what, "largest_step", largest_step)
-    flag(what, "stability", stability)
-    if first is not None:
-        instance(what, "first", first, Orbit, "an Orbit")
-        if abs(first.frequency - frequency) > 1e-9 * frequency:
-            raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {frequency:g} Hz")
-    leave = first is not None and first.path == DOUBLED
-    return BranchSettings(points, float(largest_step), stability, leave)
+    """How a branch is followed: from a motion beside a period doubling away from it."""
+    leave = guess is not None and guess.path == DOUBLED
+    return BranchSettings(points, largest_step or math.inf, stability, leave)
 
 
-def _check_file(what: str, file: str | None, resume: bool) -> None:
-    if file is not None:
-        path(what, "file", file)
-    flag(what, "resume", resume)
-    if resume and file is None:
-        raise ValueError(f"{what}: resume = True needs the file to continue, file = 'branch.h5'")
+def check_begin(what: str, guess: Orbit | None, frequency: float, periods: int | None = None) -> None:
+    """Raise unless a motion to begin from, if there is one, is at a frequency and of so many periods."""
+    if guess is None:
+        return
+    instance(what, "guess", guess, Orbit, "an Orbit")
+    if abs(guess.frequency - frequency) > 1e-9 * frequency:
+        raise ValueError(f"{what}: guess is at {guess.frequency:g} Hz, not at {frequency:g} Hz")
+    if periods not in (None, guess.periods):
+        raise ValueError(f"{what}: guess takes {guess.periods} forcing periods, not periods = {periods}")
 
 
 def amplitudes_only(what: str, load) -> None:

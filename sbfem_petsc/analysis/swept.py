@@ -8,23 +8,23 @@ from collections.abc import Callable
 import numpy as np
 
 from ..capacity import require_memory
-from ..checks import frequency as check_frequency
-from ..checks import instance, optional_integer, positive
-from ..checks import progress as check_progress
+from ..checks import instance
 from ..dynamics.integration import Steps
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import check_first
+from ..dynamics.preparation import check_guess
 from ..dynamics.reduced_history import ReducedIntegrator
 from ..dynamics.states import ModalStates
 from ..dynamics.step_plan import CONTACT_STEP
 from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles
 from ..errors import on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
 from ..system.model import Model
+from .analysis import analysis
+from .options import LONGEST, SweptOptions
 from .periodic import periodic
 from .response import amplitudes_only
 
@@ -32,11 +32,9 @@ from .response import amplitudes_only
 STEPS = 320
 # Relative distance of a steady state that is given from the one that is found from it.
 SAME = 1e-6
-# More steps than this are refused: hours.
-MOST = 10**9
 
 
-@agreed()
+@analysis(SweptOptions)
 def swept_response(
     model: Model | ReducedModel,
     load,
@@ -44,7 +42,7 @@ def swept_response(
     stop: float,
     *,
     duration: float,
-    first: Orbit | None = None,
+    initial: Orbit | None = None,
     steps: int | None = None,
     modes: int | None = None,
     progress: Callable[[float], None] | str | None = "auto",
@@ -55,16 +53,16 @@ def swept_response(
     Parameters
     ----------
     model : Model or ReducedModel
-    load : PointForce, EdgeLoad, a sum or a sequence of them; for a system of matrices a value for each of its
-    unit loads
-        Numbers are amplitudes of the swept sine; `Constant` signals are preloads.
+    load : PointForce, EdgeLoad, a sum or a sequence of them
+        For a system of matrices a value for each of its unit loads. Numbers are amplitudes of the
+        swept sine; `Constant` signals are preloads.
     start, stop : float
         Hz; `stop` below `start` sweeps downwards.
     duration : float
         s. The motion keeps up with the steady states where the frequency changes in the time in which
         disturbances fall to 1/e, 1 / (zeta omega), by little of the half-power bandwidth 2 zeta f.
-    first : Orbit, optional
-        Steady state at `start`, of this model and load. Default: the one that `periodic` finds.
+    initial : Orbit, optional
+        The steady state at t = 0, at `start`, of this model and load. Default: the one that `periodic` finds.
     steps : int, optional
         Steps in a period of the higher frequency. Default: 320, or as many as keep the step below 0.8 of the
         shortest modal period.
@@ -84,26 +82,13 @@ def swept_response(
     SolveError
         If a contact problem is not solved, or no steady state is found at `start`.
     """
-    what = "swept_response"
-    comm = communicator(model)
+    what, comm = "swept_response", communicator(model)
     with collective(comm):
-        start, stop = check_frequency(what, "start", start), check_frequency(what, "stop", stop)
-        if start == stop:
-            raise ValueError(f"{what}: start and stop are both {start:g} Hz; give a range, or use periodic")
-        duration = positive(what, "duration", duration, "s")
-        steps = optional_integer(what, "steps", steps, least=48, most=10**7)
-        modes = optional_integer(what, "modes", modes, least=1)
-        if first is not None:
-            instance(what, "first", first, Orbit, "an Orbit")
-            if abs(first.frequency - start) > 1e-9 * start:
-                raise ValueError(f"{what}: first is at {first.frequency:g} Hz, not at {start:g} Hz")
-        check_progress(what, progress)
+        if initial is not None:
+            instance(what, "initial", initial, Orbit, "an Orbit")
+            if abs(initial.frequency - start) > 1e-9 * start:
+                raise ValueError(f"{what}: initial is at {initial.frequency:g} Hz, not at {start:g} Hz")
         amplitudes_only(what, load)
-        if not 2.0 <= 0.5 * (start + stop) * duration <= MOST:
-            raise ValueError(
-                f"{what}: duration = {duration:g} s holds {0.5 * (start + stop) * duration:.3g} cycles; a "
-                f"sweep of 2 to {MOST:g} is expected"
-            )
         loads = loading(what, model, load, lambda value: Chirp(value, start, stop, duration))
         loads = loads.over(duration, rest=False)
         if not any(isinstance(signal, Chirp) and signal.amplitude for signal in loads.signals):
@@ -115,7 +100,7 @@ def swept_response(
         if len(reduced.initial_gap):
             steps = max(steps, math.ceil(float(reduced.frequencies.max()) / (CONTACT_STEP * highest)))
     count = math.ceil(duration * highest * steps)
-    if count > MOST:
+    if count > LONGEST:
         raise on_all_ranks(
             ValueError(f"{what}: duration = {duration:g} s takes {count:.3g} steps; shorten it")
         )
@@ -127,10 +112,11 @@ def swept_response(
         f"{count:,d} steps at {points} points",
         lambda share: f"sweep in {duration * share:.3g} s, or in parts",
     )
-    first = (
-        periodic(reduced, load, start, stability=False) if first is None else _checked(first, reduced, load)
-    )
-    state = first.states
+    if initial is None:
+        initial = periodic(reduced, load, start, stability=False)
+    else:
+        _require_steady(initial, reduced, load)
+    state = initial.states
     assert isinstance(state, ModalStates)
     plan = Steps(count, duration / count, True, "exact", 1)
     integrator = ReducedIntegrator(reduced, loads.signals, plan, (state.q[0], state.v[0]))
@@ -163,18 +149,17 @@ def swept_response(
     )
 
 
-def _checked(first: Orbit, reduced: ReducedModel, load) -> Orbit:
-    """The motion to begin from, if it is one under this load."""
-    what, steps = "swept_response", len(first.time) // first.periods
+def _require_steady(initial: Orbit, reduced: ReducedModel, load) -> None:
+    """Refuse a motion that is none under this load."""
+    what, steps = "swept_response", len(initial.time) // initial.periods
     with collective(communicator(reduced)):
-        check_first(what, first, reduced)
+        check_guess(what, initial, reduced)
     found = periodic(
-        reduced, load, first.frequency, periods=first.periods, steps=steps, start=first, stability=False
+        reduced, load, initial.frequency, periods=initial.periods, steps=steps, guess=initial, stability=False
     )
-    if np.linalg.norm(found.state - first.state) > SAME * np.linalg.norm(found.state):
+    if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
         raise on_all_ranks(
             ValueError(
-                f"{what}: first = {first!r} is no steady state under this load; leave it out, or give one"
+                f"{what}: initial = {initial!r} is no steady state under this load; leave it out, or give one"
             )
         )
-    return first

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from ..capacity import require_compiler, require_memory
-from ..checks import choice, flag, instance, integer, optional_integer, shown
-from ..checks import frequency as check_frequency
+from ..checks import shown
 from ..parallel import collective
 from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
@@ -17,7 +16,6 @@ from .excitation import Excitation
 from .loading import communicator, loading, serving
 from .orbit import Orbit
 from .period_map import Period
-from .shooting import JACOBIANS
 from .step_plan import CONTACT_STEP, warn_if_coarse
 
 # Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
@@ -61,18 +59,6 @@ class PeriodSettings:
     segments: int = 1
     band: float | None = None
 
-    def checked(self, owner: str) -> PeriodSettings:
-        """The same in Python's own integers; TypeError or ValueError for values that make no sense."""
-        flag(owner, "contact", self.contact)
-        choice(owner, "jacobian", self.jacobian, JACOBIANS)
-        return replace(
-            self,
-            periods=optional_integer(owner, "periods", self.periods, least=1, most=10**7),
-            steps=optional_integer(owner, "steps", self.steps, least=48, most=10**7),
-            modes=optional_integer(owner, "modes", self.modes, least=1, most=10**7),
-            longest=integer(owner, "longest", self.longest, least=1),
-        )
-
 
 def prepare(
     owner: str,
@@ -81,7 +67,7 @@ def prepare(
     frequency: float,
     *,
     settings: PeriodSettings,
-    first: Orbit | None = None,
+    guess: Orbit | None = None,
 ) -> Period:
     """The period map of checked input. Collective.
 
@@ -89,14 +75,10 @@ def prepare(
     ----------
     owner : str
         The analysis, for messages.
-    first : Orbit, optional
-        A motion to start from, of the same reduced model.
+    guess : Orbit, optional
+        A motion to begin from, of the same reduced model.
     """
     with collective(communicator(system)):
-        frequency = check_frequency(owner, "frequency", frequency)
-        settings = settings.checked(owner)
-        if first is not None:
-            instance(owner, "start", first, Orbit, "an Orbit, the motion to start from")
         loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
         excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
     require_compiler(owner, communicator(system))
@@ -104,12 +86,12 @@ def prepare(
     highest = max(frequency if unknown else 0.0, loads.highest_frequency)
     highest *= (settings.band or frequency) / frequency
     modes = settings.modes
-    if modes is None and first is not None and first.reduced is not None and isinstance(system, Model):
-        modes = len(first.reduced.omega)
+    if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
+        modes = len(guess.reduced.omega)
     reduced = serving(owner, system, loads, modes, highest)
     with collective(communicator(system)):
-        if first is not None:
-            check_first(owner, first, reduced)
+        if guess is not None:
+            check_guess(owner, guess, reduced)
     excitation = excitation.moving(reduced, frequency)
     steps, contact = settings.steps, settings.contact and len(reduced.initial_gap) > 0
     fastest = max((signal.highest_frequency or 0.0 for signal in loads.signals), default=0.0)
@@ -167,18 +149,18 @@ def check_reduction(owner: str, reduction: object) -> None:
         )
 
 
-def check_first(owner: str, first: Orbit, reduced: ReducedModel) -> None:
+def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:
     """A motion's state has a meaning in the modes of its own model alone."""
-    if first.reduced is None:
-        raise ValueError(f"{owner}: the motion to start from is that of an unreduced model")
-    same = first.reduced is reduced or (
-        first.reduced.model is not None
-        and first.reduced.model is reduced.model
-        and len(first.reduced.omega) == len(reduced.omega)
+    if guess.reduced is None:
+        raise ValueError(f"{owner}: the motion to begin from is that of an unreduced model")
+    same = guess.reduced is reduced or (
+        guess.reduced.model is not None
+        and guess.reduced.model is reduced.model
+        and len(guess.reduced.omega) == len(reduced.omega)
     )
     if not same:
         raise ValueError(
-            f"{owner}: the motion to start from belongs to another model or another number of modes "
-            f"({len(first.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its "
+            f"{owner}: the motion to begin from belongs to another model or another number of modes "
+            f"({len(guess.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its "
             "reduced model in the place of the model"
         )

@@ -22,7 +22,6 @@ PREFIX = "shooting_"
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
 # Residual relative to the linear oscillation at which a fixed point nearby is taken.
 NEARBY = 1e-8
-JACOBIANS = ("auto", "dense", "matrix-free", "differences")
 # Unknowns up to which matrices of the period map are made whole.
 WHOLE = 1200
 # Motions of so many modes and more are first looked for with so many times fewer steps, but so many at least

@@ -6,7 +6,17 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from ..analysis.options import LoadHistoryOptions, ModalOptions, StaticOptions, TransientOptions
+from ..analysis.options import (
+    BasinsOptions,
+    FrequencyResponseOptions,
+    LoadHistoryOptions,
+    LoadResponseOptions,
+    ModalOptions,
+    PeriodicOptions,
+    StaticOptions,
+    SweptOptions,
+    TransientOptions,
+)
 from ..options import Pair, item
 from .tables import Name, Names, Table, by_kind
 
@@ -80,67 +90,25 @@ class TransientAnalysis(TransientOptions, Loaded):
     reduced: bool = item(True, text="false: the unreduced model")
 
 
-class PeriodicAnalysis(Table):
+class PeriodicAnalysis(PeriodicOptions, Loaded):
     """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
     sin(2 pi frequency t)."""
 
     kind: Literal["periodic"] = item(text="steady state")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
-    periods: int | None = item(
-        None, text="forcing periods in one period of the motion; default: the fewest that fit", ge=1
-    )
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(
-        None, text="modes; default: up to 8 times the loads' highest frequency, at least 80", ge=1
-    )
-    contact: bool = item(True, text="false: crack faces may overlap")
-    stability: bool = item(True, text="compute the Floquet multipliers")
-    tolerance: float | None = item(
-        None, text="double the steps until displacements change by less (relative)", gt=0, lt=1
-    )
-    segments: int = item(
-        1,
-        text="multiple shooting over so many parts of a long period, of which the steps are a multiple",
-        ge=1,
-    )
     reduced: bool = item(True, text="false: the unreduced model")
 
 
-class FrequencyResponse(Table):
+class FrequencyResponse(FrequencyResponseOptions, Loaded):
     """Steady states over the forcing frequency, through folds; the linear response without contact."""
 
     kind: Literal["frequency_response"] = item(text="response curve over the frequency")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    start: float = item(text="first frequency", unit="Hz", gt=0)
-    stop: float = item(text="last frequency", unit="Hz", gt=0)
-    contact: bool = item(True, text="false: the linear response")
-    periods: int | None = item(None, text="forcing periods in one period of the motion", ge=1)
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    points: int = item(400, text="points at most", ge=2)
-    largest_step: float | None = item(
-        None, text="largest change of the frequency from a point to the next", unit="Hz", gt=0
-    )
-    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
-class LoadResponse(Table):
+class LoadResponse(LoadResponseOptions, Table):
     """Steady states at a fixed frequency over a factor on the oscillating loads."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
     load: Names = item(text=_LOAD)
-    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
-    start: float = item(0.0, text="first factor", ge=0)
-    stop: float = item(1.0, text="last factor", ge=0)
-    periods: int = item(1, text="forcing periods in one period of the motion", ge=1)
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    points: int = item(400, text="points at most", ge=2)
-    largest_step: float | None = item(None, text="largest change of the factor", gt=0)
-    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
 
 
 class StartAxisTable(Table):
@@ -157,40 +125,21 @@ class StartAxisTable(Table):
     direction: Literal["x", "y"] = item("y", text="direction of the point's motion")
 
 
-class BasinsAnalysis(Table):
+class BasinsAnalysis(BasinsOptions, Loaded):
     """Which steady state the histories from a grid of initial states settle on."""
 
     kind: Literal["basins"] = item(text="basins of attraction")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    frequency: float = item(text="forcing frequency", unit="Hz", gt=0)
     starts: list[StartAxisTable] = item(text="axes of the grid", min_length=1, max_length=3)
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    longest: int = item(8, text="most periods after which a motion may repeat itself", ge=1, le=1000)
-    tolerance: float = item(
-        1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2
-    )
-    limit: int = item(2000, text="periods that a history is followed at most", ge=1)
 
 
-class SweptAnalysis(Table):
+class SweptAnalysis(SweptOptions, Loaded):
     """A motion whose forcing frequency runs slowly from a steady state at `start` to `stop`, and back."""
 
     kind: Literal["swept_response"] = item(text="slowly swept frequency: amplitudes and jumps")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    start: float = item(text="first frequency", unit="Hz", gt=0)
-    stop: float = item(text="last frequency", unit="Hz", gt=0)
-    duration: float = item(text="of the sweep, one way", unit="s", gt=0)
     back: bool = item(True, text="sweep back from stop to start as well")
     least: float = item(
         0.2, text="relative change of the amplitude, beyond that of a linear resonance, that is a jump", gt=0
     )
-    steps: int | None = item(
-        None, text="time steps in a period of the higher frequency; default: 320 or more", ge=48
-    )
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
 
 
 class LocusAnalysis(Table):

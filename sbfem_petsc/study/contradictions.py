@@ -34,11 +34,8 @@ _SIGNALS = {
 
 # Kinds with a range from start to stop.
 _RANGES = (
-    "frequency_response",
-    "load_response",
     "backbone",
     "locus",
-    "swept_response",
     "quasi_periodic_response",
 )
 
@@ -178,13 +175,6 @@ def _analyses(case: Any) -> Iterator[Problem]:
             yield from _locus(case, path, analysis)
         if analysis.kind == "backbone" and analysis.modes is not None and analysis.mode > analysis.modes:
             yield Problem((*path, "mode"), f"= {analysis.mode} must be one of the modes = {analysis.modes}")
-        if analysis.kind == "swept_response":
-            cycles = 0.5 * (analysis.start + analysis.stop) * analysis.duration
-            if cycles < 2.0:
-                yield Problem(
-                    (*path, "duration"),
-                    f"= {analysis.duration:g} s holds {cycles:.3g} cycles; give 2 or more",
-                )
         if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
             yield Problem(
                 (*path, "pump_frequency"),

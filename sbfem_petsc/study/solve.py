@@ -11,6 +11,17 @@ import numpy as np
 
 import sbfem_petsc as sb
 
+from ..analysis.options import (
+    BasinsOptions,
+    FrequencyResponseOptions,
+    LoadHistoryOptions,
+    LoadResponseOptions,
+    ModalOptions,
+    PeriodicOptions,
+    StaticOptions,
+    SweptOptions,
+    TransientOptions,
+)
 from ..errors import SolveError
 from ..indicators.lines import sidebands
 from . import objects
@@ -91,36 +102,24 @@ class Structure:
 
     # ------------------------------------------------------------------ the kinds
     def _modal(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        return function(
-            self.model,
-            count=table.count,
-            band=None if table.band is None else tuple(table.band),
-            auxiliary_tolerance=table.auxiliary_tolerance,
-            verify=table.verify,
-            **_accuracy(table),
-        )
+        return function(self.model, **table.of(ModalOptions))
 
     def _static(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         load = objects.load(case, table.load, table.factor)
-        return function(self.model, load, contact=table.contact, method=table.method, **_accuracy(table))
+        return function(self.model, load, **table.of(StaticOptions))
 
     def _load_history(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
         load = objects.load(case, table.load, table.factor)
-        return function(self.model, load, grid(table.times), contact=table.contact)
+        return function(self.model, load, grid(table.times), **table.of(LoadHistoryOptions))
 
     def _transient(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         return function(
             self.model,
             objects.load(case, table.load, table.factor),
-            table.duration,
-            step=table.step,
-            modes=table.modes,
-            contact=table.contact,
-            scheme=table.scheme,
+            **table.of(TransientOptions),
             initial=table.initial,
-            decimation=table.decimation,
             progress=progress,
             reduction="modes" if table.reduced else None,
             file=file,
@@ -128,19 +127,8 @@ class Structure:
         )
 
     def _periodic(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        return function(
-            self.model,
-            objects.load(case, table.load, table.factor),
-            table.frequency,
-            periods=table.periods,
-            steps=table.steps,
-            modes=table.modes,
-            contact=table.contact,
-            reduction="modes" if table.reduced else None,
-            stability=table.stability,
-            tolerance=table.tolerance,
-            segments=table.segments,
-        )
+        load, reduction = objects.load(case, table.load, table.factor), "modes" if table.reduced else None
+        return function(self.model, load, **table.of(PeriodicOptions), reduction=reduction)
 
     def _modulation(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         pump = objects.load(case, table.pump, 1.0, table.pump_frequency)
@@ -159,34 +147,22 @@ class Structure:
     def _frequency_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
-        return function(
-            self.model,
-            objects.load(case, table.load, table.factor),
-            table.start,
-            table.stop,
-            contact=table.contact,
-            **_curve_options(table, file if table.contact else None, progress),
-        )
+        load, keep = objects.load(case, table.load, table.factor), _kept(file if table.contact else None)
+        return function(self.model, load, **table.of(FrequencyResponseOptions), **keep, progress=progress)
 
     def _load_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
-        return function(
-            self.model,
-            objects.load(case, table.load),
-            table.frequency,
-            start=table.start,
-            stop=table.stop,
-            **_curve_options(table, file, progress),
-        )
+        load = objects.load(case, table.load)
+        return function(self.model, load, **table.of(LoadResponseOptions), **_kept(file), progress=progress)
 
     def _swept_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
         load = objects.load(case, table.load, table.factor)
-        ways = [(table.start, table.stop), (table.stop, table.start)][: 1 + table.back]
-        options = {"duration": table.duration, "steps": table.steps, "modes": table.modes}
-        return tuple(function(self.model, load, *way, **options, progress=progress) for way in ways)
+        there, back = table.of(SweptOptions), {"start": table.stop, "stop": table.start}
+        ways = [there, {**there, **back}][: 1 + table.back]
+        return tuple(function(self.model, load, **way, progress=progress) for way in ways)
 
     def _basins(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         starts = [
@@ -199,9 +175,8 @@ class Structure:
             )
             for axis in table.starts
         ]
-        options = table.model_dump(include={"steps", "modes", "longest", "tolerance", "limit"})
         load = objects.load(case, table.load, table.factor)
-        return function(self.model, load, table.frequency, starts, **options, progress=progress)
+        return function(self.model, load, starts=starts, **table.of(BasinsOptions), progress=progress)
 
     def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
         curve = sb.frequency_response(
@@ -211,7 +186,7 @@ class Structure:
             table.stop,
             steps=table.steps,
             modes=table.modes,
-            largest_step=math.inf if table.largest_step is None else table.largest_step,
+            largest_step=table.largest_step,
             progress=progress,
         )
         return function(
@@ -242,7 +217,6 @@ class Structure:
     def _quasi_periodic_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
-        largest = math.inf if table.largest_step is None else table.largest_step
         curve = sb.frequency_response(
             self.model,
             objects.load(case, table.load, table.factor),
@@ -250,7 +224,7 @@ class Structure:
             table.stop,
             steps=table.steps,
             modes=table.modes,
-            largest_step=largest,
+            largest_step=table.largest_step,
             progress=progress,
         )
         found = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
@@ -265,7 +239,7 @@ class Structure:
             first,
             table.end,
             points=table.points,
-            largest_step=largest,
+            largest_step=table.largest_step,
             stability=table.stability,
             progress=progress,
         )
@@ -279,11 +253,6 @@ def _listed(loads: Any) -> list[Any]:
     return loads if isinstance(loads, list) else [loads]
 
 
-def _accuracy(table: Any) -> dict[str, float]:
-    """The option of an analysis whose mesh is refined until it is met, where the case asks for it."""
-    return {} if table.accuracy is None else {"accuracy": table.accuracy}
-
-
 def stresses(table: Any, result: Any) -> dict[str, np.ndarray]:
     """Stress (xx, yy, xy), Pa, at the places that a static analysis names. Collective."""
     return {
@@ -292,18 +261,9 @@ def stresses(table: Any, result: Any) -> dict[str, np.ndarray]:
     }
 
 
-def _curve_options(table: Any, file: str | None, progress: Progress) -> dict[str, Any]:
-    return {
-        "periods": table.periods,
-        "steps": table.steps,
-        "modes": table.modes,
-        "points": table.points,
-        "largest_step": math.inf if table.largest_step is None else table.largest_step,
-        "stability": table.stability,
-        "file": file,
-        "resume": file is not None,
-        "progress": progress,
-    }
+def _kept(file: str | None) -> dict[str, Any]:
+    """Where a curve is kept, and that it goes on from there."""
+    return {"file": file, "resume": file is not None}
 
 
 def steps_of_two_tones(low: float, high: float) -> int:

@@ -55,7 +55,7 @@ def main(name: str) -> None:
         "transient": lambda: sb.transient(subject, wave, 0.2, 4e-7, decimation=1),
         "periodic": lambda: sb.periodic(subject, force, 180.0, steps=60_000),
         "swept_response": lambda: sb.swept_response(
-            subject, force, 150.0, 160.0, duration=20.0, steps=2000, first=None
+            subject, force, 150.0, 160.0, duration=20.0, steps=2000, initial=None
         ),
         "quasi_periodic": lambda: sb.quasi_periodic(
             subject, tones, (6000.0, 565.0), samples=501, steps=512, stability=False

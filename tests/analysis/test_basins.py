@@ -29,7 +29,7 @@ def orbits():
     branch = sb.frequency_response(mass(), FORCE, 0.9 / TURN, 1.3 / TURN, steps=STEPS, stability=False)
     crossings = np.flatnonzero(np.diff(np.sign(branch.value - OMEGA / TURN)))
     found = [
-        sb.periodic(branch.reduced, FORCE, OMEGA / TURN, steps=STEPS, start=branch.orbit(int(k)))
+        sb.periodic(branch.reduced, FORCE, OMEGA / TURN, steps=STEPS, guess=branch.orbit(int(k)))
         for k in crossings
     ]
     return sorted(found, key=lambda orbit: orbit.amplitude("A"))
@@ -147,7 +147,7 @@ def test_periods_are_the_fewest():
         assert orbit.periods == 3 and not third.reached.any()
         share = np.abs(orbit.subharmonics("A")[1:]) / np.abs(orbit.harmonics("A")[1])
         assert share.max() > 1.0
-        known = sb.periodic(system, 1.0, 4.75 / TURN, periods=3, steps=128, start=orbit)
+        known = sb.periodic(system, 1.0, 4.75 / TURN, periods=3, steps=128, guess=orbit)
         np.testing.assert_allclose(np.abs(orbit.multipliers), np.abs(known.multipliers), rtol=1e-6)
 
 

@@ -33,7 +33,7 @@ def curve(reduction):
         0.7 / TURN,
         0.9 / TURN,
         steps=STEPS,
-        first=sb.periodic(reduction, [0.1], 0.7 / TURN, steps=STEPS, start=_contacting(reduction)),
+        guess=sb.periodic(reduction, [0.1], 0.7 / TURN, steps=STEPS, guess=_contacting(reduction)),
     )
 
 
@@ -104,7 +104,7 @@ def test_a_history_stays_on_it(reduction, orbit):
 
 @pytest.mark.slow
 def test_its_branch_can_be_followed(reduction, orbit):
-    branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, first=orbit)
+    branch = sb.frequency_response(reduction, [0.1], orbit.frequency, 1.002 * orbit.frequency, guess=orbit)
     assert branch.complete and branch.periods == 2 and (np.abs(branch.subharmonics("2")[:, 1]) > 1e-3).all()
 
 
@@ -121,10 +121,10 @@ def test_a_branch_that_falls_onto_a_shorter_one():
     )
     state = np.concatenate([history.states.q[-1], history.states.v[-1]])
     guess = replace(sb.periodic(reduction, [1.0], frequency, periods=2, stability=False), state=state)
-    first = sb.periodic(reduction, [1.0], frequency, periods=2, start=guess)
+    first = sb.periodic(reduction, [1.0], frequency, periods=2, guess=guess)
     assert first.stable and np.abs(first.subharmonics("A")[1]) > 0.5
     with pytest.raises(sb.SolveError, match="of 2 periods falls onto a motion of 1 at 0.545") as caught:
-        sb.frequency_response(reduction, [1.0], frequency, 1.6 * frequency, first=first)
+        sb.frequency_response(reduction, [1.0], frequency, 1.6 * frequency, guess=first)
     branch = caught.value.branch
     half = np.abs(branch.subharmonics("A")[:, 1])
     assert (np.diff(half) < 0.0).all() and half[-1] < 0.02 * half[0] and not branch.complete
@@ -156,12 +156,12 @@ def test_subcritical_doubling():
     load = sb.EdgeLoad("right", ty=4e5)
     curve = sb.frequency_response(model, load, 3427.0, 3428.5)
     found = sb.switch_branch(curve, _doubling(curve))
-    branch = sb.frequency_response(model, load, found.frequency, 3436.0, first=found)
+    branch = sb.frequency_response(model, load, found.frequency, 3436.0, guess=found)
     half = np.abs(branch.subharmonics("A")[:, 1])
     assert branch.complete and branch.frequency.min() < found.frequency - 0.1
     assert any(item.kind == "fold" for item in branch.bifurcations)
     assert branch.stable[-1] and not branch.stable[0] and half[-1] == pytest.approx(3.67e-4, rel=0.01)
-    settled = sb.periodic(model, load, 3436.0, periods=2, start=branch.orbit(-3), stability=False)
+    settled = sb.periodic(model, load, 3436.0, periods=2, guess=branch.orbit(-3), stability=False)
     assert np.abs(settled.subharmonics("A")[1]) == pytest.approx(half[-1], rel=1e-6)
 
 

@@ -57,7 +57,7 @@ def excess(branch, line, k, apart):
     start = replace(branch.orbit(0), state=line.states[k])
     steps = branch.period.steps
     try:
-        orbit = sb.periodic(branch.reduced, [load], frequency, steps=steps, search=NEWTON_ALONE, start=start)
+        orbit = sb.periodic(branch.reduced, [load], frequency, steps=steps, search=NEWTON_ALONE, guess=start)
     except sb.SolveError:
         return np.nan
     if line.kind == "Neimark-Sacker":

@@ -143,14 +143,14 @@ def test_several_contact_rows_and_modes():
     """Two masses against a stiff stop, in contact."""
     system = two_masses()
     one = sb.periodic(system, [0.1], 0.65 / TURN, steps=256)
-    many = sb.periodic(system, [0.1], 0.65 / TURN, steps=256, segments=4, start=one)
+    many = sb.periodic(system, [0.1], 0.65 / TURN, steps=256, segments=4, guess=one)
     assert one.contact_force.max() > 0.0 and many.iterations == 0
     # the order within a pair is rounding's
     assert np.abs(many.multipliers) == pytest.approx(np.abs(one.multipliers), rel=1e-8)
     assert np.sort(many.multipliers.imag) == pytest.approx(np.sort(one.multipliers.imag), rel=1e-8)
     # from a neighbour
-    near = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, segments=4, start=one)
-    again = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, start=one)
+    near = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, segments=4, guess=one)
+    again = sb.periodic(system, [0.1], 0.66 / TURN, steps=256, guess=one)
     assert near.iterations > 1 and np.abs(near.state - again.state).max() < 1e-8 * np.abs(again.state).max()
 
 
@@ -158,13 +158,13 @@ def test_a_start_of_several_periods():
     """A motion of two forcing periods is cut into segments where it stands: nothing is left to do."""
     one = sb.periodic(one_mass(0.0, 0.02, stiffness=50.0), 1.0, 0.41, steps=512, periods=2)
     assert np.abs(one.subharmonics("A")[1]) > 0.1
-    many = sb.periodic(one.reduced, 1.0, 0.41, steps=512, periods=2, segments=4, start=one)
+    many = sb.periodic(one.reduced, 1.0, 0.41, steps=512, periods=2, segments=4, guess=one)
     assert many.iterations == 0 and many.periods == 2
 
 
 def test_powers_of_multipliers(mass, fast):
     """64 periods of an unstable motion: its multipliers to the power of 64, 6e17 and 4e-21."""
-    found = sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=64, segments=64, start=fast)
+    found = sb.periodic(mass, [1.0], FAST, steps=STEPS, periods=64, segments=64, guess=fast)
     assert np.abs(fast.multipliers[0]) ** 64 > 1e17
     assert found.multipliers == pytest.approx(fast.multipliers**64, rel=1e-10)
 
@@ -204,7 +204,7 @@ def test_a_fast_tone_on_a_slow_one(mass):
     [
         ({"segments": 7}, "64 steps a period are no multiple of segments = 7"),
         ({"segments": 0}, "segments"),
-        ({"segments": 4, "jacobian": "dense"}, "segments = 4 takes neither search nor jacobian"),
+        ({"segments": 4, "jacobian": "dense"}, "jacobian = .dense. is not for segments = 4"),
     ],
 )
 def test_bad_requests(mass, options, sentence):

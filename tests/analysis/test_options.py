@@ -31,7 +31,7 @@ def described(function) -> dict[str, str]:
     text = inspect.getdoc(function).split("Parameters\n----------\n")[1]
     text = re.split(r"\n\n[A-Z]\w+\n-+\n", text)[0]
     found = {}
-    for names, kind in re.findall(r"^(\w[\w, \n]*?)(?: : (.+))?$", text, re.MULTILINE):
+    for names, kind in re.findall(r"^(\w[\w, ]*?)(?: : (.+))?$", text, re.MULTILINE):
         found |= dict.fromkeys((name.strip() for name in names.split(",")), kind)
     return found
 
@@ -73,6 +73,7 @@ class Sizes(Options):
         ("width", math.nan, ValueError, r"width = nan must be finite and above 0 \(m\)$"),
         ("width", Fraction(10**400), ValueError, "must be finite"),
         ("width", "1", TypeError, r"width = '1' must be a number \(m\)$"),
+        ("width", np.array(1.0), TypeError, r"width = array\(1.\) must be a number \(m\)$"),
         ("width", True, TypeError, "width = True must be a number"),
         ("count", 10, ValueError, "count = 10 must be between 1 and 9$"),
         ("count", 10**400, ValueError, r"count = 10+ \.\.\. must be between 1 and 9$"),

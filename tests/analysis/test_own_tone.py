@@ -145,7 +145,7 @@ def test_over_the_load(system):
             frequency,
             1.0,
             stop=1.4,
-            first=sb.periodic(system, [0.1], frequency, steps=4096),
+            guess=sb.periodic(system, [0.1], frequency, steps=4096),
         ),
     )
     ends = []

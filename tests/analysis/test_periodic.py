@@ -392,9 +392,9 @@ def test_start_from_a_neighbour(case_p):
     """
     model, orbit = case_p
     fresh = sb.periodic(orbit.reduced, FORCE, 3001.0, stability=False)
-    warm = sb.periodic(model, FORCE, 3001.0, start=orbit, stability=False, jacobian="dense")
+    warm = sb.periodic(model, FORCE, 3001.0, guess=orbit, stability=False, jacobian="dense")
     assert warm.iterations <= 6 and warm.reduced is orbit.reduced
-    assert sb.periodic(model, FORCE, 3000.0, start=orbit, stability=False).iterations <= 1
+    assert sb.periodic(model, FORCE, 3000.0, guess=orbit, stability=False).iterations <= 1
     assert np.linalg.norm(warm.state - fresh.state) < 1e-8 * np.linalg.norm(fresh.state)
 
 
@@ -517,7 +517,7 @@ def test_bad_loads(case_p):
     with pytest.raises(ValueError, match="433 Hz has no common period with 3000 Hz"):
         sb.periodic(model, sb.PointForce("A", fy=sb.Harmonic(1.0, 433.0)), 3000.0)
     with pytest.raises(ValueError, match="another number of modes .80, not 1."):
-        sb.periodic(bilinear(0.9, 0.01)[0], 1.0, 0.1, start=orbit)
+        sb.periodic(bilinear(0.9, 0.01)[0], 1.0, 0.1, guess=orbit)
 
 
 def test_undamped_at_a_resonance():
@@ -572,7 +572,7 @@ def test_a_ramp_past_a_corner():
     assert settled.path == "history" and settled.residuals[-1] < 1e-9
     orbit = sb.periodic(r, 0.1, 0.1, steps=2048, stability=False, search=Search(settling=()))
     assert orbit.path == "ramp of the load" and orbit.amplitude("2") == pytest.approx(0.64656, rel=1e-3)
-    again = sb.periodic(r, 0.1, 0.1, steps=2048, start=orbit, stability=False)
+    again = sb.periodic(r, 0.1, 0.1, steps=2048, guess=orbit, stability=False)
     assert again.iterations <= 1
 
 
@@ -597,9 +597,9 @@ def test_orbits_of_other_models_are_refused(case_p):
     model, orbit = case_p
     other = sb.Model(paper_beam().mesh(), sb.Material(young=7e9, poisson=0.33, density=2700), damping=0.002)
     with pytest.raises(ValueError, match="belongs to another model"):
-        sb.periodic(other, FORCE, 3000.0, start=orbit)
+        sb.periodic(other, FORCE, 3000.0, guess=orbit)
     with pytest.raises(ValueError, match="another number of modes"):
-        sb.periodic(model, FORCE, 3000.0, start=orbit, modes=40)
+        sb.periodic(model, FORCE, 3000.0, guess=orbit, modes=40)
     with pytest.raises(TypeError, match="in the place of the model"):
         sb.periodic(other, FORCE, 3000.0, reduction=orbit.reduced)
 

@@ -83,7 +83,7 @@ def test_points_are_periodic_motions(curves):
     up = curves[0]
     for k in (3, 20, 45, len(up.value) - 4):
         orbit = up.orbit(k)
-        again = sb.periodic(up.reduced, [0.1], float(up.value[k]), steps=2048, start=orbit, stability=False)
+        again = sb.periodic(up.reduced, [0.1], float(up.value[k]), steps=2048, guess=orbit, stability=False)
         assert (
             np.linalg.norm(again.state - up.states[k]) < 1e-8 * np.linalg.norm(up.states[k])
             and again.iterations <= 1
@@ -143,9 +143,9 @@ def test_load_response_from_nothing():
         not curve.contact_peak[curve.value < 0.999 / linear].any()
         and curve.contact_peak[curve.value > 1.01 / linear].all()
     )
-    orbit = sb.periodic(r, [3.0], omega / TURN, start=curve.orbit(len(curve.value) - 1))
+    orbit = sb.periodic(r, [3.0], omega / TURN, guess=curve.orbit(len(curve.value) - 1))
     assert curve.amplitude("x")[-1] == pytest.approx(orbit.amplitude("x"), rel=1e-8) and orbit.iterations <= 1
-    back = sb.load_response(r, [3.0], omega / TURN, start=1.0, stop=0.0, first=orbit)
+    back = sb.load_response(r, [3.0], omega / TURN, start=1.0, stop=0.0, guess=orbit)
     assert back.value[-1] == 0.0 and back.amplitude("x")[-1] < 1e-9 * orbit.amplitude("x")
 
 
@@ -455,7 +455,7 @@ def test_three_motions_with_little_damping():
 
     assert [len(passes(f)) for f in (14150.0, between, 14300.0)] == [1, 3, 1]
     nearest = [k + np.argmin(np.abs(curve.value[k : k + 2] - between)) for k in passes(between)]
-    orbits = [sb.periodic(model, load, between, start=curve.orbit(int(k)), stability=False) for k in nearest]
+    orbits = [sb.periodic(model, load, between, guess=curve.orbit(int(k)), stability=False) for k in nearest]
     amplitudes = sorted(orbit.amplitude("A") for orbit in orbits)
     assert min(np.diff(amplitudes)) > 0.02 * amplitudes[-1]
     for orbit, k in zip(orbits, passes(between)):
@@ -471,7 +471,7 @@ def test_three_motions_with_little_damping():
     [
         ({"start": 0.0}, "start = 0.0"),
         ({"stop": -1.0}, "stop"),
-        ({"stop": 0.08}, "both 0.08 Hz"),
+        ({"stop": 0.08}, "stop = 0.08 is start itself"),
         ({"start": "low"}, "start"),
         ({"steps": 10}, "steps = 10 must be between 48 and"),
         ({"load": [sb.Harmonic(0.1, 0.08)]}, "does not follow the swept frequency; give a number"),
@@ -494,7 +494,7 @@ def test_bad_sweeps(arguments, sentence):
     [
         ({"start": -0.1}, "start = -0.1"),
         ({"stop": float("inf")}, "stop = inf"),
-        ({"start": 1.0}, "start and stop are both 1"),
+        ({"start": 1.0}, "stop = 1 is start itself"),
         ({"frequency": 0.0}, "frequency"),
     ],
 )
@@ -505,8 +505,8 @@ def test_bad_ramps(arguments, sentence):
 
 @pytest.mark.long
 def test_first_orbit_elsewhere(curves):
-    with pytest.raises(ValueError, match="first is at .* Hz, not at"):
-        sb.frequency_response(two_masses(), [0.1], 0.09, 0.1, first=curves[0].orbit(3))
+    with pytest.raises(ValueError, match="guess is at .* Hz, not at"):
+        sb.frequency_response(two_masses(), [0.1], 0.09, 0.1, guess=curves[0].orbit(3))
 
 
 @pytest.mark.long

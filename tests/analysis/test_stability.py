@@ -288,7 +288,7 @@ def test_where_the_stop_is_met(compliance, doubled):
     for other in others:
         # the number of unstable multipliers of the motions on either side of it
         sides = [
-            (np.abs(sb.periodic(system, [0.1], f, steps=1024, start=curve.orbit(k)).multipliers) > 1.0).sum()
+            (np.abs(sb.periodic(system, [0.1], f, steps=1024, guess=curve.orbit(k)).multipliers) > 1.0).sum()
             for f, k in (
                 (curve.value[other.after - 1], other.after - 1),
                 (curve.value[other.after], other.after),
@@ -593,8 +593,8 @@ def test_a_curve_from_beside_a_fold(which, before):
     whole = sb.frequency_response(system, [0.15], 0.13, 0.19, steps=256)
     fold = whole.bifurcations[which]
     start, stop = fold.own_value * (1.0 - (before, -before)[which]), (0.19, 0.13)[which]
-    first = sb.periodic(system, [0.15], start, steps=256, start=whole.orbit(fold.after - 1))
-    curve = sb.frequency_response(system, [0.15], start, stop, steps=256, first=first)
+    first = sb.periodic(system, [0.15], start, steps=256, guess=whole.orbit(fold.after - 1))
+    curve = sb.frequency_response(system, [0.15], start, stop, steps=256, guess=first)
     assert [b.kind for b in curve.bifurcations] == ["fold"] and curve.value[-1] == start
     assert curve.bifurcations[0].own_value == pytest.approx(fold.own_value, rel=1e-7)
     across = curve.states[[0, -1]] - fold.state

@@ -45,7 +45,7 @@ def test_verdicts_around_a_period_doubling():
     apart = np.linspace(-3e-3, 3e-3, 200)
     verdicts = []
     for share in apart:
-        orbit = sb.periodic(system, [1.0], DOUBLING * (1.0 + share), periods=1, start=orbit)
+        orbit = sb.periodic(system, [1.0], DOUBLING * (1.0 + share), periods=1, guess=orbit)
         verdicts.append(orbit.stable)
     decided = np.array([verdict is not None for verdict in verdicts])
     assert decided[np.abs(apart) > 1e-4].all()

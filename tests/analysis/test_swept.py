@@ -183,13 +183,13 @@ def test_picture_and_table(branch, sweeps, tmp_path):
 def test_bad_input(branch):
     orbit = branch.orbit(0)
     for keywords, error, sentence in (
-        ({"stop": LOW}, ValueError, "start and stop are both"),
+        ({"stop": LOW}, ValueError, "is start itself"),
         ({"duration": 1.0}, ValueError, "cycles"),
         ({"duration": 1e13}, ValueError, "cycles"),
         ({"load": sb.Harmonic(1.0, 1.0)}, ValueError, "does not follow the swept frequency"),
         ({"load": 0.0}, ValueError, "no load oscillates"),
         ({"load": sb.Constant(1.0)}, ValueError, "no load oscillates"),
-        ({"first": orbit, "start": 0.9 * LOW}, ValueError, "first is at"),
+        ({"initial": orbit, "start": 0.9 * LOW}, ValueError, "initial is at"),
         ({"steps": 3}, ValueError, "steps = 3"),
     ):
         given = {"load": FORCE, "start": LOW, "stop": HIGH, "duration": 100.0, **keywords}
@@ -198,9 +198,9 @@ def test_bad_input(branch):
     system = mass()
     other = sb.periodic(system, 2.0 * FORCE, LOW, steps=STEPS)
     with pytest.raises(ValueError, match="is no steady state under this load"):
-        sb.swept_response(system, FORCE, LOW, HIGH, duration=100.0, first=other)
+        sb.swept_response(system, FORCE, LOW, HIGH, duration=100.0, initial=other)
     with pytest.raises(ValueError, match="another model"):
-        sb.swept_response(mass(stiffness=3.0), FORCE, LOW, HIGH, duration=100.0, first=other)
+        sb.swept_response(mass(stiffness=3.0), FORCE, LOW, HIGH, duration=100.0, initial=other)
     short = sb.swept_response(system, FORCE, LOW, HIGH, duration=10.0 / LOW)
     with pytest.raises(ValueError, match="no longer than four settling times"):
         short.jumps("A")

@@ -112,12 +112,12 @@ def test_bad_input(model):
     )
     with pytest.raises(ValueError, match="stiffness-proportional damping"):
         sb.periodic(undamped, LOAD, 3000.0, reduction=None)
-    with pytest.raises(ValueError, match="start and jacobian are for the reduced model"):
+    with pytest.raises(ValueError, match="jacobian = .differences. is for the reduced model"):
         sb.periodic(model, LOAD, 3000.0, reduction=None, jacobian="differences")
     for further in ({"stability": True}, {"search": Search()}):
-        with pytest.raises(ValueError, match="search and stability = True are for the reduced model"):
+        with pytest.raises(ValueError, match="(search|stability) = .* is for the reduced model"):
             sb.periodic(model, LOAD, 3000.0, reduction=None, **further)
-    with pytest.raises(ValueError, match="search has no use without contact"):
+    with pytest.raises(ValueError, match="search is for a reduced model with contact"):
         sb.periodic(model, LOAD, 3000.0, contact=False, search=Search())
     with pytest.raises(KeyError, match="point 'Q' does not exist"):
         sb.periodic(model, sb.PointForce("Q", fy=1.0), 3000.0, reduction=None)

@@ -215,7 +215,7 @@ def test_modulation_map():
     "name, options, sentence",
     [
         ("harmonics", ("--frequencies", "-3"), "frequency = -3.0 must be finite and above 0 (Hz)"),
-        ("frequency_response", ("--start", "14000", "--stop", "14000"), "start and stop are both 14000 Hz"),
+        ("frequency_response", ("--start", "14000", "--stop", "14000"), "stop = 14000 is start itself"),
         ("hole", ("--steps", "3"), "steps = 3 must be between 48"),
         ("frequency_response", ("--damping", "-1"), "damping"),
     ],

@@ -30,7 +30,7 @@ from .examples import matrices as oscillator
 pytestmark = pytest.mark.filterwarnings("ignore")
 SECONDS = 20.0
 # What is right as it is -> why.
-_BOTH = "a motion to start from is a guess alone, and this is of the same model: both answers are the same"
+_BOTH = "a motion to begin from is a guess alone, and this is of the same model: both answers are the same"
 _UNUSED = "how many periods are looked through is a bound; the load needs one"
 LEGITIMATE = {
     "sb.Samples([0,1e-9,1.],[0,1,0]).highest_frequency": "of a fall over a second 99.99 % is below 6 kHz",
@@ -45,9 +45,10 @@ LEGITIMATE = {
     'sb.load_response(model,sb.PointForce("A",fy=sb.Harmonic(1,300.)),300.,0.5,stop=1.,modes=6,steps=64,'
     "points=4)": "a tone at the frequency of the curve",
     "matrices(gap=[-0.01])": "a stop that presses at rest",
-    "[sb.periodic(model,sb.EdgeLoad('top',ty=10.),300.,modes=6,steps=64,start=r).amplitude('A') "
+    "sb.periodic(model,F,300.,modes=6,steps=64,stability=None)": "the default: of a reduced model",
+    "[sb.periodic(model,sb.EdgeLoad('top',ty=10.),300.,modes=6,steps=64,guess=r).amplitude('A') "
     "for r in (orb,None)]": _BOTH,
-    "[sb.periodic(model,sb.SupportMotion(ay=10.),300.,modes=6,steps=64,start=r).amplitude('A') "
+    "[sb.periodic(model,sb.SupportMotion(ay=10.),300.,modes=6,steps=64,guess=r).amplitude('A') "
     "for r in (orb,None)]": _BOTH,
     'sb.write_animation(W+"/anim",orb)': "steady states move too",
 }

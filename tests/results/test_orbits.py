@@ -68,7 +68,7 @@ def test_a_read_orbit_is_a_first_guess(model, tmp_path):
     orbit = sb.periodic(model, LOAD, 1000.0, modes=16)
     save_orbit(orbit, tmp_path / "orbit.h5")
     found = read_orbit(tmp_path / "orbit.h5")
-    again = sb.periodic(found.reduced, [300.0], 1000.0, start=found)
+    again = sb.periodic(found.reduced, [300.0], 1000.0, guess=found)
     u = orbit.displacement("A")
     np.testing.assert_allclose(again.displacement("A"), u, rtol=0.0, atol=1e-8 * np.abs(u).max())
 

@@ -80,7 +80,7 @@ WRONG = [
     ("order = 3", "order = 0", "mesh.order = 0", "must be at least 1"),
     ("poisson = 0.33", "poisson = 0.6", "material.poisson = 0.6", "must be at most 0.5"),
     ("damping = 0.01", "damping = 1.0", "model.damping = 1.0", "must be less than 1"),
-    ("frequency = 400.0", "frequency = 0.0", "analyses.steady.frequency", "must be greater than 0, in Hz"),
+    ("frequency = 400.0", "frequency = 0.0", "analyses.steady.frequency", "must be at least 1e-12, in Hz"),
     ("steps = 256", "steps = 4", "analyses.steady.steps = 4", "must be at least 48"),
     ("opening = 0.005", "opening = -1.0", "geometry.notches[0].opening", "must be at least 0, in degree"),
     ("count = 5", "count = 0", "analyses.frequencies.count = 0", "must be at least 1"),
