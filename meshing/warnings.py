@@ -40,6 +40,10 @@ class StepWarning(UserWarning):
     """
 
 
+class PlaceWarning(UserWarning):
+    """A place is that of two points of a body, where the faces of a crack coincide."""
+
+
 class RoundOffWarning(UserWarning):
     """Round-off limits the digits of a result to less than is usual."""
 

@@ -47,6 +47,7 @@ _HOME = {
     "UnitWarning": "meshing.warnings",
     "LargeDisplacementWarning": "meshing.warnings",
     "IncompleteHistory": "meshing.warnings",
+    "PlaceWarning": "meshing.warnings",
     "RanksDiffer": "parallel",
     "Model": "system.model",
     "rayleigh_factors": "system.model",

@@ -109,7 +109,8 @@ class Static:
         """(3,): stress xx, yy, xy at a point, Pa; nan at a crack tip. Collective.
 
         On an edge between S-elements, and where two closed faces of a crack coincide, it is that of one side,
-        of the S-element with the lower number: ask beside a face, 1e-6 of its length away, for the other's.
+        of the S-element with the lower number: ask beside a face, 1e-6 of its length away, for the other's. A
+        `PlaceWarning` tells of faces.
         Under a point force it has no limit.
         """
         if isinstance(place, str):

@@ -4,6 +4,7 @@ forces.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -11,9 +12,13 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from meshing.warnings import PlaceWarning
+
 from ..checks import integer, real, shown
+from ..errors import caller_level
 from ..parallel import collective
 from ..petsc import MPI
+from ..selement.coefficients import edge_nodes
 from ..selement.interior_motion import inertial_operators
 from ..selement.points import TOLERANCE, Located, locate, point_operators
 from ..selement.sectors import Sectors
@@ -149,6 +154,11 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
     ------
     ValueError
         If a point lies outside the structure; on all ranks.
+
+    Warns
+    -----
+    PlaceWarning
+        On rank 0, if a point lies where the faces of a crack coincide.
     """
     comm = model.comm
     homes = [_home(model, np.array(point)) for point in points]
@@ -164,6 +174,8 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
                     f"from ({lower[0]:g}, {lower[1]:g}) to ({upper[0]:g}, {upper[1]:g}) m (and not inside "
                     "holes)"
                 )
+    held = [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
+    _warn_of_faces(model, points, held)
     tractions = {faces.number: faces for faces in model.tip_faces}
     numbers = {int(tip.element): number for number, tip in enumerate(model.tip_elements)}
     count, size = len(points), len(model.gap_operator)
@@ -171,7 +183,6 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
     local: tuple[dict, dict] = ({}, {})
     contact = (np.zeros((2 * count, size)), np.zeros((3 * count, size)))
     face_forms: tuple[dict, dict] = ({}, {})
-    held = [(k, home) for k, home in enumerate(homes) if home is not None and home[0] == owner[k]]
     for k, home in held:
         element, group, member, located = home
         material = model.materials[group.material]
@@ -202,6 +213,41 @@ def places(model, points: list[tuple[float, float]], inertia: bool = False) -> P
     if inertia:
         kinds = [replace(rows, inertia=part) for rows, part in zip(kinds, _inertial(model, held, count))]
     return Places(*kinds)
+
+
+def _warn_of_faces(model, points: list[tuple[float, float]], held: list) -> None:
+    """Warn of points where faces of a crack coincide, of which this rank holds some. Collective."""
+    mine = {k: crack for k, home in held if (crack := _coinciding_faces(model, *home)) is not None}
+    found = {k: crack for part in model.comm.allgather(mine) for k, crack in part.items()}
+    if not found or model.comm.rank > 0:
+        return
+    first = min(found)
+    others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+    warnings.warn(
+        f"the point ({points[first][0]:g}, {points[first][1]:g}) m{others} lies where both faces of "
+        f"{model.cracks[found[first]].name} are: displacement and stress are those of one side, that of the "
+        "S-element with the lower number; ask 1e-6 of the crack's length beside it for the side you mean",
+        PlaceWarning,
+        stacklevel=caller_level(),
+    )
+
+
+def _coinciding_faces(model, element: int, group, member: int, located: Located) -> int | None:
+    """Number of the crack of which an S-element's place is on two faces, that are at the same place."""
+    edges = edge_nodes(len(group.shape), group.order, group.closed)
+    number, eta = int(located.edge[0]), float(located.eta[0])
+    begins, ends = eta <= TOLERANCE - 1.0, eta >= 1.0 - TOLERANCE
+    if located.level[0] >= 1.0 - TOLERANCE:
+        edge = edges[number][:1] if begins else edges[number][-1:] if ends else edges[number]
+        nodes, pairs = model.part.nodes[group.nodes[member][edge]], model.pairs
+        closed = np.isin(pairs.nodes, nodes) & (pairs.gap == 0.0)[:, None]
+        if np.isin(nodes, pairs.nodes[closed]).all():
+            return int(pairs.crack[closed.any(axis=1)][0])
+    on_face = (number == 0 and begins) or (number == len(edges) - 1 and ends)
+    for tip, gaps in zip(model.tip_elements, model.tip_gaps):
+        if tip.element == element and on_face and located.level[0] > 0.0 and not gaps.any():
+            return int(tip.crack)
+    return None
 
 
 def _inertial(model, held: list, count: int) -> list[Inertial]:

@@ -847,7 +847,7 @@ INTERNAL = {
 NOT_CALLED = {
     "SolveError", "UnknownName", "LoadWarning", "BandWarning", "MeshWarning",
     "RanksDiffer", "StepWarning", "BranchWarning",
-    "UnitWarning", "LargeDisplacementWarning",
+    "UnitWarning", "LargeDisplacementWarning", "PlaceWarning",
     "IncompleteHistory", "GmshWarning", "ContactPairs", "Crack", "Tip", "__version__", "Estimate",
 }  # fmt: skip
 
