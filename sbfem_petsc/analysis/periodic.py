@@ -174,10 +174,10 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
             )
         )
     states = None if guess is None else _at_segments(guess, period, task.frequency, segments)
-    fixed, segmented, motions = shoot_segments(period, task.frequency, segments, states)
+    fixed, parts = shoot_segments(period, task.frequency, segments, states)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
-    return make_orbit(fixed, *segmented_stability(segmented, motions), "multiple shooting")
+    return make_orbit(fixed, *segmented_stability(parts), "multiple shooting")
 
 
 def _at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:

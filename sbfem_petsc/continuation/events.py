@@ -268,15 +268,23 @@ def fold(line: Line, k: int) -> tuple[int, Point] | None:
     way = metric.way(before, behind)
     row = metric.row(metric.unit(way - _of_value(metric, here, way)))
 
+    def direction(point: Point) -> tuple[float, float]:
+        """The value's part of the branch's direction along that way, and the determinant's sign."""
+        border = point.linear.bordered(row)
+        direction = border.solve(np.eye(1, point.linear.rows + 1, point.linear.rows)[0])
+        pace = point.problem.sum(float(point.problem.value(point.u)[1] @ direction))
+        return pace, border.sign or 1.0
+
+    # where a corner turns all else too, the determinant keeps its sign along the branch
+    ahead = sum(direction(point)[1] for point in (before, here, behind)) * (here.value - before.value)
+
     def pace(point: Point) -> float:
-        """The value's part of the branch's direction."""
-        rows = point.linear.rows
-        direction = point.linear.bordered(row).solve(np.eye(1, rows + 1, rows)[0])
-        return point.problem.sum(float(point.problem.value(point.u)[1] @ direction))
+        value, sign = direction(point)
+        return math.copysign(1.0, ahead) * sign * value
 
     for first in (k - 1, k):
         ends = pace(line.points[first]), pace(line.points[first + 1])
-        if ends[0] * (here.value - before.value) >= 0.0 >= ends[1] * (here.value - before.value):
+        if ends[0] >= 0.0 >= ends[1]:
             return located(line, first, pace, ends)
     return None
 

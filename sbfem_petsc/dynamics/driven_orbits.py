@@ -88,6 +88,7 @@ class Orbits(BaseProblem):
     def __init__(self, period: Period, parameter: ParameterRange):
         self.period, self.parameter = period, parameter
         self.extent = parameter.range.extent
+        self.smallest = 0.0 if parameter.name == "frequency" else LEAST
         ends = (self.driven(value) for value in (parameter.start, parameter.stop))
         self.least = REST * max(end.oscillation for end in ends)
         # the fewest forcing periods after which the first motion repeats itself; a branch of several has
@@ -153,8 +154,7 @@ class OrbitState(FixedPoint):
         """dx(T) along the parameter, (2 m,), as a difference of two periods: a third of the work of its exact
         derivative.
         """
-        least = 0.0 if self.problem.parameter.name == "frequency" else LEAST
-        step = AHEAD * max(abs(self.value), least)
+        step = AHEAD * max(abs(self.value), self.problem.smallest)
         return (self.problem.driven(self.value + step).run(self.state).residual - self.residual) / step
 
     def linear(self, smooth: bool = False) -> Dense:

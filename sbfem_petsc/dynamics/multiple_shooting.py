@@ -1,9 +1,7 @@
 """Multiple shooting: a period in segments, for long periods and motions that are strongly unstable.
 
 The unknowns are the states at the beginning of each segment, so that a disturbance grows over one segment
-alone before Newton's method sees it. The linear systems are cyclic in blocks; they are condensed by
-orthogonal transformations (S. J. Wright, SIAM J. Sci. Stat. Comput. 13, 742, 1992), which multiply no
-derivatives.
+alone before Newton's method sees it.
 """
 
 from __future__ import annotations
@@ -12,135 +10,121 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..errors import SolveError, on_all_ranks
+from ..continuation.linear import Cyclic
+from ..continuation.newton import correct
+from ..continuation.problem import Metric, Point
+from ..errors import PetscFailure, SolveError, on_all_ranks
+from .driven_orbits import AHEAD, Orbits, ParameterRange
 from .fixed_point import FixedPoint
 from .orbit import uncertainty_of
-from .period_map import DrivenPeriod, Period, PeriodMotion
+from .period_map import Period, PeriodMotion
 from .periodic_schur import product_eigenvalues
-from .shooting import RELATIVE, ROUND_OFF
-
-ITERATIONS = 40
-# Shares of Newton's step of which the first is taken whose residual is below one of the last few: where pairs
-# switch, a step may lead up before it leads down.
-SHARES, MEMORY = (1.0, 0.5, 0.2, 0.05), 5
 
 
-class SegmentedPeriod:
-    """A driven period in segments of equal numbers of steps; states are differences to the linear one.
+class SegmentedOrbits(Orbits):
+    """Unknowns are the states at the segments' beginnings, as differences to the linear steady state, and the
+    parameter.
 
     Parameters
     ----------
-    driven : DrivenPeriod
+    period : Period
+    parameter : ParameterRange
     count : int
-        Segments; the steps are a multiple of it.
+        Segments of equal numbers of steps, of which the period has a multiple of it.
     """
 
-    def __init__(self, driven: DrivenPeriod, count: int):
-        self.driven, self.steps = driven, driven.period.steps // count
-        short = driven.period.of(self.steps)
-        self.parts = [driven.part(short, k * self.steps) for k in range(count)]
+    def __init__(self, period: Period, parameter: ParameterRange, count: int):
+        super().__init__(period, parameter)
+        self.count, self.short = count, period.of(period.steps // count)
 
-    def run(self, states: np.ndarray) -> tuple[np.ndarray, list[PeriodMotion]]:
-        """(count, 2 m): how far each segment's end is from the next one's beginning, and the motions."""
-        motions = [part.run(state) for part, state in zip(self.parts, states)]
-        ends = states + np.array([motion.residual for motion in motions])
-        return ends - np.roll(states, -1, axis=0), motions
+    def at(self, u: np.ndarray) -> Segments:  # type: ignore[override]
+        """See `Problem`."""
+        return Segments(self, u)
 
-    def derivatives(self, motions: list[PeriodMotion], located: bool = False) -> np.ndarray:
-        """(count, 2 m, 2 m): dx(end) / dx(begin) of each segment."""
-        unit = np.eye(2 * self.driven.period.modes)
-        return np.array(
-            [part.carried(motion, unit, located=located) for part, motion in zip(self.parts, motions)]
-        )
-
-    def solve(self, states: np.ndarray) -> tuple[np.ndarray, list[PeriodMotion], tuple[float, ...]]:
-        """The periodic motion near a guess (count, 2 m), by Newton's method: states, motions and the norms of
-        the residual.
-
-        Raises
-        ------
-        SolveError
-            If it does not converge.
+    def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Problem`: of the whole motion, not of what is left of it without the linear one, which is
+        nothing before contact.
         """
-        size = max(float(np.linalg.norm(self.driven.linear_state)), 1e-300)
-        moving = self.driven.oscillation or size
-        aim = ROUND_OFF * max(size, float(np.linalg.norm(states))) * np.sqrt(len(states))
-        missed, motions = self.run(states)
-        residuals = [float(np.linalg.norm(missed))]
-        while len(residuals) <= ITERATIONS:
-            if residuals[-1] <= max(aim, RELATIVE * residuals[0]):
-                return states, motions, tuple(residuals)
-            change = condensed(self.derivatives(motions), missed)
-            for share in SHARES:
-                try:
-                    tried = self.run(states + share * change)
-                except SolveError:
-                    continue
-                norm = float(np.linalg.norm(tried[0]))
-                if norm < max(residuals[-MEMORY:]):
-                    break
-            else:
-                break
-            states, (missed, motions) = states + share * change, tried
-            residuals.append(norm)
-        raise on_all_ranks(
-            SolveError(
-                f"periodic: Newton's method over {len(states)} segments did not converge in "
-                f"{len(residuals) - 1} iterations: their ends miss the next ones' beginnings by "
-                f"{residuals[-1] / moving:.2e} of the linear motion's size, from {residuals[0] / moving:.2e}"
-                "; start from a neighbour, or take more segments or steps"
-            )
+        units, weights = super().units(np.append(np.zeros(2 * self.period.modes), u[-1]))
+        whole = self.driven(float(u[-1])).oscillation
+        size = max(float(np.linalg.norm(u[:-1])), whole * self.count**0.5, self.least, 1e-300)
+        return np.append(np.full(len(u) - 1, size), units[-1]), np.ones(len(u))
+
+    def refuse(self, last: Point, point: Point) -> str:
+        """See `Problem`."""
+        return super().refuse(_whole(last), _whole(point))
+
+    def finer(self, times: int) -> SegmentedOrbits:
+        """See `Problem`."""
+        return SegmentedOrbits(self.period.in_steps(times * self.period.steps), self.parameter, self.count)
+
+
+def _whole(point: Point) -> Point:
+    return Point(point.problem, point.u, point.state.joined(), point.value)
+
+
+class Segments:
+    """The motions of all segments from their beginnings."""
+
+    def __init__(self, problem: SegmentedOrbits, u: np.ndarray):
+        self.problem, self.value = problem, float(u[-1])
+        self.states = u[:-1].reshape(problem.count, -1)
+        self.driven = problem.driven(self.value)
+        self._residual, self.motions = self._run(self.value)
+        self.residual = self._residual.ravel()
+        size = max(float(np.linalg.norm(self.driven.linear_state)), float(np.linalg.norm(u[:-1])), 1e-300)
+        self.scale = size * problem.count**0.5
+
+    def _run(self, value: float) -> tuple[np.ndarray, list[PeriodMotion]]:
+        """(count, 2 m): how far each segment's end is from the next one's beginning, and the motions."""
+        motions = [part.run(state) for part, state in zip(self._parts(value), self.states)]
+        ends = self.states + np.array([motion.residual for motion in motions])
+        return ends - np.roll(self.states, -1, axis=0), motions
+
+    def _parts(self, value: float):
+        driven, short = self.problem.driven(value), self.problem.short
+        return [driven.part(short, k * short.steps) for k in range(self.problem.count)]
+
+    @property
+    def touching(self) -> np.ndarray:
+        """(pairs,) bool: pairs that touch at any time of the period."""
+        return np.any([(motion.forces > 0.0).any(axis=0) for motion in self.motions], axis=0)
+
+    def derivatives(self, located: bool) -> np.ndarray:
+        """(count, 2 m, 2 m): dx(end) / dx(begin) of each segment."""
+        unit = np.eye(self.states.shape[1])
+        return np.array(
+            [
+                part.carried(motion, unit, located=located)
+                for part, motion in zip(self._parts(self.value), self.motions)
+            ]
         )
 
-    def joined(self, states: np.ndarray, motions: list[PeriodMotion], residuals) -> FixedPoint:
+    def linear(self, smooth: bool = False) -> Cyclic:
+        """See `problem.State`."""
+        step = AHEAD * max(abs(self.value), self.problem.smallest)
+        column = (self._run(self.value + step)[0] - self._residual) / step
+        return Cyclic(self.derivatives(smooth), column)
+
+    def forget(self) -> None:
+        """See `problem.State`."""
+
+    def joined(self, residuals: tuple[float, ...] = ()) -> FixedPoint:
         """The motion of all segments as one period's."""
 
         def whole(name: str) -> np.ndarray:
-            parts = [getattr(motion, name) for motion in motions]
+            parts = [getattr(motion, name) for motion in self.motions]
             return np.concatenate([part[:-1] for part in parts] + [parts[-1][-1:]])
 
-        residual = states[-1] + motions[-1].residual - states[0]
+        residual = self.states[-1] + self.motions[-1].residual - self.states[0]
         motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"))
-        state = states[0] + self.driven.linear_state
-        return FixedPoint(state, self.driven, motion, residuals)
-
-
-def condensed(derivatives: np.ndarray, missed: np.ndarray) -> np.ndarray:
-    """(n, s): the changes d of states for which D_k d_k - d_(k+1) = -missed_k, cyclic.
-
-    Parameters
-    ----------
-    derivatives : (n, s, s) array
-    missed : (n, s) array
-    """
-    count, size = missed.shape
-    # A d_0 + B d_k = r for the segments up to k; one after the other d_k is eliminated by a QR factorisation
-    first, last, right = derivatives[0], -np.eye(size), -missed[0]
-    kept = []
-    for derivative, miss in zip(derivatives[1:], missed[1:]):
-        q, r = np.linalg.qr(np.concatenate([last, derivative]), mode="complete")
-        rows = np.zeros((2 * size, 2 * size + 1))
-        rows[:size, :size], rows[:size, -1] = first, right
-        rows[size:, size:-1], rows[size:, -1] = -np.eye(size), -miss
-        rows = q.T @ rows
-        kept.append((r[:size], rows[:size]))
-        first, last, right = rows[size:, :size], rows[size:, size:-1], rows[size:, -1]
-    result = np.zeros((count, size))
-    result[0] = np.linalg.solve(first + last, right)
-    following = result[0]
-    for k in range(count - 1, 0, -1):
-        upper, rows = kept[k - 1]
-        following = np.linalg.solve(
-            upper, rows[:, -1] - rows[:, :size] @ result[0] - rows[:, size:-1] @ following
-        )
-        result[k] = following
-    return result
+        return FixedPoint(self.states[0] + self.driven.linear_state, self.driven, motion, residuals)
 
 
 def shoot_segments(
     period: Period, frequency: float, count: int, states: np.ndarray | None = None
-) -> tuple[FixedPoint, SegmentedPeriod, list[PeriodMotion]]:
-    """A periodic motion by multiple shooting, its segments and their motions.
+) -> tuple[FixedPoint, Segments]:
+    """A periodic motion by multiple shooting, whole and in its segments.
 
     Parameters
     ----------
@@ -151,30 +135,46 @@ def shoot_segments(
         Segments.
     states : (count, 2 m) array, optional
         First guess, differences to the linear steady state. Default: none.
+
+    Raises
+    ------
+    SolveError
+        If Newton's method does not converge.
     """
-    segmented = SegmentedPeriod(period.at(frequency), count)
+    orbits = SegmentedOrbits(period, ParameterRange("frequency", frequency, frequency), count)
+    orbits.settled = orbits.closed  # to rounding, as steady states are found
     guess = np.zeros((count, 2 * period.modes)) if states is None else states
-    found, motions, residuals = segmented.solve(guess)
-    return segmented.joined(found, motions, residuals), segmented, motions
+    u = np.append(guess.ravel(), frequency)
+    try:
+        point = correct(orbits, u, Metric(orbits, u).level(u, frequency))
+    except PetscFailure:
+        raise
+    except SolveError as error:
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: over {count} segments {error}; start from a neighbour, or take more segments or "
+                "steps"
+            )
+        ) from None
+    return point.state.joined(tuple(point.state.scale * missed for missed in point.residuals)), point.state
 
 
-def segmented_stability(
-    segmented: SegmentedPeriod, motions: list[PeriodMotion]
-) -> tuple[np.ndarray, Callable[[], float]]:
+def segmented_stability(segments: Segments) -> tuple[np.ndarray, Callable[[], float]]:
     """Multipliers of a motion, as the eigenvalues of the product of its segments' derivatives, and what
     computes the uncertainty of the largest modulus, by the same motion in twice the steps.
     """
-    values = product_eigenvalues(segmented.derivatives(motions, located=True))
-    frequency, period = segmented.driven.frequency, segmented.driven.period
-    begins = [np.append(period.weights * motion.states[0], motion.velocities[0]) for motion in motions]
+    values = product_eigenvalues(segments.derivatives(located=True))
+    frequency, period = segments.value, segments.problem.period
+    begins = [
+        np.append(period.weights * motion.states[0], motion.velocities[0]) for motion in segments.motions
+    ]
 
     def error() -> float:
         finer = period.in_steps(2 * period.steps)
         try:
-            _, other, found = shoot_segments(finer, frequency, len(begins), np.array(begins))
+            _, other = shoot_segments(finer, frequency, len(begins), np.array(begins))
         except SolveError:
             return np.nan
-        changed = product_eigenvalues(other.derivatives(found, located=True))[0]
-        return uncertainty_of(abs(values[0]) - abs(changed))
+        return uncertainty_of(abs(values[0]) - abs(product_eigenvalues(other.derivatives(located=True))[0]))
 
     return values, error
