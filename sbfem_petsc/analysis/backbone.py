@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..capacity import FEW, require_compiler, require_memory, room
-from ..checks import flag, index_of, integer, optional_integer, positive
+from ..checks import index_of
 from ..dynamics.excitation import one_sided
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.free import FreeMotion, FreeSystem
@@ -21,15 +21,15 @@ from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
 from ..dynamics.preparation import period_memory
 from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from .analysis import analysis
+from .options import BackboneOptions
 
 # Steps a period, and modes kept beside three for each up to the followed one.
 STEPS, MODES = 1024, 20
-# Most steps a period, points, modes: more is a slip.
-MOST = 10**6
 # Points a decade where the motions of all energies are alike.
 DECADE = 8
 # Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
@@ -151,7 +151,7 @@ class Backbone:
         )
 
 
-@agreed()
+@analysis(BackboneOptions)
 def backbone(
     model: Model | ReducedModel,
     mode: int,
@@ -207,11 +207,6 @@ def backbone(
         attribute `backbone`.
     """
     with collective(communicator(model)):
-        mode, modes, steps, points = _checked_counts(mode, modes, steps, points)
-        start, stop, largest_step = _checked_range(start, stop, largest_step)
-        flags = {"damping": damping, "refine": refine, "stability": stability, "interactions": interactions}
-        for name, value in flags.items():
-            flag("backbone", name, value)
         if isinstance(model, ReducedModel) and modes is not None:
             raise ValueError(
                 f"backbone: modes = {modes} has no meaning beside a reduced model; reduce it to so many"
@@ -274,23 +269,6 @@ def backbone(
         failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)
     return result
-
-
-def _checked_counts(mode, modes, steps, points) -> tuple[int, int | None, int | None, int]:
-    return (
-        integer("backbone", "mode", mode, least=1, most=MOST),
-        optional_integer("backbone", "modes", modes, least=1, most=MOST),
-        optional_integer("backbone", "steps", steps, least=48, most=MOST),
-        integer("backbone", "points", points, least=2, most=MOST),
-    )
-
-
-def _checked_range(start, stop, largest_step) -> tuple[float, float, float]:
-    start, stop = positive("backbone", "start", start, "J"), positive("backbone", "stop", stop, "J")
-    largest_step = positive("backbone", "largest_step", largest_step, "relative")
-    if start == stop:
-        raise ValueError(f"backbone: start and stop are both {start:g} J; give a range of energies")
-    return start, stop, largest_step
 
 
 def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> list[FreeMotion]:

@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..checks import instance, integer, positive
+from ..checks import instance
 from ..continuation.newton import correct
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
@@ -16,7 +16,9 @@ from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
 from ..dynamics.tones import QuasiPeriodic, own_motion
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
+from .analysis import analysis
+from .options import SwitchOptions
 from .quasi_periodic import require_room, warn_if_unresolved
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
@@ -25,13 +27,11 @@ SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
 TRULY = 0.5
 # The same of quasi-periodic motions: a small curve is moved by the switches of pairs between steps of time.
 QUASI_PERIODIC_SIZES = (0.05, 0.1, 0.02, 0.2, 0.01)
-# Phases of a quasi-periodic motion's own tone.
-SAMPLES = 21
 
 
-@agreed()
+@analysis(SwitchOptions)
 def switch_branch(
-    branch: Branch, bifurcation: Bifurcation, *, size: float | None = None, samples: int = SAMPLES
+    branch: Branch, bifurcation: Bifurcation, *, size: float | None = None, samples: int = 21
 ) -> Orbit | QuasiPeriodic:
     """A motion that leaves a branch at a bifurcation: of twice the period at a period doubling,
     quasi-periodic with a tone of its own at a Neimark-Sacker point.
@@ -71,11 +71,6 @@ def switch_branch(
     comm = branch.reduced.comm
     with collective(comm):
         instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
-        if size is not None:
-            positive("switch_branch", "size", size, "relative")
-        samples = integer("switch_branch", "samples", samples, least=3)
-        if samples % 2 == 0:
-            raise ValueError(f"switch_branch: samples = {samples} must be odd")
         if bifurcation.kind not in ("period doubling", "Neimark-Sacker"):
             raise ValueError(
                 f"switch_branch: {bifurcation!r} is no period doubling and no Neimark-Sacker point; motions "

@@ -9,8 +9,7 @@ import numpy as np
 
 from meshing.warnings import BranchWarning
 
-from ..checks import Bounds, choice, flag, instance, integer, names_of, real
-from ..checks import progress as check_progress
+from ..checks import instance
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
@@ -18,15 +17,16 @@ from ..dynamics.locus import (
     AT_END,
     CLOSED,
     KINDS,
-    PARAMETERS,
     Locus,
     LocusStart,
     follow_locus,
 )
 from ..dynamics.locus_point import Family
 from ..errors import SolveError, caller_level
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..progress import progress_bar
+from .analysis import analysis
+from .options import GrazingOptions, LociOptions, LocusOptions
 
 # A multiplier further than this from 1 is that of a corner, not of a smooth fold.
 SMOOTH = 0.1
@@ -38,7 +38,7 @@ ONE = 0.03
 AT = 1e-6
 
 
-@agreed()
+@analysis(LocusOptions)
 def locus(
     branch: Branch,
     bifurcation: Bifurcation,
@@ -103,11 +103,10 @@ def locus(
                 f"locus: bifurcation = {bifurcation!r} has {bifurcation.state.size} unknowns, the branch "
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
-        start, stop, points = _check(what, start, stop, parameter, points, progress)
         _require_effect(what, branch, parameter)
         frequency, factor = branch.conditions(bifurcation.own_value)
         value = factor if parameter == "load" else 1.0
-        if start == stop or not min(start, stop) <= value <= max(start, stop):
+        if not min(start, stop) <= value <= max(start, stop):
             raise ValueError(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
                 f"between start = {start:g} and stop = {stop:g}"
@@ -129,18 +128,6 @@ def locus(
         )
 
 
-def _check(what: str, start, stop, parameter, points, progress) -> tuple[float, float, int]:
-    """The range and the number of points, of checked options."""
-    choice(what, "parameter", parameter, PARAMETERS)
-    points = integer(what, "points", points, least=1)
-    check_progress(what, progress)
-    bounds = [
-        real(what, name, value, within=Bounds(least=0.0, most=1e15))
-        for name, value in (("start", start), ("stop", stop))
-    ]
-    return bounds[0], bounds[1], points
-
-
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:
     """Refuse a factor on what is zero throughout, over which every line is vertical but for rounding."""
     values = {"damping": branch.reduced.damping, "gap": branch.reduced.initial_gap}
@@ -152,7 +139,7 @@ def _require_effect(what: str, branch: Branch, parameter: str) -> None:
         )
 
 
-@agreed()
+@analysis(LociOptions)
 def loci(
     branch: Branch,
     start: float,
@@ -194,14 +181,7 @@ def loci(
     with collective(branch.reduced.comm):
         if branch.parameter != "frequency":
             raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
-        start, stop, points = _check(what, start, stop, parameter, points, progress)
         _require_effect(what, branch, parameter)
-        if start == stop or not min(start, stop) <= 1.0 <= max(start, stop):
-            raise ValueError(f"{what}: the factor 1 must lie between start = {start:g} and stop = {stop:g}")
-        for kind in names_of(what, "kinds", kinds):
-            choice(what, "kinds", kind, KINDS)
-        if not kinds:
-            raise ValueError(f"{what}: kinds is empty; name one of {', '.join(KINDS)} at least")
     found = [b for b in branch.bifurcations if b.kind in SMOOTH_KINDS and b.kind in kinds]
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
     if "grazing" in kinds:
@@ -245,7 +225,7 @@ def _passes(line: Locus, item: Bifurcation, branch: Branch) -> bool:
     return False
 
 
-@agreed()
+@analysis(GrazingOptions)
 def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation, ...]:
     """Find where a motion of a branch begins or ceases to touch: the least gap over the period is zero there.
 
@@ -273,8 +253,5 @@ def grazing_points(branch: Branch, *, every: bool = False) -> tuple[Bifurcation,
     BranchWarning
         Of one that is not found, where the branch turns too sharply between two points.
     """
-    what = "grazing_points"
-    instance(what, "branch", branch, Branch, "a Branch")
-    with collective(branch.reduced.comm):
-        flag(what, "every", every)
-    return tuple(find_grazing(branch, bool(every)))
+    instance("grazing_points", "branch", branch, Branch, "a Branch")
+    return tuple(find_grazing(branch, every))

@@ -114,13 +114,18 @@ class ErrorOptions(Options):
     decimation: int | None = _counted("every so many steps are kept")
 
 
-class PeriodicOptions(Options):
+class Integration(Options):
+    """How motions under periodic loads are integrated."""
+
+    steps: int | None = _counted(_STEPS, least=48)
+    modes: int | None = _counted(_MODES)
+
+
+class PeriodicOptions(Integration):
     """Options of `periodic`."""
 
     frequency: float = _frequency("forcing frequency")
     periods: int | None = _counted("forcing periods in a period of the motion; default: the fewest that fit")
-    steps: int | None = _counted(_STEPS, least=48)
-    modes: int | None = _counted(_MODES)
     contact: bool = item(True, text=_CONTACT)
     jacobian: Literal["auto", "dense", "matrix-free", "differences"] = item(
         "auto", text="derivative of the shooting Newton iteration"
@@ -147,28 +152,31 @@ class PeriodicOptions(Options):
             )
 
 
-class CurveOptions(Options):
-    """What response curves over any parameter have in common."""
-
-    periods: int | None = _counted("forcing periods in a period of the motion; default: 1, or those of guess")
-    steps: int | None = _counted(_STEPS, least=48)
-    modes: int | None = _counted(_MODES)
-    points: int = _counted("points at most", 400, least=2)
-    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
-
-
-class FrequencyResponseOptions(CurveOptions):
-    """Options of `frequency_response`."""
+class FrequencyRange(Integration):
+    """The forcing frequencies of a curve."""
 
     start: float = _frequency("first frequency")
     stop: float = _frequency("last frequency")
-    contact: bool = item(True, text="false: the linear response")
     largest_step: float | None = _largest_step("frequency", "Hz")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value."""
         if self.start == self.stop:
             yield one_value(self.stop)
+
+
+class CurveOptions(Integration):
+    """What response curves over any parameter have in common."""
+
+    periods: int | None = _counted("forcing periods in a period of the motion; default: 1, or those of guess")
+    points: int = _counted("points at most", 400, least=2)
+    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
+
+
+class FrequencyResponseOptions(CurveOptions, FrequencyRange):
+    """Options of `frequency_response`."""
+
+    contact: bool = item(True, text="false: the linear response")
 
 
 class LoadResponseOptions(CurveOptions):
@@ -198,15 +206,20 @@ class SwitchOptions(Options):
         yield from even(self.samples)
 
 
-class LocusOptions(Options):
-    """Options of `locus`."""
+class LineOptions(Options):
+    """What lines of bifurcations are followed over, and how far."""
 
-    start: float = item(text="first factor on the second parameter", ge=0, le=1e15)
-    stop: float = item(text="last factor on the second parameter", ge=0, le=1e15)
     parameter: Literal["load", "damping", "gap"] = item(
         "load", text="second parameter: a factor on the oscillating loads, all damping ratios or all gaps"
     )
     points: int = _counted("points to either side of a bifurcation at most", 100)
+
+
+class LocusOptions(LineOptions):
+    """Options of `locus`."""
+
+    start: float = item(text="first factor on the second parameter", ge=0, le=1e15)
+    stop: float = item(text="last factor on the second parameter", ge=0, le=1e15)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value."""
@@ -255,12 +268,10 @@ class SweptOptions(Options):
             yield "duration", text
 
 
-class BasinsOptions(Options):
+class BasinsOptions(Integration):
     """Options of `basins`."""
 
     frequency: float = _frequency("forcing frequency")
-    steps: int | None = _counted(_STEPS, least=48)
-    modes: int | None = _counted(_MODES)
     longest: int = _counted("most periods after which a motion may repeat itself", 8, most=1000)
     tolerance: float = item(
         1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2
@@ -279,13 +290,18 @@ class QuasiPeriodicOptions(Options):
     stability: bool = item(True, text="compute the largest Lyapunov exponents")
 
 
-class QuasiPeriodicResponseOptions(Options):
+class TorusCurveOptions(Options):
+    """How many quasi-periodic motions a curve has, and what is told of them."""
+
+    points: int = _counted("quasi-periodic motions at most", 60, least=2)
+    stability: bool = item(True, text="compute the largest Lyapunov exponents")
+
+
+class QuasiPeriodicResponseOptions(TorusCurveOptions):
     """Options of `quasi_periodic_response`."""
 
     stop: float = item(text="forcing frequency (Hz) or load factor at which it ends", gt=0, le=1e15)
-    points: int = _counted("quasi-periodic motions at most", 60, least=2)
     largest_step: float | None = _largest_step("frequency or factor")
-    stability: bool = item(True, text="compute the largest Lyapunov exponents")
 
 
 class BackboneOptions(Options):

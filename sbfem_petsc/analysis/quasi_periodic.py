@@ -15,7 +15,7 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..capacity import require_compiler, require_memory
-from ..checks import Bounds, flag, instance, integer, numbers_of, optional_integer, real
+from ..checks import Bounds, instance, numbers_of, real
 from ..dynamics.curve_system import RESTART
 from ..dynamics.excitation import Excitation, by_formula, parts_of
 from ..dynamics.loading import communicator, loading, serving
@@ -32,34 +32,34 @@ from ..dynamics.tones import (
 )
 from ..dynamics.torus import RESOLVED, Torus
 from ..errors import SolveError, caller_level, on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant, Signal, as_signal
 from ..signals.waves import Harmonic
 from ..system.model import Model
+from .analysis import analysis
+from .options import QuasiPeriodicOptions
 
-STEPS, SAMPLES = 512, 21
-# Most steps, samples or modes: more is a slip.
-MOST = 10**5
+STEPS = 512
 _OTHER = (
-    "quasi_periodic: start belongs to another model or number of modes ({}, not {}); give one of the same "
+    "quasi_periodic: guess belongs to another model or number of modes ({}, not {}); give one of the same "
     "model"
 )
 # Multiples of a tone that a load may have, and the relative distance from one that rounding explains.
 MULTIPLES, SAME = 16, 1e-9
 
 
-@agreed()
+@analysis(QuasiPeriodicOptions)
 def quasi_periodic(
     model: Model | ReducedModel,
     load,
     frequencies: tuple[float, float | None],
     *,
-    samples: int = SAMPLES,
+    samples: int = 21,
     steps: int | None = None,
     modes: int | None = None,
-    start: QuasiPeriodic | None = None,
+    guess: QuasiPeriodic | None = None,
     stability: bool = True,
 ) -> QuasiPeriodic:
     """Find the steady response to two tones of any frequencies by shooting of an invariant curve; or to one,
@@ -86,9 +86,9 @@ def quasi_periodic(
         period and 1 / 32 of that of the highest multiple.
     modes : int, optional
         Default: as for `periodic`.
-    start : QuasiPeriodic, optional
-        First guess, of the same model and number of modes. Default: the linear response. Where the second
-        tone is the motion's own: one of that kind, with f1 near its.
+    guess : QuasiPeriodic, optional
+        A motion to begin from, of the same model and number of modes. Default: the linear response. Where the
+        second tone is the motion's own: one of that kind, with f1 near its.
     stability : bool
         Compute the largest Lyapunov exponents.
 
@@ -108,16 +108,12 @@ def quasi_periodic(
     """
     comm = communicator(model)
     with collective(comm):
-        if start is not None:
-            instance("quasi_periodic", "start", start, QuasiPeriodic, "an earlier result of quasi_periodic")
-        samples = integer("quasi_periodic", "samples", samples, least=3, most=MOST)
-        steps = optional_integer("quasi_periodic", "steps", steps, least=48, most=MOST)
-        modes = optional_integer("quasi_periodic", "modes", modes, least=1, most=MOST)
-        asked = _checked(frequencies, samples, start)
-        flag("quasi_periodic", "stability", stability)
+        if guess is not None:
+            instance("quasi_periodic", "guess", guess, QuasiPeriodic, "an earlier result of quasi_periodic")
+        asked = _checked(frequencies, samples, guess)
     if isinstance(asked, float):
-        assert start is not None  # checked
-        found = _with_own_tone(model, load, asked, start, _Wanted(samples, steps, modes, stability))
+        assert guess is not None  # checked
+        found = _with_own_tone(model, load, asked, guess, _Wanted(samples, steps, modes, stability))
         warn_if_unresolved("quasi_periodic", found)
         return found
     frequencies = asked
@@ -126,11 +122,11 @@ def quasi_periodic(
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
-    if modes is None and start is not None and isinstance(model, Model):
-        modes = start.states.shape[1] // 2
+    if modes is None and guess is not None and isinstance(model, Model):
+        modes = guess.states.shape[1] // 2
     reduced = serving("quasi_periodic", model, loads, modes, _highest(driven, ordered))
     with collective(comm):
-        guess = _guess(start, samples, reduced, ordered[1] / ordered[0])
+        states = _resampled(guess, samples, reduced)
     contact, fastest = len(reduced.initial_gap) > 0, _highest(driven, ordered)
     if steps is None:
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
@@ -151,7 +147,7 @@ def quasi_periodic(
     require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
     try:
         torus = Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
-        curve = torus.solve(guess)
+        curve = torus.solve(states)
     except SolveError as error:
         raise on_all_ranks(error) from None
     exponents = (
@@ -217,15 +213,15 @@ def _tone(value) -> Signal:
     return as_signal(value)
 
 
-def _checked(frequencies, samples: int, start: QuasiPeriodic | None) -> tuple[float, float] | float:
+def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:
     """Both frequencies, or the first one where the second is the motion's own."""
     what = "quasi_periodic"
     if isinstance(frequencies, (list, tuple)) and len(frequencies) == 2 and frequencies[1] is None:
         first = real(what, "frequencies[0]", frequencies[0], within=Bounds(above=0.0))
-        if start is None or start.own is None:
+        if guess is None or guess.own is None:
             raise ValueError(
                 f"{what}: a motion with a tone of its own, frequencies = ({first:g}, None), needs one to "
-                "start from, start = switch_branch(branch, bifurcation) at a Neimark-Sacker point"
+                "begin from, guess = switch_branch(branch, bifurcation) at a Neimark-Sacker point"
             )
         if samples % 2 == 0:
             raise ValueError(
@@ -237,9 +233,9 @@ def _checked(frequencies, samples: int, start: QuasiPeriodic | None) -> tuple[fl
     )
     if pair[0] == pair[1]:
         raise ValueError(f"{what}: both frequencies are {pair[0]:g} Hz; use periodic for one tone")
-    if start is not None and start.own is not None:
+    if guess is not None and guess.own is not None:
         raise ValueError(
-            f"{what}: start has a tone of its own; give frequencies = ({pair[0]:g}, None), or another start"
+            f"{what}: guess has a tone of its own; give frequencies = ({pair[0]:g}, None), or another guess"
         )
     return pair[0], pair[1]
 
@@ -261,23 +257,23 @@ def _with_own_tone(
     model: Model | ReducedModel,
     load,
     first: float,
-    start: QuasiPeriodic,
+    begin: QuasiPeriodic,
     wanted: _Wanted,
 ) -> QuasiPeriodic:
     """The motion with a tone of its own near another one."""
-    assert start.own is not None  # the caller has asked
+    assert begin.own is not None  # the caller has asked
     samples, steps, modes, stability = wanted
-    comm, old = communicator(model), start.own.period
+    comm, old = communicator(model), begin.own.period
     periods = old.excitation.periods
     if modes is None and isinstance(model, Model):
-        modes = start.states.shape[1] // 2
+        modes = begin.states.shape[1] // 2
     settings = PeriodSettings(periods, old.steps // periods if steps is None else steps, modes)
     period = prepare("quasi_periodic", model, load, first * periods, settings=settings)
     with collective(comm):
-        if 2 * period.modes != start.states.shape[1]:
-            raise ValueError(_OTHER.format(start.states.shape[1] // 2, period.modes))
+        if 2 * period.modes != begin.states.shape[1]:
+            raise ValueError(_OTHER.format(begin.states.shape[1] // 2, period.modes))
     own = OwnTone(period, "frequency", None, samples, comm)
-    known = own_circle(start)
+    known = own_circle(begin)
     guess = Circle(own.resampled(known.states), known.rotation, first * periods)
     plane = np.eye(1, guess.states.size + 2, guess.states.size + 1)[0]
     try:
@@ -285,7 +281,7 @@ def _with_own_tone(
         if circle.swing < SHRUNK * known.swing:
             raise SolveError(
                 f"quasi_periodic: at {first:g} Hz the iteration ends at the periodic motion, which has no "
-                "tone of its own; take a frequency nearer to that of start, or quasi_periodic_response"
+                "tone of its own; take a frequency nearer to that of guess, or quasi_periodic_response"
             )
         return own_motion(own, circle, stability)
     except SolveError as error:
@@ -344,15 +340,15 @@ def _highest(drives: tuple[Excitation, Excitation], frequencies: tuple[float, fl
     return max(float(drive.orders.max(initial=0)) * f for drive, f in zip(drives, frequencies))
 
 
-def _guess(start, samples: int, reduced: ReducedModel, rotation: float) -> np.ndarray | None:
-    """The start's curve at the phases wanted."""
-    if start is None:
+def _resampled(guess: QuasiPeriodic | None, samples: int, reduced: ReducedModel) -> np.ndarray | None:
+    """The curve to begin from at the phases wanted."""
+    if guess is None:
         return None
     modes = len(reduced.omega)
-    same = start.reduced is reduced or (reduced.model is not None and start.reduced.model is reduced.model)
-    if not same or start.states.shape[1] != 2 * modes:
-        raise ValueError(_OTHER.format(start.states.shape[1] // 2, modes))
-    harmonics = np.fft.rfft(start.states, axis=0) / start.samples
+    same = guess.reduced is reduced or (reduced.model is not None and guess.reduced.model is reduced.model)
+    if not same or guess.states.shape[1] != 2 * modes:
+        raise ValueError(_OTHER.format(guess.states.shape[1] // 2, modes))
+    harmonics = np.fft.rfft(guess.states, axis=0) / guess.samples
     kept = np.zeros((samples // 2 + 1, 2 * modes), dtype=complex)
     common = min(len(harmonics), len(kept))
     kept[:common] = harmonics[:common]

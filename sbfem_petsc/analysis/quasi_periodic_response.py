@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..checks import Bounds, flag, instance, integer, positive, real
-from ..checks import progress as check_progress
+from ..checks import instance
 from ..dynamics.own_tone import OwnTone
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
 from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
 from ..errors import SolveError, on_all_ranks
-from ..parallel import agreed, collective
+from ..parallel import collective
 from ..progress import progress_bar
+from .analysis import analysis
+from .options import QuasiPeriodicResponseOptions
 from .quasi_periodic import require_room
 
 # A parameter is the same to this relative difference.
@@ -24,13 +25,13 @@ SAME = 1e-12
 DOUBLINGS = 2
 
 
-@agreed()
+@analysis(QuasiPeriodicResponseOptions)
 def quasi_periodic_response(
-    first: QuasiPeriodic,
+    guess: QuasiPeriodic,
     stop: float,
     *,
     points: int = 60,
-    largest_step: float = math.inf,
+    largest_step: float | None = None,
     stability: bool = True,
     progress: Callable[[float], None] | str | None = "auto",
 ) -> QuasiPeriodicBranch:
@@ -45,13 +46,13 @@ def quasi_periodic_response(
 
     Parameters
     ----------
-    first : QuasiPeriodic
-        From `switch_branch` at a Neimark-Sacker point, or of such a curve.
+    guess : QuasiPeriodic
+        The motion to begin from: from `switch_branch` at a Neimark-Sacker point, or of such a curve.
     stop : float
         Forcing frequency (Hz) or load factor.
     points : int
         Points at most.
-    largest_step : float
+    largest_step : float, optional
         Largest change of the parameter from a point to the next one.
     stability : bool
         Compute the largest Lyapunov exponents.
@@ -66,29 +67,23 @@ def quasi_periodic_response(
         If the first motion cannot be found again, or if more samples do not resolve it either.
     """
     what = "quasi_periodic_response"
-    instance(what, "first", first, QuasiPeriodic, "a QuasiPeriodic")
-    own = first.own
+    instance(what, "guess", guess, QuasiPeriodic, "a QuasiPeriodic")
+    own = guess.own
     if own is None:
         raise ValueError(
-            f"{what}: first = {first!r} has no tone of its own; give one that switch_branch has found at a "
+            f"{what}: guess = {guess!r} has no tone of its own; give one that switch_branch has found at a "
             "Neimark-Sacker point"
         )
     with collective(own.comm):
-        stop = real(what, "stop", stop, within=Bounds(above=0.0, most=1e15))
-        points = integer(what, "points", points, least=2)
-        if not (isinstance(largest_step, float) and largest_step == math.inf):
-            positive(what, "largest_step", largest_step)
-        flag(what, "stability", stability)
-        check_progress(what, progress)
-        known = own_circle(first)
+        known = own_circle(guess)
         if abs(stop - known.value) <= SAME * stop:
-            raise ValueError(f"{what}: stop = {stop:g} is where the first motion is; give another end")
+            raise ValueError(f"{what}: stop = {stop:g} is where guess is; give another end")
     plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
     try:
         begin = own.near(known, plane)
         with progress_bar(own.comm, "quasi-periodic response", progress) as report:
             found, reason = follow_circles(
-                _maps(own), begin, stop, points=points, largest_step=float(largest_step), report=report
+                _maps(own), begin, stop, points=points, largest_step=largest_step or math.inf, report=report
             )
     except SolveError as error:
         raise on_all_ranks(error) from None

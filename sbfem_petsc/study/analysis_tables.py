@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from ..analysis.options import (
+    BackboneOptions,
     BasinsOptions,
+    FrequencyRange,
     FrequencyResponseOptions,
+    LineOptions,
     LoadHistoryOptions,
     LoadResponseOptions,
     ModalOptions,
     PeriodicOptions,
+    QuasiPeriodicOptions,
     StaticOptions,
     SweptOptions,
+    SwitchOptions,
+    TorusCurveOptions,
     TransientOptions,
 )
 from ..options import Pair, item
@@ -89,6 +96,12 @@ class TransientAnalysis(TransientOptions, Loaded):
     )
     reduced: bool = item(True, text="false: the unreduced model")
 
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A scheme of the unreduced model alone, too."""
+        yield from super().contradictions()
+        if self.scheme == "paper" and self.reduced and "reduced" in self.model_fields_set:
+            yield "scheme", '= "paper" integrates the unreduced model; leave reduced = true out'
+
 
 class PeriodicAnalysis(PeriodicOptions, Loaded):
     """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
@@ -96,6 +109,18 @@ class PeriodicAnalysis(PeriodicOptions, Loaded):
 
     kind: Literal["periodic"] = item(text="steady state")
     reduced: bool = item(True, text="false: the unreduced model")
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """What the unreduced model has not, too."""
+        yield from super().contradictions()
+        if not self.reduced and self.segments > 1:
+            yield "segments", "is for the reduced model; leave out reduced = false or segments"
+        if not self.reduced and self.tolerance is not None:
+            yield "tolerance", "is for the reduced model; leave out reduced = false, or give steps"
+        if not self.reduced and self.stability:
+            yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
+        if not self.reduced and self.jacobian not in ("auto", "matrix-free"):
+            yield "jacobian", f'= "{self.jacobian}" is for the reduced model; leave out reduced = false'
 
 
 class FrequencyResponse(FrequencyResponseOptions, Loaded):
@@ -142,29 +167,22 @@ class SweptAnalysis(SweptOptions, Loaded):
     )
 
 
-class LocusAnalysis(Table):
+class LocusAnalysis(LineOptions, FrequencyRange, Loaded):
     """Bifurcations of a response curve over the frequency, followed over a second parameter: a map of
     behaviour."""
 
     kind: Literal["locus"] = item(text="bifurcations over frequency and a second parameter")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    start: float = item(text="first frequency of the curve", unit="Hz", gt=0)
-    stop: float = item(text="last frequency of the curve", unit="Hz", gt=0)
-    parameter: Literal["load", "damping", "gap"] = item(
-        "load", text="second parameter: a factor on the oscillating loads, all damping ratios or all gaps"
-    )
     least: float = item(0.5, text="least factor", ge=0, le=1)
     most: float = item(2.0, text="largest factor", ge=1)
     bifurcations: list[Literal["fold", "period doubling", "Neimark-Sacker", "grazing"]] = item(
         ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed", min_length=1
     )
-    points: int = item(100, text="points to either side of a bifurcation at most", ge=1)
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    largest_step: float | None = item(
-        None, text="largest change of the frequency from a point of the curve to the next", unit="Hz", gt=0
-    )
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A range of one factor, too."""
+        yield from super().contradictions()
+        if self.least == self.most:
+            yield "most", f"= {self.most:g} is least itself; give a range of factors"
 
 
 class ModulationAnalysis(Table):
@@ -187,8 +205,24 @@ class ModulationAnalysis(Table):
     contact: bool = item(True, text="false: crack faces may overlap")
     stability: bool = item(True, text="compute the Floquet multipliers")
 
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Tones in the wrong order."""
+        if self.pump_frequency >= self.probe_frequency:
+            yield (
+                "pump_frequency",
+                f"= {self.pump_frequency:g} must be below probe_frequency = {self.probe_frequency:g}, in Hz; "
+                "exchange pump and probe",
+            )
 
-class QuasiPeriodicAnalysis(Table):
+
+def _unresolved(order: int, samples: int) -> Iterator[tuple[str, str]]:
+    """Lines that samples do not resolve."""
+    if order > samples // 2:
+        text = f"= {order} is more than half of samples = {samples}; give samples = {2 * order + 1} or more"
+        yield "order", text
+
+
+class QuasiPeriodicAnalysis(QuasiPeriodicOptions, Table):
     """The steady state under two tones of any frequencies: lines m probe + n pump. Numbers in the two loads
     are the tones' amplitudes; harmonic signals may be multiples of either tone."""
 
@@ -198,55 +232,35 @@ class QuasiPeriodicAnalysis(Table):
     pump: Names = item(text="load of the second tone")
     pump_frequency: float = item(text="second tone", unit="Hz", gt=0)
     order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
-    samples: int = item(21, text="phases of the slower tone: half as many of its multiples", ge=3)
-    steps: int | None = item(None, text="time steps a period of the faster tone; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    stability: bool = item(True, text="compute the largest Lyapunov exponents")
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Tones that are one, and lines that the samples do not resolve."""
+        if self.pump_frequency == self.probe_frequency:
+            text = f"= {self.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone"
+            yield "pump_frequency", text
+        yield from _unresolved(self.order, self.samples)
 
 
-class QuasiPeriodicResponse(Table):
+class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Loaded):
     """Motions with a tone of their own behind a Neimark-Sacker point of a response curve over the frequency,
     followed over the frequency."""
 
     kind: Literal["quasi_periodic_response"] = item(text="curve of motions with a tone of their own")
-    load: Names = item(text=_LOAD)
-    factor: float = item(1.0, text="factor on the load")
-    start: float = item(text="first frequency of the curve of periodic motions", unit="Hz", gt=0)
-    stop: float = item(text="last frequency of that curve", unit="Hz", gt=0)
     bifurcation: int = item(1, text="which of its Neimark-Sacker points, from 1", ge=1)
     end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
     order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
-    samples: int = item(21, text="phases of the motion's own tone; odd", ge=3)
-    points: int = item(60, text="quasi-periodic motions at most", ge=2)
-    steps: int | None = item(None, text="time steps a forcing period; default: 512 or more", ge=48)
-    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
-    largest_step: float | None = item(
-        None, text="largest change of the frequency from a point of either curve to the next", unit="Hz", gt=0
-    )
-    stability: bool = item(True, text="compute the largest Lyapunov exponents")
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A range of one value, samples that are even, lines that they do not resolve."""
+        yield from FrequencyRange.contradictions(self)
+        yield from SwitchOptions.contradictions(self)
+        yield from _unresolved(self.order, self.samples)
 
 
-class Backbone(Table):
+class Backbone(BackboneOptions, Table):
     """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
-    mode: int = item(text="number of the mode, from 1", ge=1)
-    start: float = item(text="first energy", unit="J", gt=0)
-    stop: float = item(text="last energy", unit="J", gt=0)
-    damping: bool = item(
-        False, text="true: with the model's damping, under a self-excitation that makes up for it"
-    )
-    modes: int | None = item(None, text="modes; default: three for each up to the followed one, and 20", ge=1)
-    steps: int | None = item(None, text="time steps a period; default: 1024 or more", ge=48)
-    points: int = item(200, text="points at most", ge=2)
-    largest_step: float = item(
-        0.4, text="largest change of the state from a point to the next, relative", gt=0
-    )
-    interactions: bool = item(
-        False, text="follow the narrow tongues where a multiple of the frequency meets that of a higher mode"
-    )
-    refine: bool = item(True, text="solve every point with half the step too and extrapolate the frequency")
-    stability: bool = item(True, text="compute Floquet multipliers")
 
 
 ANALYSES = (

@@ -32,13 +32,6 @@ _SIGNALS = {
     "quasi_periodic_response": ("constant",),
 }
 
-# Kinds with a range from start to stop.
-_RANGES = (
-    "backbone",
-    "locus",
-    "quasi_periodic_response",
-)
-
 
 def contradictions(case: Any, folder: str) -> list[Problem]:
     """Problems of tables that are valid each by itself.
@@ -167,25 +160,8 @@ def _analyses(case: Any) -> Iterator[Problem]:
         yield from _analysis_loads(case, path, analysis)
         for key, text in analysis.contradictions():
             yield Problem((*path, key) if key else path, text)
-        if analysis.kind in _RANGES:
-            if analysis.start == analysis.stop:
-                other = " of energies" if analysis.kind == "backbone" else ", or use periodic"
-                yield Problem((*path, "stop"), f"= {analysis.stop:g} is start itself; give a range{other}")
         if analysis.kind == "locus":
             yield from _locus(case, path, analysis)
-        if analysis.kind == "backbone" and analysis.modes is not None and analysis.mode > analysis.modes:
-            yield Problem((*path, "mode"), f"= {analysis.mode} must be one of the modes = {analysis.modes}")
-        if analysis.kind == "modulation" and analysis.pump_frequency >= analysis.probe_frequency:
-            yield Problem(
-                (*path, "pump_frequency"),
-                f"= {analysis.pump_frequency:g} must be below probe_frequency = "
-                f"{analysis.probe_frequency:g}, in "
-                "Hz; exchange pump and probe",
-            )
-        if analysis.kind == "quasi_periodic":
-            yield from _two_tones(path, analysis)
-        if analysis.kind == "quasi_periodic_response":
-            yield from _samples_of_own_tone(path, analysis)
         if analysis.kind == "load_history":
             yield from _range((*path, "times"), analysis.times)
         if analysis.kind == "basins":
@@ -198,25 +174,10 @@ def _analyses(case: Any) -> Iterator[Problem]:
                         (*path, "starts", k, "mode"),
                         f"= {axis.mode} must be one of the modes = {analysis.modes}",
                     )
-        if analysis.kind == "transient":
-            if analysis.scheme == "paper" and analysis.reduced and "reduced" in analysis.model_fields_set:
-                yield Problem(
-                    (*path, "scheme"), '= "paper" integrates the unreduced model; leave reduced = true out'
-                )
-        if analysis.kind == "periodic" and analysis.segments > 1 and not analysis.reduced:
-            yield Problem(
-                (*path, "segments"), "is for the reduced model; leave out reduced = false or segments"
-            )
-        if analysis.kind == "periodic" and analysis.tolerance is not None and not analysis.reduced:
-            yield Problem(
-                (*path, "tolerance"), "is for the reduced model; leave out reduced = false, or give steps"
-            )
 
 
 def _locus(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:
-    """A range of one factor, and a factor on damping that there is none of."""
-    if analysis.least == analysis.most:
-        yield Problem((*path, "most"), f"= {analysis.most:g} is least itself; give a range of factors")
+    """A factor on damping that there is none of."""
     undamped = case.model.damping == 0.0 and case.model.rayleigh is None
     if analysis.parameter == "damping" and undamped:
         yield Problem(
@@ -244,33 +205,6 @@ def _axis(path: Path, axis: Any) -> Iterator[Problem]:
         yield Problem((*path, "values"), f"= {listed} must rise")
     if axis.kind == "impulse" and axis.point is not None:
         yield Problem((*path, "point"), f"= {axis.point!r} has no meaning for an impulse; leave it out")
-
-
-def _samples_of_own_tone(path: Path, analysis: Any) -> Iterator[Problem]:
-    """Phases of an unknown tone are an odd number, and resolve the lines."""
-    if analysis.samples % 2 == 0:
-        yield Problem((*path, "samples"), f"= {analysis.samples} must be odd; give {analysis.samples + 1}")
-    elif analysis.order > analysis.samples // 2:
-        yield _too_few_samples(path, analysis)
-
-
-def _too_few_samples(path: Path, analysis: Any) -> Problem:
-    return Problem(
-        (*path, "order"),
-        f"= {analysis.order} is more than half of samples = {analysis.samples}; give samples = "
-        f"{2 * analysis.order + 1} or more",
-    )
-
-
-def _two_tones(path: Path, analysis: Any) -> Iterator[Problem]:
-    """Tones of a quasi-periodic motion that are one, and lines that its samples do not resolve."""
-    if analysis.pump_frequency == analysis.probe_frequency:
-        yield Problem(
-            (*path, "pump_frequency"),
-            f"= {analysis.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone",
-        )
-    if analysis.order > analysis.samples // 2:
-        yield _too_few_samples(path, analysis)
 
 
 def _analysis_loads(case: Any, path: Path, analysis: Any) -> Iterator[Problem]:

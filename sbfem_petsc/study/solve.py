@@ -12,14 +12,20 @@ import numpy as np
 import sbfem_petsc as sb
 
 from ..analysis.options import (
+    BackboneOptions,
     BasinsOptions,
+    FrequencyRange,
     FrequencyResponseOptions,
+    LineOptions,
     LoadHistoryOptions,
     LoadResponseOptions,
     ModalOptions,
     PeriodicOptions,
+    QuasiPeriodicOptions,
     StaticOptions,
     SweptOptions,
+    SwitchOptions,
+    TorusCurveOptions,
     TransientOptions,
 )
 from ..errors import SolveError
@@ -179,25 +185,10 @@ class Structure:
         return function(self.model, load, starts=starts, **table.of(BasinsOptions), progress=progress)
 
     def _locus(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        curve = sb.frequency_response(
-            self.model,
-            objects.load(case, table.load, table.factor),
-            table.start,
-            table.stop,
-            steps=table.steps,
-            modes=table.modes,
-            largest_step=table.largest_step,
-            progress=progress,
-        )
-        return function(
-            curve,
-            table.least,
-            table.most,
-            parameter=table.parameter,
-            kinds=tuple(table.bifurcations),
-            points=table.points,
-            progress=progress,
-        )
+        load, kinds = objects.load(case, table.load, table.factor), tuple(table.bifurcations)
+        curve = sb.frequency_response(self.model, load, **table.of(FrequencyRange), progress=progress)
+        options = table.of(LineOptions)
+        return function(curve, table.least, table.most, kinds=kinds, **options, progress=progress)
 
     def _quasi_periodic(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
@@ -208,25 +199,14 @@ class Structure:
             self.model,
             [*_listed(probe), *_listed(pump)],
             (table.probe_frequency, table.pump_frequency),
-            samples=table.samples,
-            steps=table.steps,
-            modes=table.modes,
-            stability=table.stability,
+            **table.of(QuasiPeriodicOptions),
         )
 
     def _quasi_periodic_response(
         self, case: Case, table: Any, function: Any, file: str | None, progress: Progress
     ) -> Any:
-        curve = sb.frequency_response(
-            self.model,
-            objects.load(case, table.load, table.factor),
-            table.start,
-            table.stop,
-            steps=table.steps,
-            modes=table.modes,
-            largest_step=table.largest_step,
-            progress=progress,
-        )
+        load = objects.load(case, table.load, table.factor)
+        curve = sb.frequency_response(self.model, load, **table.of(FrequencyRange), progress=progress)
         found = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
         if len(found) < table.bifurcation:
             raise SolveError(
@@ -234,19 +214,17 @@ class Structure:
                 f"{len(found)} Neimark-Sacker points, not {table.bifurcation}; give another bifurcation, "
                 "range or load"
             )
-        first = sb.switch_branch(curve, found[table.bifurcation - 1], samples=table.samples)
+        guess = sb.switch_branch(curve, found[table.bifurcation - 1], **table.of(SwitchOptions))
         return function(
-            first,
+            guess,
             table.end,
-            points=table.points,
             largest_step=table.largest_step,
-            stability=table.stability,
+            **table.of(TorusCurveOptions),
             progress=progress,
         )
 
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        options = table.model_dump(exclude={"kind", "mode", "start", "stop"})
-        return function(self.model, table.mode, table.start, table.stop, **options)
+        return function(self.model, **table.of(BackboneOptions))
 
 
 def _listed(loads: Any) -> list[Any]:

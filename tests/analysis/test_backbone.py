@@ -583,7 +583,7 @@ def own_shift(r):
         ({"mode": 2}, "mode = 2 must be an elastic one of the 1 modes kept"),
         ({"mode": 1.0}, "mode = 1.0 must be an integer"),
         ({"start": 0.0}, "start = 0"),
-        ({"stop": 4e-4}, "start and stop are both"),
+        ({"stop": 4e-4}, "stop = 0.0004 is start itself"),
         ({"steps": 3}, "steps = 3 must be between 48 and 1000000"),
     ],
 )

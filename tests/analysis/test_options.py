@@ -26,6 +26,17 @@ ANALYSES = {
 }
 
 
+def test_every_analysis_has_options():
+    """Every public function of the room of analyses."""
+    public = {name for name in sb.__all__ if inspect.isfunction(getattr(sb, name))}
+    assert set(ANALYSES) == {
+        name
+        for name in public
+        if inspect.unwrap(getattr(sb, name)).__module__.startswith("sbfem_petsc.analysis")
+    }
+    assert len(ANALYSES) == 18
+
+
 def described(function) -> dict[str, str]:
     """What follows the colon behind each name in a docstring's "Parameters"."""
     text = inspect.getdoc(function).split("Parameters\n----------\n")[1]

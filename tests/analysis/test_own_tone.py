@@ -113,7 +113,7 @@ def test_samples_and_start(system, tori):
     """More samples, fewer modes of the curve the same: from a motion that is known, at its frequency."""
     known = tori.motions[-1]
     finer = sb.quasi_periodic(
-        system, [0.1], (known.frequencies[0], None), start=known, samples=41, stability=False, steps=STEPS
+        system, [0.1], (known.frequencies[0], None), guess=known, samples=41, stability=False, steps=STEPS
     )
     assert finer.samples == 41 and finer.steps == STEPS and finer.own is not None
     assert finer.frequencies[1] == pytest.approx(known.frequencies[1], rel=2e-4)
@@ -127,7 +127,7 @@ def test_no_tone_is_left(system, point, tori):
     """Beyond the point at which the tone is born there is the periodic motion alone."""
     beyond = 1.002 * point.value
     with pytest.raises(sb.SolveError, match="ends at the periodic motion, which has no tone of its own"):
-        sb.quasi_periodic(system, [0.1], (beyond, None), start=tori.motions[0], stability=False, steps=STEPS)
+        sb.quasi_periodic(system, [0.1], (beyond, None), guess=tori.motions[0], stability=False, steps=STEPS)
 
 
 @pytest.mark.long
@@ -213,7 +213,7 @@ def test_where_the_tone_locks(system):
     assert orbit.stable and abs(orbit.multipliers).max() < 0.7 and abs(orbit.subharmonics("1")[1]) > 1e-3
     # one there, of as many samples as the branch began with: told, and not said to be stable
     with pytest.warns(sb.StepWarning, match="21 samples do not resolve the motion: .* the tone locks"):
-        few = sb.quasi_periodic(system, [0.1], (last.frequencies[0], None), start=last, steps=256)
+        few = sb.quasi_periodic(system, [0.1], (last.frequencies[0], None), guess=last, steps=256)
     assert few.stable is None and not few.resolved and len(few.exponents) and "not resolved" in repr(few)
 
 
@@ -225,23 +225,23 @@ def test_bad_requests(system, curve, point, tori):
     for error, sentence, call in (
         (ValueError, "samples = 20 must be odd", lambda: sb.switch_branch(curve, point, samples=20)),
         (ValueError, "has no tone of its own", lambda: sb.quasi_periodic_response(two, 0.09)),
-        (TypeError, "first", lambda: sb.quasi_periodic_response(curve, 0.09)),
-        (ValueError, "is where the first motion is", lambda: sb.quasi_periodic_response(known, HERE / TURN)),
-        (ValueError, "needs one to start from", lambda: sb.quasi_periodic(system, load, (0.0959, None))),
+        (TypeError, "guess", lambda: sb.quasi_periodic_response(curve, 0.09)),
+        (ValueError, "is where guess is", lambda: sb.quasi_periodic_response(known, HERE / TURN)),
+        (ValueError, "needs one to begin from", lambda: sb.quasi_periodic(system, load, (0.0959, None))),
         (
             ValueError,
-            "start has a tone of its own",
-            lambda: sb.quasi_periodic(system, load, (0.0959, 0.02), start=known),
+            "guess has a tone of its own",
+            lambda: sb.quasi_periodic(system, load, (0.0959, 0.02), guess=known),
         ),
         (
             ValueError,
             "must be odd",
-            lambda: sb.quasi_periodic(system, load, (0.0959, None), start=known, samples=6),
+            lambda: sb.quasi_periodic(system, load, (0.0959, None), guess=known, samples=6),
         ),
         (
             ValueError,
             "another model or number of modes .2, not 1.",
-            lambda: sb.quasi_periodic(one_mass(), [0.1], (0.0959, None), start=known),
+            lambda: sb.quasi_periodic(one_mass(), [0.1], (0.0959, None), guess=known),
         ),
     ):
         with pytest.raises(error, match=sentence):

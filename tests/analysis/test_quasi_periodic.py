@@ -54,7 +54,7 @@ def test_lines_of_a_history(beam, found):
         (1, 2): 5.713333e-9,
         (1, -2): 3.903328e-9,
     }
-    finer = sb.quasi_periodic(found.reduced, two_tones(), (PROBE, PUMP), steps=STEPS, samples=41, start=found)
+    finer = sb.quasi_periodic(found.reduced, two_tones(), (PROBE, PUMP), steps=STEPS, samples=41, guess=found)
     for (m, n), value in history.items():
         assert abs(finer.line(m, n, "A")) == pytest.approx(value, rel=1e-3)
         assert abs(found.line(m, n, "A")) == pytest.approx(value, rel=2e-3)
@@ -184,7 +184,7 @@ def test_order_of_the_tones(found):
         (PUMP, PROBE),
         steps=STEPS,
         stability=False,
-        start=found,
+        guess=found,
     )
     assert len(other.residuals) == 1
     for m, n in ((1, 0), (0, 1), (1, -1), (-1, 1), (2, 1)):

@@ -367,13 +367,13 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "samples": 5,
             "steps": 64,
             "modes": None,
-            "start": None,
+            "guess": None,
             "stability": False,
         },
     ],
     "quasi_periodic_response": [
         lambda: {
-            "first": with_own_tone(),
+            "guess": with_own_tone(),
             "stop": 0.095,
             "points": 2,
             "largest_step": 1.0,
@@ -753,7 +753,7 @@ SHARED["locus"] = [
 ]
 SHARED["quasi_periodic_response"] = [
     lambda: {
-        "first": shared_tones(),
+        "guess": shared_tones(),
         "stop": 560.0,
         "points": 2,
         "largest_step": 1.0,

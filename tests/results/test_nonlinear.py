@@ -96,7 +96,7 @@ def test_tori_are_gone_on_with(tmp_path):
     assert len(one) == 2
     np.testing.assert_allclose(one.frequencies, other.frequencies, rtol=1e-12)
     last = found.motions[-1]
-    more = {"start": last, "samples": 21, "steps": 128, "stability": False}
+    more = {"guess": last, "samples": 21, "steps": 128, "stability": False}
     finer = sb.quasi_periodic(last.reduced, [0.1], (last.frequencies[0], None), **more)
     assert finer.frequencies[1] == pytest.approx(last.frequencies[1], rel=0.01)
 
