@@ -5,16 +5,33 @@ expected.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import numbers
+import os
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
 
 import numpy as np
 
 HIGHEST_ORDER = 20
 # Beyond which areas and their squares leave the range of numbers.
 LARGEST = 1e100
+# Integers beyond any that counts something.
+MOST = 10**18
 
 
-def shown(value: object) -> str:
+class Bounds(NamedTuple):
+    """Between which a number lies: `above` and `below` are excluded, `least` and `most` are not."""
+
+    above: float | None = None
+    least: float | None = None
+    below: float | None = None
+    most: float | None = None
+
+
+ANY = Bounds()
+
+
+def shown(value: Any) -> str:
     """What stands for a value in a message: its repr on one line, cut where it is long."""
     try:
         line = " ".join(repr(value).split())
@@ -23,93 +40,155 @@ def shown(value: object) -> str:
     return line if len(line) <= 80 else f"{line[:76]} ..."
 
 
-def number(item: str, name: str, value: object) -> float:
-    """`value` as a finite float, or the error that names it."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise TypeError(f"{item}: {name} is {shown(value)}, a number was expected.")
+def real(
+    owner: str,
+    name: str,
+    value: Any,
+    unit: str = "",
+    *,
+    within: Bounds = ANY,
+) -> float:
+    """`value` as a finite float between bounds.
+
+    Raises
+    ------
+    TypeError
+        If it is no real number; a bool is none.
+    ValueError
+        If it is not finite or outside the bounds.
+    """
+    above, least, below, most = within
+    in_unit = f" ({unit})" if unit else ""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a number{in_unit}")
     try:
-        result = float(value)
+        number = float(value)
     except OverflowError:
-        result = math.inf
-    if not abs(result) <= LARGEST:
-        raise ValueError(
-            f"{item}: {name} is {shown(value)}, a finite number of at most {LARGEST:g} was expected."
-        )
-    return result
+        number = math.inf
+    bounds = [
+        f"above {above:g}" if above is not None else "",
+        f"at least {least:g}" if least is not None else "",
+        f"below {below:g}" if below is not None else "",
+        f"at most {most:g}" if most is not None else "",
+    ]
+    inside = (
+        math.isfinite(number)
+        and (above is None or number > above)
+        and (least is None or number >= least)
+        and (below is None or number < below)
+        and (most is None or number <= most)
+    )
+    if not inside:
+        wanted = " and ".join(part for part in ["finite", *bounds] if part)
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}{in_unit}")
+    return number
 
 
-def positive(item: str, name: str, value: object, unit: str = "m") -> float:
-    """`value` as a finite float above zero, or the error that names it."""
-    result = number(item, name, value)
-    if result <= 0:
-        raise ValueError(f"{item}: {name} is {result:g} {unit}, it must be greater than zero.")
-    return result
+def positive(owner: str, name: str, value: Any, unit: str = "") -> float:
+    """`value` as a finite float above zero; errors as `real`."""
+    return real(owner, name, value, unit, within=Bounds(above=0.0))
 
 
-def checked_order(order: object) -> int:
-    """`order` as an int in range, or the error that names it."""
-    if isinstance(order, bool) or not isinstance(order, (int, np.integer)):
-        raise TypeError(
-            f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected."
-        )
-    if not 1 <= order <= HIGHEST_ORDER:
-        raise ValueError(
-            f"mesh: order is {shown(order)}, a whole number from 1 to {HIGHEST_ORDER} was expected."
-        )
-    return int(order)
+def integer(owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None) -> int:
+    """`value` as an int between bounds, both included; TypeError or ValueError otherwise."""
+    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be an integer")
+    number = int(value)
+    if number < (-MOST if least is None else least) or number > (MOST if most is None else most):
+        if least is not None and most is not None:
+            wanted = f"between {least} and {most}"
+        elif least is not None and number < least:
+            wanted = f"at least {least}"
+        else:
+            wanted = f"at most {MOST:g} in size" if most is None else f"at most {most}"
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}")
+    return number
 
 
-def flag(item: str, name: str, value: object) -> bool:
-    """`value` as a bool, or the error that names it."""
+def flag(owner: str, name: str, value: Any) -> bool:
+    """`value` as a bool; TypeError for anything else, however true it looks."""
     if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{item}: {name} is {shown(value)}, True or False was expected.")
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be True or False")
     return bool(value)
 
 
-def choice(item: str, name: str, value: object, options: tuple[str, ...]) -> str:
-    """`value` as one of several words, or the error that names it."""
+def choice(owner: str, name: str, value: Any, options: Collection[str]) -> str:
+    """`value` as one of several words; ValueError otherwise."""
     if not isinstance(value, str) or value not in options:
-        wanted = " or ".join(f'"{option}"' for option in options)
         kind = ValueError if isinstance(value, str) else TypeError
-        raise kind(f"{item}: {name} is {shown(value)}, {wanted} was expected.")
+        raise kind(f"{owner}: {name} = {shown(value)} must be one of {', '.join(map(repr, options))}")
     return value
 
 
-def checked_name(owner: str, name: object) -> str:
-    """`name` as a string that is not empty and can be printed, or the error that names it; `owner` is what
-    has it, "mesh: points has".
+def text(owner: str, name: str, value: Any) -> str:
+    """`value` as a string that is not empty; TypeError or ValueError otherwise."""
+    if not isinstance(value, str):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string")
+    if not value.strip():
+        raise ValueError(f"{owner}: {name} = {value!r} must not be empty")
+    return value
+
+
+def path(owner: str, name: str, value: Any) -> str:
+    """`value`, a string or a path, as the string of a path; TypeError or ValueError otherwise."""
+    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string or a path")
+    place = os.fspath(value)
+    if not place.strip() or any(ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in place):
+        raise ValueError(f"{owner}: {name} = {place!r} is no name of a file")
+    return place
+
+
+def number(owner: str, name: str, value: Any) -> float:
+    """`value` as a float whose square is one as well; errors as `real`."""
+    return real(owner, name, value, within=Bounds(least=-LARGEST, most=LARGEST))
+
+
+def length(owner: str, name: str, value: Any) -> float:
+    """`value` as a length, m; errors as `real`."""
+    return real(owner, name, value, "m", within=Bounds(above=0.0, most=LARGEST))
+
+
+def checked_order(order: Any) -> int:
+    """`order` as an order of edges; errors as `integer`."""
+    return integer("mesh", "order", order, least=1, most=HIGHEST_ORDER)
+
+
+def checked_name(owner: str, name: Any) -> str:
+    """`name` as a string that is not empty and can be printed; `owner` is what has it: "mesh: points has".
+
+    Raises
+    ------
+    TypeError, ValueError
+        It is not.
     """
-    if not isinstance(name, str):
-        raise TypeError(f"{owner} the name {shown(name)}, a non-empty string was expected.")
-    if not name.strip() or not name.isprintable():
-        raise ValueError(
-            f"{owner} the name {shown(name)}, a non-empty string without control characters was expected."
+    if not isinstance(name, str) or not name.strip() or not name.isprintable():
+        kind = ValueError if isinstance(name, str) else TypeError
+        raise kind(
+            f"{owner} the name {shown(name)}, which must be a non-empty string without control characters"
         )
     return name
 
 
-def named_points(points: object) -> Mapping[str, object]:
-    """Points by their names, none for None, or the error that says otherwise."""
+def named_points(points: Any) -> Mapping[str, Any]:
+    """Points by their names, none for None; TypeError or ValueError otherwise."""
     if points is None:
         return {}
     if not isinstance(points, Mapping):
         raise TypeError(
-            f'mesh: points is {shown(points)}, a dict of names to (x, y) such as {{"P": (0.1, 0.0)}} was '
-            "expected."
+            f'mesh: points = {shown(points)} must be a dict of names to (x, y) such as {{"P": (0.1, 0.0)}}'
         )
     for name in points:
         checked_name("mesh: points has", name)
     return points
 
 
-def checked_faces(extent: float, face_size: object, face_edges: object) -> tuple[float | None, int]:
+def checked_faces(extent: float, face_size: Any, face_edges: Any) -> tuple[float | None, int]:
     """Longest edge on the faces of cracks, m, and least number of edges; `extent` is the body's size, m."""
-    if face_size is not None and positive("mesh", "face_size", face_size) < 1e-6 * extent:
-        raise ValueError(
-            f"mesh: face_size {face_size:g} m is below 1e-6 of the body's size {extent:g} m; make it larger."
-        )
-    if isinstance(face_edges, bool) or not isinstance(face_edges, (int, np.integer)):
-        raise TypeError(f"mesh: face_edges is {shown(face_edges)}, a whole number was expected.")
-    if not 1 <= face_edges <= 1000:
-        raise ValueError(f"mesh: face_edges is {shown(face_edges)}, 1 to 1000 was expected.")
-    return None if face_size is None else positive("mesh", "face_size", face_size), int(face_edges)
+    if face_size is not None:
+        face_size = length("mesh", "face_size", face_size)
+        if face_size < 1e-6 * extent:
+            raise ValueError(
+                f"mesh: face_size = {face_size:g} must be at least 1e-6 of the body's size, {extent:g} (m)"
+            )
+    return face_size, integer("mesh", "face_edges", face_edges, least=1, most=1000)

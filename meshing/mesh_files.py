@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from meshing.whole_file import checked_path, read_whole, replaced
+from meshing.input_checks import path as checked_path
+from meshing.whole_file import read_whole, replaced
 
 if TYPE_CHECKING:
     from meshing.boundary_mesh import BoundaryMesh
@@ -45,9 +46,9 @@ def save(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     TypeError, ValueError
         `path` is no path, or the file cannot be written.
     """
-    path = checked_path("save", path)
+    path = checked_path("save", "path", path)
     content = _packed(mesh)
-    with replaced(str(path), "mesh") as temporary:
+    with replaced(path, "mesh") as temporary:
         Path(temporary).write_bytes(_head(content) + content)
 
 
@@ -106,8 +107,8 @@ def load(path: str | os.PathLike[str], kinds: Kinds) -> BoundaryMesh:
         `path` is no path; the file is missing, truncated, changed since it was written, of another version,
         or no boundary mesh; its arrays do not fit together (see `meshing.mesh_checks`).
     """
-    path = checked_path("load", path)
-    stored = read_whole(path)
+    path = checked_path("load", "path", path)
+    stored = read_whole(Path(path))
     head, content = stored[:_BLOCK], stored[_BLOCK:]
     found = re.match(rb"sbfem boundary mesh, version ([0-9]+)\n", head)
     if not found:
@@ -208,9 +209,9 @@ def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
     for name, numbers in mesh.edge_sets.items():
         cell_data[f"set_{name}"] = [np.isin(edge, numbers).astype(np.int32)]
     points = np.column_stack([mesh.nodes, np.zeros(len(mesh.nodes))])
-    path = checked_path("export", path)
+    path = checked_path("export", "path", path)
     exported = meshio.Mesh(points, [("line", lines)], point_data={"gap": gap}, cell_data=cell_data)
-    with replaced(str(path), "mesh") as temporary:
+    with replaced(path, "mesh") as temporary:
         try:
             exported.write(temporary)
         except OSError:
@@ -218,7 +219,7 @@ def export(mesh: BoundaryMesh, path: str | os.PathLike[str]) -> None:
         except Exception as error:  # meshio's writers raise what they like
             said = " ".join(str(error).split())
             raise ValueError(
-                f"mesh {str(path)!r} cannot be exported ({said}); use an ending that meshio writes, e.g. .vtu"
+                f"mesh {path!r} cannot be exported ({said}); use an ending that meshio writes, e.g. .vtu"
             ) from error
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import shutil
@@ -11,27 +12,16 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from meshing.input_checks import shown
-
 UNFINISHED = re.compile(r"\.(.+)\.\w{8}\.part")  # names of folders in which files are made
 
 
-def checked_path(item: str, path: object) -> Path:
-    """`path` as a Path, or the error that names it.
-
-    Raises
-    ------
-    TypeError
-        Neither str nor a path.
-    ValueError
-        Empty, or with a character that no file's name has.
-    """
-    text = os.fspath(path) if isinstance(path, (str, os.PathLike)) else None
-    if not isinstance(text, str):
-        raise TypeError(f"{item}: path is {shown(path)}, a file's name (str or Path) was expected.")
-    if not text or "\0" in text:
-        raise ValueError(f"{item}: path is {text!r}, a file's name was expected.")
-    return Path(text)
+def require_regular(path: str | os.PathLike[str]) -> None:
+    """Raise OSError for what is there but no file: a pipe would be waited for, and a device has no end."""
+    mode = os.stat(path).st_mode
+    if stat.S_ISDIR(mode):
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is no regular file")
 
 
 def read_whole(path: Path) -> bytes:
@@ -43,11 +33,7 @@ def read_whole(path: Path) -> bytes:
         There is none, or it cannot be read.
     """
     try:
-        kind = path.stat().st_mode
-        if stat.S_ISDIR(kind):
-            raise ValueError(f"{path}: it is a folder, a file was expected.")
-        if not stat.S_ISREG(kind):
-            raise ValueError(f"{path}: it is no regular file.")
+        require_regular(path)
         return path.read_bytes()
     except (FileNotFoundError, NotADirectoryError):
         raise ValueError(f"{path}: there is no such file.") from None
@@ -113,11 +99,11 @@ def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
         if os.path.exists(place):
             os.chmod(os.path.join(spare, name), stat.S_IMODE(os.stat(place).st_mode))
         for file in (*others, name):
-            _synchronise(os.path.join(spare, file))
+            synchronise(os.path.join(spare, file))
         for file in (*others, name):  # the file itself last
             os.replace(os.path.join(spare, file), os.path.join(folder, file))
         with contextlib.suppress(OSError):  # not every file system knows this of folders
-            _synchronise(folder)
+            synchronise(folder)
     except OSError as error:
         raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
     finally:
@@ -125,7 +111,7 @@ def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
             shutil.rmtree(spare, ignore_errors=True)
 
 
-def _synchronise(path: str) -> None:
+def synchronise(path: str) -> None:
     """Bring a file or folder to the disk."""
     handle = os.open(path, os.O_RDONLY)
     try:

@@ -1,79 +1,38 @@
-"""Checks of arguments; each error is one sentence that names the item, its value and what was expected."""
+"""Checks of arguments; each error is one sentence that names the item, its value and what was expected.
+
+Those of single values are `meshing.input_checks`, for both packages.
+"""
 
 from __future__ import annotations
 
-import errno
-import math
-import numbers
-import os
-import stat
-from collections.abc import Collection
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
+from meshing.input_checks import ANY, Bounds, choice, flag, integer, path, positive, real, shown, text
 
-class Bounds(NamedTuple):
-    """Between which a number lies: `above` and `below` are excluded, `least` and `most` are not."""
-
-    above: float | None = None
-    least: float | None = None
-    below: float | None = None
-    most: float | None = None
-
-
-ANY = Bounds()
-# Integers beyond any that counts something.
-MOST = 10**18
-
-
-def real(
-    owner: str,
-    name: str,
-    value: Any,
-    unit: str = "",
-    *,
-    within: Bounds = ANY,
-) -> float:
-    """`value` as a finite float between bounds.
-
-    Raises
-    ------
-    TypeError
-        If it is no real number; a bool is none.
-    ValueError
-        If it is not finite or outside the bounds.
-    """
-    above, least, below, most = within
-    in_unit = f" ({unit})" if unit else ""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be a number{in_unit}")
-    try:
-        number = float(value)
-    except OverflowError:
-        number = math.inf
-    bounds = [
-        f"above {above:g}" if above is not None else "",
-        f"at least {least:g}" if least is not None else "",
-        f"below {below:g}" if below is not None else "",
-        f"at most {most:g}" if most is not None else "",
-    ]
-    inside = (
-        math.isfinite(number)
-        and (above is None or number > above)
-        and (least is None or number >= least)
-        and (below is None or number < below)
-        and (most is None or number <= most)
-    )
-    if not inside:
-        wanted = " and ".join(part for part in ["finite", *bounds] if part)
-        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}{in_unit}")
-    return number
-
-
-def positive(owner: str, name: str, value: Any, unit: str = "") -> float:
-    """`value` as a finite float above zero; errors as `real`."""
-    return real(owner, name, value, unit, within=Bounds(above=0.0))
+__all__ = [
+    "ANY",
+    "Bounds",
+    "callback",
+    "choice",
+    "flag",
+    "frequency",
+    "index_of",
+    "instance",
+    "integer",
+    "names_of",
+    "numbers_of",
+    "optional_integer",
+    "path",
+    "positive",
+    "progress",
+    "real",
+    "real_array",
+    "refuse_masked",
+    "shown",
+    "text",
+]
 
 
 def frequency(owner: str, name: str, value: Any) -> float:
@@ -82,70 +41,11 @@ def frequency(owner: str, name: str, value: Any) -> float:
     return real(owner, name, value, "Hz", within=Bounds(least=1e-12, most=1e15))
 
 
-def integer(owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None) -> int:
-    """`value` as an int between bounds, both included; TypeError or ValueError otherwise."""
-    if isinstance(value, bool) or not isinstance(value, numbers.Integral):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be an integer")
-    number = int(value)
-    if number < (-MOST if least is None else least) or number > (MOST if most is None else most):
-        if least is not None and most is not None:
-            wanted = f"between {least} and {most}"
-        elif least is not None and number < least:
-            wanted = f"at least {least}"
-        else:
-            wanted = f"at most {MOST:g} in size" if most is None else f"at most {most}"
-        raise ValueError(f"{owner}: {name} = {shown(value)} must be {wanted}")
-    return number
-
-
 def optional_integer(
     owner: str, name: str, value: Any, *, least: int | None = None, most: int | None = None
 ) -> int | None:
     """None, or as `integer`."""
     return None if value is None else integer(owner, name, value, least=least, most=most)
-
-
-def flag(owner: str, name: str, value: Any) -> bool:
-    """`value` as a bool; TypeError for anything else, however true it looks."""
-    if not isinstance(value, (bool, np.bool_)):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be True or False")
-    return bool(value)
-
-
-def choice(owner: str, name: str, value: Any, options: Collection[str]) -> str:
-    """`value` as one of several words; ValueError otherwise."""
-    if not isinstance(value, str) or value not in options:
-        kind = ValueError if isinstance(value, str) else TypeError
-        raise kind(f"{owner}: {name} = {shown(value)} must be one of {', '.join(map(repr, options))}")
-    return value
-
-
-def text(owner: str, name: str, value: Any) -> str:
-    """`value` as a string that is not empty; TypeError or ValueError otherwise."""
-    if not isinstance(value, str):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string")
-    if not value.strip():
-        raise ValueError(f"{owner}: {name} = {value!r} must not be empty")
-    return value
-
-
-def path(owner: str, name: str, value: Any) -> str:
-    """`value`, a string or a path, as the string of a path; TypeError or ValueError otherwise."""
-    if not isinstance(value, (str, os.PathLike)) or not isinstance(os.fspath(value), str):
-        raise TypeError(f"{owner}: {name} = {shown(value)} must be a string or a path")
-    place = os.fspath(value)
-    if not place.strip() or any(ord(letter) < 32 or 0xD800 <= ord(letter) < 0xE000 for letter in place):
-        raise ValueError(f"{owner}: {name} = {place!r} is no name of a file")
-    return place
-
-
-def require_regular(path: str | os.PathLike[str]) -> None:
-    """Raise OSError for what is there but no file: a pipe would be waited for, and a device has no end."""
-    mode = os.stat(path).st_mode
-    if stat.S_ISDIR(mode):
-        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR))
-    if not stat.S_ISREG(mode):
-        raise OSError(errno.EINVAL, "it is no regular file")
 
 
 def callback(owner: str, name: str, value: Any) -> Any:
@@ -239,12 +139,3 @@ def refuse_masked(owner: str, name: str, value: Any) -> None:
     """Raise a ValueError for a masked array: the values behind its mask would be taken."""
     if np.ma.is_masked(value):
         raise ValueError(f"{owner}: {name} has masked entries; leave them out")
-
-
-def shown(value: Any) -> str:
-    """What stands for a value in a message: its repr on one line, cut where it is long."""
-    try:
-        line = " ".join(repr(value).split())
-    except Exception:  # a foreign class' own fault
-        line = f"<{type(value).__name__}>"
-    return line if len(line) <= 80 else f"{line[:76]} ..."

@@ -23,9 +23,9 @@ from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
 from meshing.gmsh.unjoined import check_joined
-from meshing.input_checks import checked_faces, checked_order, flag, number, positive
+from meshing.input_checks import checked_faces, checked_order, flag, length, number, positive
+from meshing.input_checks import path as checked_path
 from meshing.recipe import Recipe
-from meshing.whole_file import checked_path
 
 _SHARE_OF_MEMORY = 0.75
 
@@ -131,19 +131,19 @@ def read_gmsh(
         gmsh cannot be loaded, or no process can be started.
     """
     given = {name: value for name, value in locals().items() if name != "path"}
-    path = checked_path("read_gmsh", path)
+    path = Path(checked_path("read_gmsh", "path", path))
     order = checked_order(order)
     if scale is not None:
-        scale = positive("read_gmsh", "scale", scale)
+        scale = length("read_gmsh", "scale", scale)
     if size is not None:
-        positive("read_gmsh", "size", size)
+        length("read_gmsh", "size", size)
     tip_element = flag("read_gmsh", "tip_element", tip_element)
     trust = flag("read_gmsh", "trust", trust)
     if tip_size is not None:
-        positive("mesh", "tip_size", tip_size)
+        length("mesh", "tip_size", tip_size)
     number("mesh", "grading", grading)
     checked_faces(0.0, face_size, face_edges)
-    most = int(positive("read_gmsh", "max_unknowns", max_unknowns, ""))
+    most = int(positive("read_gmsh", "max_unknowns", max_unknowns))
     seconds = positive("read_gmsh", "time_limit", time_limit, "s")
     memory = int(
         _memory() if memory_limit is None else positive("read_gmsh", "memory_limit", memory_limit, "bytes")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import shapely
 
-from meshing.input_checks import number, positive, shown
+from meshing.input_checks import length, number, shown
 from meshing.shapes.features import CrackLine, Hole, VNotch, items_of
 
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
@@ -35,8 +35,8 @@ class BeamShape:
     cracks: Sequence[CrackLine] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "length", positive("Beam", "length", self.length))
-        object.__setattr__(self, "height", positive("Beam", "height", self.height))
+        object.__setattr__(self, "length", length("Beam", "length", self.length))
+        object.__setattr__(self, "height", length("Beam", "height", self.height))
         object.__setattr__(self, "notches", items_of("Beam", "notches", self.notches, VNotch))
         object.__setattr__(self, "holes", items_of("Beam", "holes", self.holes, Hole))
         object.__setattr__(self, "cracks", items_of("Beam", "cracks", self.cracks, CrackLine))

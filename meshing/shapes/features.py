@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
-from meshing.input_checks import choice, number, positive, shown
+from meshing.input_checks import choice, length, number, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
 _WIDEST_OPENING = 30.0  # degrees, of a crack
@@ -38,7 +38,7 @@ class VNotch:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", number("VNotch", "x", self.x))
-        object.__setattr__(self, "depth", positive("VNotch", "depth", self.depth))
+        object.__setattr__(self, "depth", length("VNotch", "depth", self.depth))
         object.__setattr__(self, "opening", number("VNotch", "opening", self.opening))
         object.__setattr__(self, "tilt", number("VNotch", "tilt", self.tilt))
         choice("VNotch", "edge", self.edge, ("top", "bottom"))
@@ -101,7 +101,7 @@ class Hole:
     def __post_init__(self) -> None:
         object.__setattr__(self, "x", number("Hole", "x", self.x))
         object.__setattr__(self, "y", number("Hole", "y", self.y))
-        object.__setattr__(self, "diameter", positive("Hole", "diameter", self.diameter))
+        object.__setattr__(self, "diameter", length("Hole", "diameter", self.diameter))
 
     def __repr__(self) -> str:
         return f"Hole(x={self.x:g} m, y={self.y:g} m, diameter={self.diameter:g} m)"

@@ -11,7 +11,9 @@ import numpy as np
 from scipy.fft import rfft
 from scipy.interpolate import CubicSpline
 
-from ..checks import choice, positive, real, real_array, require_regular
+from meshing.whole_file import require_regular
+
+from ..checks import choice, positive, real, real_array
 from ..checks import path as checked_path
 from .signal import ROUND_OFF, STEPS_A_PERIOD, Signal
 

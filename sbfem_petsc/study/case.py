@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 from pydantic import Field, ValidationError
 
-from ..checks import require_regular
+from meshing.whole_file import require_regular
+
 from ..options import Pair, item
 from .analysis_tables import Analysis, Output, SweepTable
 from .contradictions import contradictions

@@ -13,7 +13,8 @@ if sys.version_info >= (3, 11):
 else:  # pragma: no cover - the standard library has it from 3.11 on
     import tomli as tomllib
 
-from ..checks import require_regular
+from meshing.whole_file import require_regular
+
 from .problems import CaseError, Path, Problem
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")

@@ -299,7 +299,7 @@ def test_missing_and_truncated_files(tmp_path):
 
 @pytest.mark.parametrize("order", [0, 21])
 def test_order_out_of_range(tmp_path, order):
-    with pytest.raises(ValueError, match=f"order is {order}"):
+    with pytest.raises(ValueError, match=f"order = {order} must"):
         read_gmsh(write(tmp_path, PLATE), order=order)
 
 

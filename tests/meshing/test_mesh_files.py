@@ -74,7 +74,7 @@ def test_foreign_files(tmp_path):
         file["x"] = 1
     with pytest.raises(ValueError, match="not a boundary mesh"):
         BoundaryMesh.load(path)
-    for name, says in (("none.h5", "no such file"), (".", "it is a folder")):
+    for name, says in (("none.h5", "no such file"), (".", "Is a directory")):
         with pytest.raises(ValueError, match=says):
             BoundaryMesh.load(tmp_path / name)
     with pytest.raises(ValueError, match="no regular file"):
@@ -202,7 +202,9 @@ def test_an_unchanged_file_sealed_again_is_read(saved):
 @pytest.mark.parametrize("path", [None, 1, 3.5, b"mesh.h5", [], "", "a\0b"])
 @pytest.mark.parametrize("method", ["save", "load", "export"])
 def test_paths_that_are_none(method, path):
-    with pytest.raises((TypeError, ValueError), match="a file's name"):
+    with pytest.raises(
+        (TypeError, ValueError), match="path = .* (must be a string or a path|is no name of a file)"
+    ):
         getattr(MESH, method)(path)
 
 

@@ -249,13 +249,13 @@ WRONG = {
     ),
     "a semicolon that is missing": (LINES.replace("{1, 2};", "{1, 2}") + NAMES, {}, "line 4: syntax error"),
     "a word that gmsh does not know": (LINES + "Plane Surfaec(2) = {1};\n" + NAMES, {}, "line 7"),
-    "in mm and said to be in m": (LINES + NAMES, {"scale": -1e-3}, "scale is -0.001 m"),
+    "in mm and said to be in m": (LINES + NAMES, {"scale": -1e-3}, "scale = -0.001 must"),
     "a mesh with the wrong ending": (
         "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n",
         {},
         "give it the ending of its",
     ),
-    "a switch that is a word": (LINES + NAMES, {"tip_element": "no"}, "tip_element is 'no'"),
+    "a switch that is a word": (LINES + NAMES, {"tip_element": "no"}, "tip_element = 'no' must"),
 }
 
 

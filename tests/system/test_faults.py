@@ -289,9 +289,9 @@ def test_report_on_a_full_disk(kind, share, files, tmp_path):
 # Ends itself where the whole page has been written under another name, but has not its own yet.
 ENDED = """
 import os, sys
-from sbfem_petsc import writing
+from meshing import whole_file
 from sbfem_petsc.cli import main
-writing.synchronise = lambda path: os.kill(os.getpid(), int(sys.argv[1]))
+whole_file.synchronise = lambda path: os.kill(os.getpid(), int(sys.argv[1]))
 main(["report", *sys.argv[2:]])
 """
 
