@@ -183,8 +183,9 @@ def backbone(
     modes : int, optional
         Modes kept. Default: three for each up to the followed one, and 20.
     steps : int, optional
-        Time steps a period. Default: 1024, or as many as keep the step below 0.8 of the shortest modal
-        period.
+        Time steps a period, all of one length. Default: 1024, or as many as keep the step below 0.8 of the
+        shortest modal period; they are not halved where contact does work, for what twice the steps change
+        is told and taken off (`refine`).
     points : int
         Points at most.
     largest_step : float

@@ -58,7 +58,7 @@ def locus(
     Parameters
     ----------
     branch : Branch
-        Of `frequency_response` or `load_response`.
+        Of `frequency_response` or `load_response`; the locus is that of its steps, which are not halved.
     bifurcation : Bifurcation
         One of the branch's or of `grazing_points`: a fold, a period doubling, a Neimark-Sacker or a grazing
         point.

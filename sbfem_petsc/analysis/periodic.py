@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -10,11 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance, shown
+from ..dynamics.contact_work import MOST, contact_work, times_more, warn_of_contact_work
+from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.loading import communicator
 from ..dynamics.multiple_shooting import segmented_stability, shoot_segments
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.period_map import Period
-from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, prepare
+from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
 from ..dynamics.states import ModalStates
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
@@ -66,8 +69,11 @@ def periodic(
         are not multiples of f. Default: the fewest in which all tones fit, or
         several times as many where no motion of that period is found and a history settles on a longer one.
     steps : int, optional
-        Time steps a forcing period. Default: 512, or as many as keep the step below 0.8 of the shortest modal
-        period (coarser ones let contact excite modes falsely) and below 1 / 32 of the shortest load period.
+        Time steps a forcing period, all of one length. Default: 512, or as many as keep the step below 0.8 of
+        the shortest modal period (coarser ones let contact excite modes falsely) and below 1 / 32 of the
+        shortest load period; these are halved, and the motion is found again, while contact, which does no
+        work between smooth faces, does more of it than 1e-3 of what the loads exchange with the modes (see
+        `dynamics.contact_work`), to 32 times as many at most.
     modes : int, optional
         Default: all modes up to 8 times the loads' highest frequency, at least 80.
     contact : bool
@@ -107,6 +113,9 @@ def periodic(
     -----
     LargeDisplacementWarning
         If displacements of named points are more than 5 % of the body.
+    StepWarning
+        If contact does more than 1e-2 of what the loads exchange with the modes, in given steps or in 32
+        times the default ones.
     """
     settings = PeriodSettings(periods, steps, modes, contact, jacobian, longest, segments)
     with collective(communicator(model)):
@@ -149,23 +158,33 @@ class _Task:
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     """The orbit at given steps."""
     period = prepare("periodic", task.model, task.load, task.frequency, settings=settings, guess=guess)
+    most = MOST if settings.steps is None else 1
     if settings.segments > 1:
-        return _in_segments(task, settings.segments, period, guess)
-    fixed, path = find_steady_state(
-        period,
-        task.frequency,
-        period.at(task.frequency).linear_state if guess is None else guess.state,
-        jacobian=settings.jacobian,
-        multiples=settings.periods is None,
-        search=task.search,
-    )
+        return _in_segments(task, settings.segments, period, guess, most * period.steps)
+    state = period.at(task.frequency).linear_state if guess is None else guess.state
+    find = functools.partial(find_steady_state, jacobian=settings.jacobian, search=task.search)
+    fixed, path = find(period, task.frequency, state, multiples=settings.periods is None)
+    period = fixed.driven.period
+    most *= period.steps
+    while (times := _times_more(fixed, most)) > 1:
+        period = finer("periodic", period, times)
+        fixed, path = find(period, task.frequency, fixed.state, multiples=False)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
     return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
 
 
-def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None) -> Orbit:
-    """The orbit by multiple shooting."""
+def _times_more(fixed: FixedPoint, most: int) -> int:
+    """Times the steps that a motion is to have."""
+    period, work = fixed.driven.period, contact_work(fixed.driven, fixed.motion)
+    times = times_more(work, period.steps, most)
+    if times == 1:
+        warn_of_contact_work("periodic", work, period.steps // period.excitation.periods)
+    return times
+
+
+def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None, most: int) -> Orbit:
+    """The orbit by multiple shooting, in so many steps at most."""
     if period.steps % segments:
         raise on_all_ranks(
             ValueError(
@@ -175,6 +194,9 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
         )
     states = None if guess is None else _at_segments(guess, period, task.frequency, segments)
     fixed, parts = shoot_segments(period, task.frequency, segments, states)
+    if (times := _times_more(fixed, most)) > 1:
+        found = make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
+        return _in_segments(task, segments, finer("periodic", period, times), found, most)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
     return make_orbit(fixed, *segmented_stability(parts), "multiple shooting")

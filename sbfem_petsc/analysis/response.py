@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -13,11 +14,12 @@ from ..capacity import FEW, require_memory, room
 from ..checks import instance
 from ..dynamics.branch import Branch
 from ..dynamics.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..dynamics.contact_work import MOST, StepsTooLong
 from ..dynamics.driven_orbits import ParameterRange
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.period_map import Period
-from ..dynamics.preparation import PeriodSettings, prepare
+from ..dynamics.preparation import PeriodSettings, finer, prepare
 from ..dynamics.shooting import shoot
 from ..dynamics.steady import find_steady_state
 from ..loads import as_loads
@@ -70,7 +72,8 @@ def frequency_response(
         Hz; `stop` below `start` sweeps downwards.
     contact : bool
     periods, steps, modes
-        See `periodic`.
+        See `periodic`. Default steps are halved for the whole curve, which is followed again, where contact
+        does too much work in them at any of its points.
     guess : Orbit, optional
         A motion to begin from: one at `start` on the branch that is wanted, of its own number of periods.
         Default: the one that `periodic` finds. From one that `switch_branch` has found the branch goes away
@@ -103,6 +106,7 @@ def frequency_response(
         check_begin(what, guess, start, periods)
         amplitudes_only(what, load)
     over, highest = ParameterRange("frequency", start, stop), max(start, stop)
+    most = MOST if steps is None else 1
     steps, periods = _of_guess(guess, steps, periods)
     if not contact:
         linear = PeriodSettings(periods, INSTANTS, modes, contact)
@@ -117,7 +121,7 @@ def frequency_response(
     with _file(comm, file, resume) as record:
         settings = PeriodSettings(periods, steps, modes, band=highest)
         period = prepare(what, model, load, over.start, settings=settings, guess=guess)
-        asked = _continuation(points, largest_step, stability, guess)
+        asked = _continuation(points, largest_step, stability, guess, most * period.steps)
         return _follow(period, over, begin, asked, record, progress)
 
 
@@ -158,6 +162,7 @@ def load_response(
     what, comm = "load_response", communicator(model)
     with collective(comm):
         check_begin(what, guess, frequency, periods)
+    most = MOST if steps is None else 1
     steps, periods = _of_guess(guess, steps, periods)
 
     def begin(period: Period) -> np.ndarray:
@@ -167,7 +172,7 @@ def load_response(
     with _file(comm, file, resume) as record:
         settings = PeriodSettings(periods, steps, modes)
         period = prepare(what, model, load, frequency, settings=settings, guess=guess)
-        asked = _continuation(points, largest_step, stability, guess)
+        asked = _continuation(points, largest_step, stability, guess, most * period.steps)
         over = ParameterRange("load", start, stop, frequency)
         return _follow(period, over, begin, asked, record, progress)
 
@@ -189,13 +194,24 @@ def _follow(
 ) -> Branch:
     comm = period.reduced.comm
     settings = _with_room(period, parameter, settings)
+    what = f"{parameter.name}_response"
     if record is not None:
-        period = Period(record.begin(period, parameter), period.excitation, period.steps, period.pairs > 0)
+        # in the steps of the file where none are asked for
+        reduced, steps = record.begin(period, parameter, any_steps=settings.most_steps > period.steps)
+        period = Period(reduced, period.excitation, steps, period.pairs > 0)
     with progress_bar(comm, f"{parameter.name} response", progress) as report:
-        found = follow_response(
-            period, parameter, lambda: begin(period), settings=settings, recorder=record, report=report
-        )
-    warn_of_amplitudes(f"{parameter.name}_response", found)
+        while True:
+            first = functools.partial(begin, period)
+            try:
+                found = follow_response(
+                    period, parameter, first, settings=settings, recorder=record, report=report
+                )
+                break
+            except StepsTooLong as error:
+                period = finer(what, period, error.times)
+                if record is not None:
+                    record.former = None
+    warn_of_amplitudes(what, found)
     return found
 
 
@@ -234,11 +250,11 @@ def _of_guess(guess: Orbit | None, steps: int | None, periods: int | None) -> tu
 
 
 def _continuation(
-    points: int, largest_step: float | None, stability: bool, guess: Orbit | None
+    points: int, largest_step: float | None, stability: bool, guess: Orbit | None, most_steps: int
 ) -> BranchSettings:
     """How a branch is followed: from a motion beside a period doubling away from it."""
     leave = guess is not None and guess.path == DOUBLED
-    return BranchSettings(points, largest_step or math.inf, stability, leave)
+    return BranchSettings(points, largest_step or math.inf, stability, leave, most_steps)
 
 
 def check_begin(what: str, guess: Orbit | None, frequency: float, periods: int | None = None) -> None:

@@ -19,6 +19,7 @@ from ..continuation.problem import Point, Range
 from ..errors import SolveError, caller_level, on_all_ranks
 from .bifurcations import Bifurcation, locate
 from .branch import Branch
+from .contact_work import StepsTooLong, contact_work, times_more, warn_of_contact_work
 from .driven_orbits import Orbits, ParameterRange
 from .excitation import one_sided
 from .extrapolation import uncertainty_at
@@ -72,6 +73,8 @@ class BranchSettings:
         Whether Floquet multipliers and bifurcations are computed.
     leave : bool
         The first motion is next to a period doubling, and the branch goes away from it.
+    most_steps : int
+        Steps of the period which may be halved up to these, for the whole branch, where contact does work.
     more : str
         How there could be more points, for the warning of a branch that ends after so many.
     """
@@ -80,6 +83,7 @@ class BranchSettings:
     largest_step: float = math.inf
     stability: bool = True
     leave: bool = False
+    most_steps: int = 0
     more: str = "raise points"
 
 
@@ -109,11 +113,15 @@ def follow_response(
     ------
     SolveError
         If the branch comes to a stop within the range; the points so far are the error's attribute `branch`.
+    StepsTooLong
+        If contact does too much work at a point, and there may be more steps.
 
     Warns
     -----
     BranchWarning
         If it ends after the most points that are allowed.
+    StepWarning
+        If contact does much work all the same.
     """
     what = f"{parameter.name}_response"
     if not period.excitation.orders.any():
@@ -122,7 +130,7 @@ def follow_response(
         )
     former = recorder.former if recorder is not None else None
     known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
-    problem, rows = Orbits(period, parameter), PointRows(period, settings.stability)
+    problem, rows = Orbits(period, parameter), PointRows(period, settings.stability, settings.most_steps)
     line = Line([])
     for state, value in known:
         line.points.append(Point.known(problem, np.append(state, value)))
@@ -152,6 +160,7 @@ def follow_response(
             if settings.stability:
                 _separate(line, rows)
     result = made(True)
+    warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
     if recorder is not None:
         recorder.update(lambda: result, line.length, last=True)
     _tell(what, line, parameter, settings, result)
@@ -225,16 +234,39 @@ def _branch(line: Line, rows: PointRows, parameter: ParameterRange, finished: bo
 
 
 class PointRows:
-    """What is kept of each point."""
+    """What is kept of each point.
 
-    def __init__(self, period: Period, stability: bool):
-        self.period, self.stability = period, stability
+    Parameters
+    ----------
+    period : Period
+    stability : bool
+    most : int
+        Steps that there may be where contact does too much work in those of the period.
+
+    Attributes
+    ----------
+    work : float
+        The most that contact does at any point, see `contact_work`.
+    """
+
+    def __init__(self, period: Period, stability: bool, most: int = 0):
+        self.period, self.stability, self.most, self.work = period, stability, most, 0.0
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
 
     def add(self, point: Point, place: int | None = None) -> None:
-        """Note a point, at the end or before another one."""
+        """Note a point, at the end or before another one.
+
+        Raises
+        ------
+        StepsTooLong
+            If contact does too much work in its steps, and there may be more of them.
+        """
         r, fixed = self.period.reduced, point.state
+        work = contact_work(fixed.driven, fixed.motion)
+        if (times := times_more(work, self.period.steps, self.most)) > 1:
+            raise StepsTooLong(times)
+        self.work = max(self.work, work)
         q, _ = modal_motion(fixed.driven, fixed.motion)
         forces, pairs = fixed.motion.forces[:-1], self.period.pairs
         padded = np.zeros((len(forces), len(r.initial_gap)))

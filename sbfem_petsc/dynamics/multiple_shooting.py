@@ -117,7 +117,8 @@ class Segments:
             return np.concatenate([part[:-1] for part in parts] + [parts[-1][-1:]])
 
         residual = self.states[-1] + self.motions[-1].residual - self.states[0]
-        motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"))
+        work = np.concatenate([motion.work for motion in self.motions])
+        motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"), work)
         return FixedPoint(self.states[0] + self.driven.linear_state, self.driven, motion, residuals)
 
 

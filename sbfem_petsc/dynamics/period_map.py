@@ -43,12 +43,15 @@ class PeriodMotion:
     states, velocities : (n + 1, m) arrays
         Difference z of modal displacement and velocity to the linear steady state.
     forces : (n + 1, pairs) array
+    work : (n,) array
+        Of the contact forces in each step, J; none in the exact motion.
     """
 
     residual: np.ndarray
     states: np.ndarray
     velocities: np.ndarray
     forces: np.ndarray
+    work: np.ndarray
 
 
 class Period:
@@ -248,10 +251,11 @@ class DrivenPeriod:
         difference = state - self.linear_state
         q, v = difference[:m] / p.weights, difference[m:].copy()
         force, active = np.zeros(p.pairs), np.zeros(p.pairs, dtype=bool)
-        states, velocities, forces = (
+        states, velocities, forces, work = (
             np.empty((steps + 1, m)),
             np.empty((steps + 1, m)),
             np.zeros((steps + 1, p.pairs)),
+            np.empty(steps),
         )
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         reached, settled = 0, 0
@@ -271,7 +275,7 @@ class DrivenPeriod:
                 self.constants,
                 StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
                 StepState(q, v, force, active),
-                StepHistory(states[1:], velocities[1:], forces[1:], np.empty(steps)),
+                StepHistory(states[1:], velocities[1:], forces[1:], work),
             ).steps
         if reached < steps:
             raise on_all_ranks(
@@ -280,7 +284,18 @@ class DrivenPeriod:
                     "was not solved; use more steps, or pairs of like size"
                 )
             )
-        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces)
+        return PeriodMotion(self._state(q, v) - difference, states, velocities, forces, work)
+
+    def exchanged(self, motion: PeriodMotion) -> float:
+        """Energy that goes to and fro between the oscillating loads and the modes over a period, J: the sum
+        of what passes, whichever way, in each mode and step.
+        """
+        p, r = self.period, self.period.reduced
+        moving = (p.excitation.orders > 0)[:, None]
+        stiffness = r.omega**2 + self.speeds * (self.speeds + 2.0 * r.damping * r.omega)
+        velocities = p.over_time(self.speeds * self.amplitudes) + motion.velocities
+        powers = p.over_time(moving * stiffness * self.amplitudes) * velocities
+        return float(np.abs(powers[:-1]).sum()) * self.step
 
     def carried(
         self,

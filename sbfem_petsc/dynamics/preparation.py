@@ -140,6 +140,19 @@ def require_period(
     )
 
 
+def finer(owner: str, period: Period, times: int) -> Period:
+    """A period in so many times the steps, if there is room for it. Collective.
+
+    Raises
+    ------
+    ValueError
+        On all ranks.
+    """
+    steps, orders = times * period.steps, len(period.excitation.orders)
+    require_period(owner, period.reduced, steps, orders, period.pairs > 0)
+    return period.in_steps(steps)
+
+
 def check_reduction(owner: str, reduction: object) -> None:
     """Raise TypeError unless it is "modes" or None."""
     if reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):

@@ -141,18 +141,20 @@ class BranchFile:
             self._lock.release()
             self._lock = None
 
-    def begin(self, period, parameter) -> ReducedModel:
+    def begin(self, period, parameter, any_steps: bool = False) -> tuple[ReducedModel, int]:
         """Note what is followed, and read the points of a former run under the same conditions. Collective.
 
         Parameters
         ----------
         period : dynamics.period_map.Period
         parameter : dynamics.driven_orbits.ParameterRange
+        any_steps : bool
+            Go on in the steps of the former run, whatever they are.
 
         Returns
         -------
-        ReducedModel
-            The one to go on with: the file's own, whose modes its states are in.
+        ReducedModel, int
+            The one to go on with: the file's own, whose modes its states are in; and the steps.
 
         Raises
         ------
@@ -160,14 +162,16 @@ class BranchFile:
             If the file was written for another model, load or range.
         """
         self._range = parameter.start, parameter.stop
-        found = on_root(self.comm, lambda: self._read(period, parameter) if self._continued else None)
+        found = on_root(
+            self.comm, lambda: self._read(period, parameter, any_steps) if self._continued else None
+        )
         found = self.comm.bcast(found)
         if found is None:
-            return in_rows(period.reduced)
-        stored, self.former, self._finished = found
-        return in_rows(adopted(stored, period.reduced))
+            return in_rows(period.reduced), period.steps
+        stored, steps, self.former, self._finished = found
+        return in_rows(adopted(stored, period.reduced)), steps
 
-    def _read(self, period, parameter):
+    def _read(self, period, parameter, any_steps: bool):
         with opened(self.path, WHAT, {FORM: VERSION}) as file:
             contents = read_branch_file(file)
             stored = contents["reduced"]
@@ -181,7 +185,7 @@ class BranchFile:
                 "parameter": parameter.name,
                 "start": parameter.start,
                 "stop": parameter.stop,
-                "steps": period.steps,
+                "steps": contents["steps"] if any_steps else period.steps,
                 "periods": period.excitation.periods,
                 "fixed_frequency": parameter.frequency or 0.0,
                 "contact": period.pairs > 0,
@@ -204,7 +208,7 @@ class BranchFile:
                 float(file.attrs["length"]),
                 contents["reason"],
             )
-            return stored, former, finished
+            return stored, contents["steps"], former, finished
 
     def update(self, branch: Callable[[], Any], length: float, last: bool = False) -> None:
         """Write the branch as it is and the length of its next step, at most every two seconds but for the
