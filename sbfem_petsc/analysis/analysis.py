@@ -5,6 +5,7 @@ checked, once, so that the function itself goes from input to problem to result.
 from __future__ import annotations
 
 import contextlib
+import contextvars
 import functools
 import inspect
 from collections.abc import Callable, Mapping
@@ -14,9 +15,13 @@ from ..checks import flag, path
 from ..checks import progress as check_progress
 from ..options import Options
 from ..parallel import agreed, collective, ranks_of
+from ..system.model import Model
+from ..system.plausibility import warn_if_large
 
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
+# Whether another analysis is under way.
+_within: contextvars.ContextVar[bool] = contextvars.ContextVar("within", default=False)
 
 
 def analysis(
@@ -25,7 +30,8 @@ def analysis(
     """Decorator of a public analysis that all ranks call together.
 
     The function is given its options as their class has checked them, `file`, `resume` and `progress` are
-    checked too, and an error of one rank is raised on all of those that share the model. Its signature and
+    checked too, and an error of one rank is raised on all of those that share the model. Displacements that
+    are not small are told of when its result is there, but not within another analysis. Its signature and
     docstring are written out for readers and tools; a test compares them with the class.
     """
 
@@ -45,12 +51,26 @@ def analysis(
                 asked = options.checked(owner, {name: given[name] for name in options.model_fields})
                 _check_recording(owner, given)
             given.update((name, getattr(asked, name)) for name in options.model_fields)
-            return function(*bound.args, **bound.kwargs)
+            outermost, token = not _within.get(), _within.set(True)
+            try:
+                result = function(*bound.args, **bound.kwargs)
+            finally:
+                _within.reset(token)
+            if outermost:
+                warn_if_large(owner, _body(next(iter(given.values()))), result)
+            return result
 
         call.options = options  # type: ignore[attr-defined]
         return agreed()(call)
 
     return decorated
+
+
+def _body(system: Any) -> Model | None:
+    """The model that an analysis is of, by its first argument: a model, a reduced one, or motions of one."""
+    system = getattr(system, "reduced", system)
+    found = system if isinstance(system, Model) else getattr(system, "model", None)
+    return found if isinstance(found, Model) else None
 
 
 def _check_recording(owner: str, given: Mapping[str, Any]) -> None:

@@ -25,6 +25,7 @@ from ..parallel import collective
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
+from ..system.plausibility import furthest_of_lines
 from .analysis import analysis
 from .options import BackboneOptions
 
@@ -129,6 +130,12 @@ class Backbone:
     def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
         return self.point_harmonics[:, self._index(point), axis_number(direction)]
+
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
+        be so.
+        """
+        return furthest_of_lines(self.point_harmonics[..., None], least)
 
     def orbit(self, k: int) -> Orbit:
         """The k-th motion over its period, integrated again from its state; with damping under the

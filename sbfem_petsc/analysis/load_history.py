@@ -66,6 +66,10 @@ class LoadHistory:
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a node, m. Collective."""
+        return max(state.furthest() for state in self.states)
+
     @property
     def notes(self) -> tuple[str, ...]:
         """What K, G and T of the tips do not tell by themselves in one state or more, see `Static`. They are

@@ -25,7 +25,6 @@ from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from ..system.plausibility import warn_of_motion
 from .analysis import analysis
 from .options import PeriodicOptions
 
@@ -135,13 +134,9 @@ def periodic(
             _check_unreduced(model, {**asked, "stability": stability or None}, jacobian)
     if reduction is None:
         assert isinstance(model, Model)
-        found = unreduced_periodic(model, load, frequency, settings=settings)
-        warn_of_motion("periodic", model, found)
-        return found
+        return unreduced_periodic(model, load, frequency, settings=settings)
     task = _Task(model, load, frequency, stability is not False, search if contact else NEWTON_ALONE)
-    found = _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
-    warn_of_motion("periodic", model, found)
-    return found
+    return _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,6 @@ from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
 from ..signals.signal import Constant, Signal
 from ..system.model import Model
-from ..system.plausibility import warn_of_amplitudes
 from .analysis import analysis
 from .options import FrequencyResponseOptions, LoadResponseOptions
 
@@ -110,9 +109,7 @@ def frequency_response(
     steps, periods = _of_guess(guess, steps, periods)
     if not contact:
         linear = PeriodSettings(periods, INSTANTS, modes, contact)
-        found = linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
-        warn_of_amplitudes(what, found)
-        return found
+        return linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
 
     def begin(period: Period) -> np.ndarray:
         state = period.at(over.start).linear_state if guess is None else guess.state
@@ -211,7 +208,6 @@ def _follow(
                 period = finer(what, period, error.times)
                 if record is not None:
                     record.former = None
-    warn_of_amplitudes(what, found)
     return found
 
 

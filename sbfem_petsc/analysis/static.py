@@ -15,12 +15,10 @@ from ..contact.complementarity import one_pass_tie, solve_complementarity
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..loads import as_loads, separate
 from ..parallel import collective
-from ..petsc import MPI
 from ..system.equilibrium import equilibrium
 from ..system.fracture import notes
 from ..system.idle_loads import warn_of_idle_loads
 from ..system.model import Model
-from ..system.plausibility import warn_if_large
 from ..system.resolution import warn_of_tips
 from .analysis import analysis
 from .estimate import Sought, refined
@@ -99,7 +97,6 @@ def static(
         _warn_of_springs(found)
         if contact:
             _warn_of_contact(found)
-        _warn_of_displacements(found)
         return found
     _, found, estimate = refined(
         "static",
@@ -111,13 +108,7 @@ def static(
         model,
         accuracy=accuracy,
     )
-    _warn_of_displacements(found)
     return replace(found, estimate=estimate)
-
-
-def _warn_of_displacements(found: Static) -> None:
-    largest = float(np.linalg.norm(found.field, axis=1).max(initial=0.0))
-    warn_if_large("static", found.model, found.model.comm.allreduce(largest, MPI.MAX))
 
 
 def _judged(found: Static) -> dict[str, np.ndarray]:

@@ -12,6 +12,7 @@ import numpy as np
 from ..errors import at_point
 from ..loads import Loads
 from ..parallel import agreed
+from ..petsc import MPI
 from ..system.boundary import LoadColumns
 from ..system.equilibrium import Equilibrium
 from ..system.fracture import (
@@ -103,6 +104,11 @@ class Static:
     def _displacement_at(self, place: tuple[float, float]) -> np.ndarray:
         """(2,): displacement at a place, m. Collective."""
         return self._at(self._places([place]).displacement, 2)[0]
+
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a node, m. Collective."""
+        largest = float(np.linalg.norm(self.field, axis=1).max(initial=0.0))
+        return self.model.comm.allreduce(largest, MPI.MAX)
 
     @agreed()
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:

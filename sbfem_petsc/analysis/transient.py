@@ -32,7 +32,6 @@ from ..recording.history_file import FormerRun, HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
-from ..system.plausibility import warn_of_motion
 from .analysis import analysis
 from .options import TransientOptions
 
@@ -171,8 +170,6 @@ def transient(
     if isinstance(integrator, ReducedIntegrator):
         _warn_of_work(integrator, history)
         _warn_if_long(step, problem.highest, history)
-    if in_memory:  # one that is left in its file is not read again
-        warn_of_motion("transient", model, history)
     return history
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from ..checks import index_of, names_of, shown
 from ..errors import UnknownName
 from ..reduction.reduced_model import ReducedModel
+from ..system.plausibility import furthest_of_lines
 from ..writing import write_table
 from .bifurcations import Bifurcation
 from .fixed_point import FixedPoint
@@ -121,6 +122,12 @@ class Branch:
     def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
         return self.point_subharmonics[:, self._index(point), axis_number(direction)]
+
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
+        be so.
+        """
+        return furthest_of_lines(self.point_harmonics[..., None], least)
 
     def peak(self, point: str) -> Peak:
         """The curve's highest resonance at a point."""

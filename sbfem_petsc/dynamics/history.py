@@ -111,6 +111,18 @@ class Motion:
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
 
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point, m; less than `least` where that is known to be so, and 0 of
+        a history whose arrays are left in its file.
+        """
+        if isinstance(self.states.contact, np.memmap):
+            return 0.0
+        bound = self.states.bound()
+        if bound < least:
+            return bound
+        moves = (np.linalg.norm(self.displacement(name), axis=-1).max() for name in self.points)
+        return float(max(moves, default=0.0))
+
     @functools.cached_property
     def notes(self) -> tuple[str, ...]:
         """What K of the tips does not tell by itself: units at notches, that of a crack along an interface

@@ -95,6 +95,10 @@ class SweptResponse:
         """(n,): half the peak-to-peak of the y displacement of a point in each cycle, m."""
         return self.point_amplitudes[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest amplitude of a named point, m."""
+        return float(self.point_amplitudes.max(initial=0.0))
+
     def jumps(self, point: str, least: float = 0.2) -> tuple[Jump, ...]:
         """Where the amplitude of a point changes within four settling times by more than a share beyond what
         a linear resonance does at most at the same rate, while contact acts.

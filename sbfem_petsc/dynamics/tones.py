@@ -11,6 +11,7 @@ from ..checks import integer
 from ..errors import at_point
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
+from ..system.plausibility import furthest_of_lines
 from .excitation import Excitation
 from .orbit import axis_number
 from .own_tone import Circle, OwnTone
@@ -113,6 +114,12 @@ class QuasiPeriodic:
     def orders(self) -> np.ndarray:
         """(k,): multiples of the slower tone in `harmonics`."""
         return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
+
+    def furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
+        so.
+        """
+        return furthest_of_lines(np.moveaxis(self._lines, (2, 3), (0, 1)), least)
 
     def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of

@@ -18,6 +18,8 @@ from ..errors import caller_level
 SLOWEST, FASTEST = 50.0, 20e3
 # Share of the body beyond which displacements are not small.
 LARGE = 0.05
+# At which the lengths of sums of lines are looked at.
+_PHASES = 2j * np.pi * np.arange(64) / 64
 
 
 def warn_of_wave_speeds(model: Any) -> None:
@@ -40,22 +42,8 @@ def warn_of_wave_speeds(model: Any) -> None:
             )
 
 
-def warn_of_motion(owner: str, model: Any, motion: Any) -> None:
-    """`warn_if_large` of a history or an orbit at its named points; `model` may be a reduced one."""
-    body = getattr(model, "model", model)
-    if body is not None and motion.states.bound() > LARGE * _size(body):
-        largest = [np.linalg.norm(motion.displacement(name), axis=-1).max() for name in motion.points]
-        warn_if_large(owner, body, float(max(largest, default=0.0)))
-
-
-def warn_of_amplitudes(owner: str, curve: Any) -> None:
-    """`warn_if_large` of a curve at its named points."""
-    largest = [float(curve.amplitude(name).max()) for name in curve.points]
-    warn_if_large(owner, curve.reduced.model, max(largest, default=0.0))
-
-
-def warn_if_large(owner: str, model: Any, largest: float) -> None:
-    """Warn on rank 0 of displacements above 5 % of the body.
+def warn_if_large(owner: str, model: Any, result: Any) -> None:
+    """Warn on rank 0 of a result, or several, in which displacements are above 5 % of the body. Collective.
 
     Parameters
     ----------
@@ -63,17 +51,20 @@ def warn_if_large(owner: str, model: Any, largest: float) -> None:
         The analysis.
     model : Model or None
         None: the size of the body is not known.
-    largest : float
-        Largest displacement, m, the same on all ranks.
+    result
+        With a method ``furthest(least)``: the largest displacement, m, or where that is known to be less than
+        `least`, anything less. Others have no displacements.
 
     Warns
     -----
     LargeDisplacementWarning
     """
-    if model is None or model.comm.rank > 0:
+    if model is None:
         return
-    size = _size(model)
-    if largest > LARGE * size:
+    size = float(np.max(model.extent[1] - model.extent[0]))
+    found = [one for one in (result if isinstance(result, tuple) else (result,)) if hasattr(one, "furthest")]
+    largest = max((one.furthest(LARGE * size) for one in found), default=0.0)
+    if model.comm.rank == 0 and largest > LARGE * size:
         warnings.warn(
             f"{owner}: displacements reach {largest:.3g} m, {100.0 * largest / size:.3g} % of the body's "
             f"{size:.3g} m, and the theory is that of small ones, below {LARGE:.0%}; check the units of "
@@ -83,5 +74,15 @@ def warn_if_large(owner: str, model: Any, largest: float) -> None:
         )
 
 
-def _size(model: Any) -> float:
-    return float(np.max(model.extent[1] - model.extent[0]))
+def furthest_of_lines(lines: np.ndarray, least: float) -> float:
+    """The largest length of Re sum c_mn exp(i (m a + n b)) over all phases a and b, of (..., 2, k, l) lines
+    of x and y, m from 0 on and n about 0; less than `least` where that is known to be so.
+    """
+    bound = np.linalg.norm(np.abs(lines).sum(axis=(-2, -1)), axis=-1)
+    large = lines[bound >= least]
+    if not len(large):
+        return float(bound.max(initial=0.0))
+    first, second = large.shape[2:]
+    one = np.exp(_PHASES[:, None] * np.arange(first))
+    two = np.exp(_PHASES[: None if second > 1 else 1, None] * (np.arange(second) - second // 2))
+    return max(float(np.linalg.norm((one @ part @ two.T).real, axis=0).max()) for part in large)

@@ -109,6 +109,50 @@ def test_displacements_of_motions(share):
     assert [one.split(":")[0] for one in said] == (begins if share > 0.05 else [])
 
 
+def backbone(model, first, reach):
+    shape = sb.modal(model, 1).point_shapes["A"][0]
+    energy = 0.5 * (2.0 * np.pi * first * reach / np.linalg.norm(shape)) ** 2
+    return sb.backbone(model, 1, 0.5 * energy, energy, modes=4, steps=64, refine=False, stability=False)
+
+
+def two_tones(model, first, reach):
+    """Each moves the end by half of it."""
+    tones = [
+        sb.Harmonic(0.5 * reach / SOFTNESS * (1.0 - share**2), share * first) for share in (0.3, 0.3 / 2**0.5)
+    ]
+    load = sb.PointForce("A", fy=tones[0] + tones[1])
+    frequencies = (tones[0].frequency, tones[1].frequency)
+    return sb.quasi_periodic(model, load, frequencies, modes=4, samples=5, steps=64, stability=False)
+
+
+def sweep(model, first, reach):
+    load = sb.PointForce("A", fy=reach / SOFTNESS)
+    return sb.swept_response(
+        model, load, 0.05 * first, 0.06 * first, duration=1.0, modes=4, steps=64, progress=None
+    )
+
+
+def attracted(model, first, reach):
+    load, axis = sb.PointForce("A", fy=reach / SOFTNESS), sb.StartAxis([0.0, 1e-6])
+    return sb.basins(model, load, 0.05 * first, [axis], modes=4, steps=64, progress=None)
+
+
+def states(model, first, reach):
+    return sb.load_history(model, sb.PointForce("A", fy=reach / SOFTNESS), [0.0, 1.0, 2.0])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("result", [backbone, two_tones, sweep, attracted, states])
+def test_displacements_of_every_result(result):
+    """Told once above 5 %, with the number, which is where the end was sent; not below."""
+    model = cantilever(damping=0.3)
+    first = sb.modal(model, 1).frequencies[0]
+    found, said = told(lambda: result(model, first, 0.08 * 0.6), sb.LargeDisplacementWarning)
+    assert len(said) == 1 and found.furthest() == pytest.approx(0.08 * 0.6, rel=0.05)
+    assert said[0].split(":")[0] in dir(sb) and f"reach {found.furthest():.3g} m, " in said[0]
+    assert told(lambda: result(model, first, 0.04 * 0.6), sb.LargeDisplacementWarning)[1] == []
+
+
 def test_no_point_moves_further_than_the_bound():
     """In a random motion with loads and contact, and one that a single coordinate makes is the bound."""
     reduced = two_masses()
