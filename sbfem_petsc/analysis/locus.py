@@ -2,29 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from meshing.warnings import BranchWarning
 
 from ..checks import instance
+from ..continuation.follow import CLOSED
 from ..dynamics.bifurcations import Bifurcation
 from ..dynamics.branch import Branch
+from ..dynamics.family import Family
 from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..dynamics.locus import (
-    AT_END,
-    CLOSED,
-    KINDS,
-    Locus,
-    LocusStart,
-    follow_locus,
-)
-from ..dynamics.locus_point import Family
+from ..dynamics.locus import AT_END, KINDS, PACE, Locus, LocusStart, follow_locus
+from ..dynamics.period_map import Period
 from ..errors import SolveError, caller_level
 from ..parallel import collective
 from ..progress import progress_bar
+from ..recording.line_file import LineFile
+from ..recording.loci import write_locus_alone
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions
 
@@ -47,6 +47,9 @@ def locus(
     *,
     parameter: str = "load",
     points: int = 100,
+    largest_step: float | None = None,
+    file: str | None = None,
+    resume: bool = False,
     progress: Callable[[float], None] | str | None = "auto",
 ) -> Locus:
     """Follow a bifurcation of a branch over the forcing frequency and a second parameter.
@@ -69,6 +72,12 @@ def locus(
         What the factor is on: all oscillating loads, all damping ratios, or all initial gaps.
     points : int
         To either side of the bifurcation, at most.
+    largest_step : float, optional
+        Largest change of the factor from a point to the next one, for a finer line.
+    file : str, optional
+        HDF5 file that is kept up to date (`read_result`).
+    resume : bool
+        Continue `file` if it exists, with the same branch, bifurcation and settings.
     progress : callable, "auto" or None
         As for `transient`.
 
@@ -111,21 +120,41 @@ def locus(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
                 f"between start = {start:g} and stop = {stop:g}"
             )
-    family = Family(branch.period, parameter, factor)
-    if bifurcation.kind == "grazing":
-        row = bifurcation.row
-        if row is None:  # of several that change within a step of the branch
-            row = grazing_row(branch.period, bifurcation.state, frequency, factor)
-        family = OpenRowFamily(branch.period, row, parameter, factor)
-    with progress_bar(comm, "locus", progress) as report:
-        return follow_locus(
-            family,
-            bifurcation.kind,
-            LocusStart(bifurcation.state, frequency, value, bifurcation.multiplier),
-            limits=(min(start, stop), max(start, stop)),
-            points=points,
-            report=report,
-        )
+    row = bifurcation.row
+    if bifurcation.kind == "grazing" and row is None:  # of several that change within a step of the branch
+        row = grazing_row(branch.period, bifurcation.state, frequency, factor)
+    begin = LocusStart(bifurcation.kind, bifurcation.state, frequency, value, bifurcation.multiplier)
+    limits, period = (min(start, stop), max(start, stop)), branch.period
+    with contextlib.ExitStack() as stack:
+        record = None
+        if file is not None:
+            record = stack.enter_context(LineFile(comm, file, write_locus_alone, resume=resume))
+            told = {"kind": bifurcation.kind, "row": -1 if row is None else row, "parameter": parameter}
+            told |= {"lower": limits[0], "upper": limits[1], "factor": factor}
+            period, begin = _recorded(record, period, told, begin)
+        family = Family(period, parameter, factor)
+        if row is not None:
+            family = OpenRowFamily(period, row, parameter, factor)
+        pace = replace(PACE, points=points + 1, largest_step=largest_step or np.inf)
+        report = stack.enter_context(progress_bar(comm, "locus", progress))
+        return follow_locus(family, begin, limits, pace, record, report)
+
+
+def _recorded(
+    record: LineFile, period: Period, told: dict[str, object], begin: LocusStart
+) -> tuple[Period, LocusStart]:
+    """The period and the start of a line in a file: those of the run that is resumed, if any."""
+    conditions = {
+        **told,
+        "steps": period.steps,
+        "periods": period.excitation.periods,
+        "contact": period.pairs > 0,
+        "frequencies": np.array([begin.frequency]),
+        "loads": period.excitation.amplitudes,
+    }
+    reduced, known = record.begin(period.reduced, conditions, begin.packed())
+    period = Period(reduced, period.excitation, period.steps, period.pairs > 0)
+    return period, LocusStart.unpacked(begin.kind, known)
 
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:
@@ -148,6 +177,7 @@ def loci(
     parameter: str = "load",
     kinds: Sequence[str] = SMOOTH_KINDS,
     points: int = 100,
+    largest_step: float | None = None,
     progress: Callable[[float], None] | str | None = "auto",
 ) -> tuple[Locus, ...]:
     """Follow all bifurcations of a branch over the forcing frequency and a second parameter, each line once.
@@ -156,7 +186,7 @@ def loci(
     ----------
     branch : Branch
         Of `frequency_response`.
-    start, stop, parameter, points, progress
+    start, stop, parameter, points, largest_step, progress
         See `locus`.
     kinds : sequence of {"fold", "period doubling", "Neimark-Sacker", "grazing"}
         Which are followed. Folds at corners, which are no lines of a multiplier 1, are left out; "grazing"
@@ -186,12 +216,13 @@ def loci(
     found = [b for b in found if b.kind != "fold" or abs(b.multiplier - 1.0) <= SMOOTH]
     if "grazing" in kinds:
         found += grazing_points(branch)
+    along = partial(locus, parameter=parameter, points=points, largest_step=largest_step, progress=progress)
     result: list[Locus] = []
     for item in found:
         if any(_passes(line, item, branch) for line in result):
             continue
         try:
-            line = locus(branch, item, start, stop, parameter=parameter, points=points, progress=progress)
+            line = along(branch, item, start, stop)
         except SolveError as error:
             warnings.warn(
                 f"{what}: {item!r} was not followed: {error}", BranchWarning, stacklevel=caller_level()

@@ -220,6 +220,7 @@ class LocusOptions(LineOptions):
 
     start: float = item(text="first factor on the second parameter", ge=0, le=1e15)
     stop: float = item(text="last factor on the second parameter", ge=0, le=1e15)
+    largest_step: float | None = _largest_step("factor")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A range of one value."""

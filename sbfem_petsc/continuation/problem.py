@@ -141,6 +141,12 @@ class Problem(Protocol):
     def finer(self, times: int) -> Problem:
         """The same equations in so many times the steps of time."""
 
+    def memory(self, point: Point) -> np.ndarray:
+        """What of a point, beside its unknowns, its neighbours depend on: numbers for a file."""
+
+    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+        """The point of a former run with these unknowns, value and memory."""
+
 
 class BaseProblem:
     """Answers that most problems give."""
@@ -181,6 +187,18 @@ class BaseProblem:
     def advanced(self, points: list[Point]) -> tuple[Problem, Point] | None:
         """See `Problem`."""
         return None
+
+    def finer(self, times: int) -> Problem:
+        """See `Problem`."""
+        raise Lost("the equations have no finer steps")
+
+    def memory(self, point: Point) -> np.ndarray:
+        """See `Problem`."""
+        return np.zeros(0)
+
+    def recalled(self: Problem, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+        """See `Problem`."""
+        return Point(self, u, self.at(u), value)
 
 
 @dataclass(eq=False)

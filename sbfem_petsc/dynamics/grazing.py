@@ -21,8 +21,8 @@ from ..reduction.reduced_model import ReducedModel
 from .bifurcations import Bifurcation
 from .branch import Branch
 from .extrapolation import extrapolated
+from .family import Family
 from .fixed_point import FixedPoint
-from .locus_point import Family
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .shooting import shoot
 
@@ -52,7 +52,6 @@ class OpenRowFamily(Family):
         gap = period.reduced.gap
         self._modes, self._loads = gap.modes[row], gap.loads[row]
         self._contact = np.delete(gap.contact[row], row)
-        self._unit = 0.0
 
     def gap(self, driven: DrivenPeriod, motion: PeriodMotion, value: float) -> np.ndarray:
         """(n + 1,): gap of the row over the period, m."""
@@ -60,15 +59,6 @@ class OpenRowFamily(Family):
         linear = p.over_time(driven.amplitudes @ self._modes) + driven.loads @ self._loads
         shut = motion.states @ self._modes + motion.forces @ self._contact
         return linear + shut + factor * float(self.whole.reduced.initial_gap[self.row])
-
-    def excess(
-        self, kind: str, driven: DrivenPeriod, motion: PeriodMotion, value: float, near: complex
-    ) -> tuple[float, complex]:
-        """Least gap over what the first one asked for varies by, and no multiplier."""
-        gap = self.gap(driven, motion, value)
-        if self._unit == 0.0:
-            self._unit = max(float(np.ptp(gap)), 1e-300)
-        return least(gap[:-1]) / self._unit, complex(np.nan)
 
 
 def least(values: np.ndarray) -> float:

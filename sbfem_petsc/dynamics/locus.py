@@ -1,27 +1,32 @@
 """Loci of bifurcations: curves in the plane of the forcing frequency and a second parameter.
 
-With the motions x(T; f, p) - x(0) = 0 a two-dimensional surface over (f, p), a locus is the line on it along
-which a multiplier stays on the unit circle. It is followed by pseudo-arclength; how a point is found is in
-`locus_point`.
+With the motions x(T; f, p) - x(0) = 0 a two-dimensional surface over (f, p), a locus is the line on it
+along which a multiplier stays on the unit circle. The equations are in `locus_problem`; each side of a known
+point is a line of its own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Protocol
 
 import numpy as np
 
+from ..continuation.events import fold
+from ..continuation.follow import CLOSED, Line, Settings, follow
+from ..continuation.newton import correct
+from ..continuation.problem import Lost, Metric, Point, Range
 from ..errors import SolveError
 from ..writing import write_table
-from .locus_point import LARGEST, Corrector, Family, LocusPoint, PointLost
+from .family import Family
+from .locus_problem import LocusProblem, LocusStart
 
 KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
 PARAMETERS = ("load", "damping", "gap")
-# Arc length of a step.
-FIRST, SMALLEST = 0.02, 1e-4
-CLOSED, AT_END = "the line is closed", "end of the range"
+# How a side is followed: its points, the first one included, and lengths of steps.
+PACE = Settings(points=101, first=0.02, largest=0.2, smallest=1e-4)
+AT_END = "end of the range"
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,33 +89,22 @@ class Locus:
         write_table(path, columns)
 
 
-class LocusStart(NamedTuple):
-    """A motion at a bifurcation.
+class LocusRecorder(Protocol):
+    """Keeps a locus while it is followed."""
 
-    Attributes
-    ----------
-    state : (2 m,) array
-    frequency : float
-        Hz.
-    value : float
-        Of the second parameter.
-    multiplier : complex
-        The one on the unit circle; nan for grazing.
-    """
+    def lines(self, problem: LocusProblem) -> list[Line]:
+        """Sides of a former run that is resumed."""
 
-    state: np.ndarray
-    frequency: float
-    value: float
-    multiplier: complex
+    def update(self, result: Callable[[], Locus], lines: Sequence[Line], last: bool = False) -> None:
+        """Keep what has been found so far."""
 
 
 def follow_locus(
     family: Family,
-    kind: str,
-    first: LocusStart,
-    *,
+    start: LocusStart,
     limits: tuple[float, float],
-    points: int,
+    pace: Settings = PACE,
+    recorder: LocusRecorder | None = None,
     report: Callable[[float], None] | None = None,
 ) -> Locus:
     """Follow a bifurcation over the frequency and a second parameter, from a known point to both sides.
@@ -118,13 +112,13 @@ def follow_locus(
     Parameters
     ----------
     family : Family
-    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
-    first : LocusStart
+    start : LocusStart
         Close to the locus.
     limits : (float, float)
         Of the second parameter, between which the locus is followed.
-    points : int
-        To either side, at most.
+    pace : Settings
+        Of each side.
+    recorder : LocusRecorder, optional
     report : callable, optional
         Called with the fraction done.
 
@@ -133,99 +127,84 @@ def follow_locus(
     SolveError
         If no point is found near the first one.
     """
-    lower, upper = limits
-    follower = Corrector(family, kind, upper - lower, (first.state, first.frequency, first.value))
-    guess = np.append(first.state, [first.frequency, first.value]) / follower.units
-    last = np.eye(len(guess))[-1]
-    near = first.multiplier if first.multiplier.imag >= 0.0 else first.multiplier.conjugate()
-    try:
-        # a fold's locus may run along the parameter's axis, the frequency then takes its place
-        start = _any_plane(follower, guess, near)
-    except (PointLost, SolveError, np.linalg.LinAlgError) as failure:
-        raise SolveError(
-            f"locus: no {kind} was found near {first.frequency:.8g} Hz and the factor {first.value:.6g}: "
-            f"{failure}"
-        ) from None
-    sides, reasons = [], []
-    for number, sign in enumerate((-1.0, 1.0)):
-        if CLOSED in reasons:
-            sides.append([start])
-            reasons.append(CLOSED)
-            break
-        found, reason = _side(follower, start, sign * last, limits, points)
-        sides.append(found)
-        reasons.append(reason)
+    problem = LocusProblem(family, start, limits[1] - limits[0])
+    lines = recorder.lines(problem) if recorder is not None else []
+
+    def keep(line: Line) -> None:
         if report is not None:
-            report(0.5 * (number + 1))
-    line = [*reversed(sides[0]), start, *sides[1]]
-    y = np.array([p.scaled for p in line]) * follower.units
+            end = limits[0] if line is lines[0] else limits[1]
+            begin, last = line.points[0].value, line.points[-1].value
+            done = min(1.0, abs(last - begin) / max(abs(end - begin), 1e-300))
+            report(0.5 * (len(lines) - 1 + done))
+        if recorder is not None:
+            recorder.update(lambda: _joined(family, start.kind, lines), lines)
+
+    for number, direction in enumerate((-1, 1)):
+        if number and lines[0].reason == CLOSED:
+            break
+        if len(lines) == number:
+            first = lines[0].points[0] if lines else _first(problem)
+            # as a run that is gone on with has it, whatever the other side has made of it
+            lines.append(Line([problem.recalled(first.u, first.value, problem.memory(first))]))
+        line = lines[number]
+        if not line.reason or line.reason.endswith(" points"):  # otherwise a former run has come to its end
+            follow(line, Range(*limits, direction), pace, keep)
+    result = _joined(family, start.kind, lines, located=True)
+    if recorder is not None:
+        recorder.update(lambda: result, lines, last=True)
+    if report is not None:
+        report(1.0)
+    return result
+
+
+def _first(problem: LocusProblem) -> Point:
+    """The point of the locus next to its start, with the second parameter held, or the frequency: a fold's
+    locus may run along the parameter's axis.
+    """
+    u, failure = problem.begin, None
+    metric = Metric(problem, u)
+    for axis in (problem.modes2 + 1, problem.modes2):
+        try:
+            return correct(problem, u, metric.plane(np.eye(len(u))[axis], u))
+        except Lost as error:
+            failure = failure or error
+    _, frequency, value = problem.split(u)
+    raise SolveError(
+        f"locus: no {problem.kind} was found near {frequency:.8g} Hz and the factor {value:.6g}: {failure}"
+    )
+
+
+def _joined(family: Family, kind: str, lines: Sequence[Line], located: bool = False) -> Locus:
+    """Both sides as one line, with the extremes of the second parameter between its points if they are to be
+    located.
+    """
+    sides = [line.points[1:] for line in lines]
+    reasons = [_reason(line) for line in lines] + ["unfinished"] * (2 - len(lines))
+    if reasons[0] == CLOSED:
+        sides, reasons = [sides[0][:-1]], [CLOSED, CLOSED]
+    points = [*reversed(sides[0]), lines[0].points[0], *(sides[1] if len(sides) > 1 else ())]
+    if located:
+        line = Line(points)
+        found = [fold(line, k) for k in range(1, len(points) - 1)]
+        points = list(points)
+        for k, point in reversed([item for item in found if item is not None]):
+            points.insert(k + 1, point)
+    size = points[0].problem.modes2
+    u = np.array([point.u for point in points])
     return Locus(
         kind,
         family.parameter,
-        y[:, -2].copy(),
-        y[:, -1].copy(),
-        y[:, :-2].copy(),
-        np.array([p.multiplier for p in line]),
+        u[:, size].copy(),
+        np.array([point.value for point in points]),
+        u[:, :size].copy(),
+        np.array([point.state.multiplier for point in points]),
         (reasons[0], reasons[1]),
         family.period.excitation.periods,
     )
 
 
-def _closed(line: list[LocusPoint]) -> bool:
-    """Whether the last step has passed the first point in the direction in which the line began."""
-    if len(line) < 6:
-        return False
-    begin, before, last = line[0].scaled, line[-2].scaled, line[-1].scaled
-    step, first = last - before, line[1].scaled - begin
-    share = step @ (begin - before) / (step @ step)
-    aside = np.linalg.norm(before + share * step - begin)
-    return 0.0 < share <= 1.0 and step @ first > 0.0 and aside < 0.2 * np.linalg.norm(step)
-
-
-def _any_plane(follower: Corrector, guess: np.ndarray, near: complex) -> LocusPoint:
-    """The first point, with the second parameter held, or the frequency."""
-    try:
-        return follower.correct(guess, np.eye(len(guess))[-1], near)
-    except (PointLost, SolveError, np.linalg.LinAlgError):
-        return follower.correct(guess, np.eye(len(guess))[-2], near)
-
-
-def _side(
-    follower: Corrector, start: LocusPoint, direction: np.ndarray, limits: tuple[float, float], points: int
-) -> tuple[list[LocusPoint], str]:
-    """Points from the start on towards a direction, and why the last is the last."""
-    unit = follower.units[-1]
-    line, length, reason = [start], FIRST, ""
-    while len(line) <= points:
-        if len(line) > 1:
-            direction = line[-1].scaled - line[-2].scaled
-            direction = direction / np.linalg.norm(direction)
-        while True:
-            guess = line[-1].scaled + length * direction
-            normal, end = direction, None
-            if not limits[0] < guess[-1] * unit < limits[1]:
-                end = limits[0] if guess[-1] * unit <= limits[0] else limits[1]
-                share = (end / unit - line[-1].scaled[-1]) / direction[-1] if direction[-1] else 0.0
-                if share <= 1e-9:
-                    return line[1:], f"{AT_END} at {end:g}"
-                guess, normal = line[-1].scaled + share * direction, np.eye(len(guess))[-1]
-                guess[-1] = end / unit
-            try:
-                point = follower.correct(guess, normal, line[-1].multiplier)
-                step = point.scaled - line[-1].scaled
-                if len(line) > 1 and step @ direction < 0.5 * np.linalg.norm(step):
-                    raise PointLost("it turns too sharply")
-                break
-            except (PointLost, SolveError, np.linalg.LinAlgError) as failure:
-                reason = str(failure)
-                length *= 0.5
-                if length < SMALLEST:
-                    value = line[-1].scaled[-1] * unit
-                    return line[1:], f"no further point beyond the factor {value:.6g}: {reason}"
-        line.append(point)
-        if _closed(line):
-            return line[1:-1], CLOSED
-        if end is not None:
-            return line[1:], f"{AT_END} at {end:g}"
-        length = min(LARGEST, length * (1.5 if point.effort <= 5 else 0.8))
-    return line[1:], f"{points} points"
+def _reason(line: Line) -> str:
+    """Why a side ends, the points of which are counted without the first one."""
+    return (
+        f"{len(line.points) - 1} points" if line.reason.endswith(" points") else line.reason or "unfinished"
+    )

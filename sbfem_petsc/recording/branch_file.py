@@ -2,28 +2,22 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable
 from typing import Any
 
 import h5py
 import numpy as np
 
-from ..errors import SolveError
-from ..parallel import collective, on_root
+from ..parallel import on_root
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from ..writing import destination
 from .excitations import read_excitation, write_excitation
 from .hdf5 import new_hdf5, opened, put
-from .lock import WriterLock
-from .reduced_models import adopted, close, difference, in_rows, read_reduced_model, write_reduced_model
+from .kept_file import KeptFile
+from .reduced_models import adopted, in_rows, read_reduced_model, write_reduced_model
 from .sound import number, numbers, text, truth, whole
 
 WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 2
-# Seconds between two updates of a file.
-PAUSE = 2.0
 # Length of the next step of a branch that nobody follows.
 NO_STEP = 0.05
 ARRAYS = {
@@ -89,10 +83,8 @@ def write_branch(
             put(group, "direction", item.direction, "m sqrt(kg)/s", "Floquet direction")
 
 
-class BranchFile:
+class BranchFile(KeptFile):
     """The file of a branch under way; a `branch_following.BranchRecorder` and a context manager.
-
-    Rank 0 writes; an error of it is raised on all ranks.
 
     Parameters
     ----------
@@ -109,37 +101,13 @@ class BranchFile:
     Raises
     ------
     TypeError, ValueError
-        If the file is no branch, is damaged, is being written by another run or cannot be written.
+        See `KeptFile`.
     """
 
     def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
-        self.comm, self._lock, self._written = comm, None, -np.inf
         self.former: tuple[np.ndarray, np.ndarray, float, str] | None = None
         self._finished, self._range = False, (0.0, 0.0)
-        self._continued = False
-        try:
-            with collective(comm):
-                self.path = destination(path, WHAT)
-                if comm.rank == 0:
-                    self._lock = WriterLock(self.path, WHAT)
-                    if resume and os.path.exists(self.path):
-                        with opened(self.path, WHAT, {FORM: VERSION}):
-                            self._continued = True
-        except BaseException:
-            self.close()
-            raise
-
-    def __enter__(self) -> BranchFile:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def close(self) -> None:
-        """Give the file up to others."""
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
+        super().__init__(comm, path, WHAT, FORM, VERSION, resume=resume)
 
     def begin(self, period, parameter, any_steps: bool = False) -> tuple[ReducedModel, int]:
         """Note what is followed, and read the points of a former run under the same conditions. Collective.
@@ -163,7 +131,7 @@ class BranchFile:
         """
         self._range = parameter.start, parameter.stop
         found = on_root(
-            self.comm, lambda: self._read(period, parameter, any_steps) if self._continued else None
+            self.comm, lambda: self._read(period, parameter, any_steps) if self.continued else None
         )
         found = self.comm.bcast(found)
         if found is None:
@@ -172,15 +140,8 @@ class BranchFile:
         return in_rows(adopted(stored, period.reduced)), steps
 
     def _read(self, period, parameter, any_steps: bool):
-        with opened(self.path, WHAT, {FORM: VERSION}) as file:
+        with opened(self.path, WHAT, self.forms) as file:
             contents = read_branch_file(file)
-            stored = contents["reduced"]
-            other = difference(stored, period.reduced)
-            if other:
-                raise ValueError(
-                    f"{WHAT} {self.path!r} was written for another model ({other}); resume with that model, "
-                    "or name another file"
-                )
             mine = {
                 "parameter": parameter.name,
                 "start": parameter.start,
@@ -189,18 +150,10 @@ class BranchFile:
                 "periods": period.excitation.periods,
                 "fixed_frequency": parameter.frequency or 0.0,
                 "contact": period.pairs > 0,
+                "loads": period.excitation.amplitudes,
             }
-            for key, value in mine.items():
-                if not close(file.attrs[key], value):
-                    raise ValueError(
-                        f"{WHAT} {self.path!r} was written with {key} = {file.attrs[key]}, not {value}; "
-                        "resume with the same value, or name another file"
-                    )
-            if not close(contents["excitation"]["amplitudes"], period.excitation.amplitudes):
-                raise ValueError(
-                    f"{WHAT} {self.path!r} was written for other loads; resume with the same loads, or name "
-                    "another file"
-                )
+            stored = {**file.attrs, "loads": contents["excitation"]["amplitudes"]}
+            self.require_same((contents["reduced"], period.reduced), stored, mine)
             finished = contents["complete"] and contents["multipliers"].shape[1] > 0
             former = (
                 contents["states"],
@@ -208,26 +161,14 @@ class BranchFile:
                 float(file.attrs["length"]),
                 contents["reason"],
             )
-            return stored, contents["steps"], former, finished
+            return contents["reduced"], contents["steps"], former, finished
 
     def update(self, branch: Callable[[], Any], length: float, last: bool = False) -> None:
         """Write the branch as it is and the length of its next step, at most every two seconds but for the
         last time; a finished one stays as it is. Collective.
         """
-        with collective(self.comm):
-            if (
-                self.comm.rank == 0
-                and not self._finished
-                and (last or time.monotonic() - self._written > PAUSE)
-            ):
-                try:
-                    write_branch(branch(), self.path, *self._range, length)
-                except ValueError as error:
-                    raise SolveError(
-                        f"{error}; what the file held before stays readable, and resume=True continues from "
-                        "there"
-                    ) from None
-                self._written = time.monotonic()
+        if not self._finished:
+            self.save(lambda: write_branch(branch(), self.path, *self._range, length), last)
 
 
 def _unit(parameter: str) -> str:

@@ -16,8 +16,7 @@ from ..checks import shown
 from ..dynamics.basins import Basins, StartAxis
 from ..dynamics.branch import Branch
 from ..dynamics.free import FreeSystem
-from ..dynamics.locus import KINDS, Locus
-from ..dynamics.locus import PARAMETERS as SECOND_PARAMETERS
+from ..dynamics.locus import KINDS, PARAMETERS, Locus
 from ..dynamics.orbit import Orbit
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch
 from ..dynamics.states import ModalStates
@@ -25,13 +24,14 @@ from ..dynamics.swept import SweptResponse
 from ..dynamics.tones import QuasiPeriodic
 from ..recording import branch_file
 from ..recording.hdf5 import new_hdf5, opened, put
+from ..recording.line_file import FORM, VERSION, WHAT
+from ..recording.loci import write_locus
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, truth, whole
 from . import orbits
 from .branches import read_branch, save_branch
 from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
 
-WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 2
 # Kinds of which a file may hold several.
 LISTED = ("loci", "swept responses")
 # Most modes, cycles.
@@ -50,12 +50,6 @@ _BACKBONE = {
     "point_harmonics": ("m", "harmonics 0 to 20 of the points' displacements, (n, points, xy, k)"),
     "point_amplitudes": ("m", "half the peak-to-peak of u_y"),
     "stable": ("1", "whether no multiplier is outside the unit circle"),
-}
-_LOCUS = {
-    "frequency": ("Hz", "forcing frequency"),
-    "value": ("1", "factor on the second parameter"),
-    "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
-    "multiplier": ("1", "the one on the unit circle, nan for grazing"),
 }
 _SWEPT = {
     "frequency": ("Hz", "mean forcing frequency of each cycle"),
@@ -201,22 +195,9 @@ def _backbone_in(group: h5py.Group) -> Backbone:
     )
 
 
-def _write_locus(group: h5py.Group, line: Locus) -> None:
-    group.attrs.update(
-        {
-            "kind": line.kind,
-            "parameter": line.parameter,
-            "periods": line.periods,
-            "reason_begin": line.reasons[0],
-            "reason_end": line.reasons[1],
-        }
-    )
-    _put_all(group, _LOCUS, line)
-
-
 def _locus_in(group: h5py.Group) -> Locus:
     kind, parameter = text(group, "kind"), text(group, "parameter")
-    if kind not in KINDS or parameter not in SECOND_PARAMETERS:
+    if kind not in KINDS or parameter not in PARAMETERS:
         raise ValueError(f"it is a line of {kind!r} over {parameter!r}")
     count = len(numbers(group, "value", None, least=0.0))
     return Locus(
@@ -303,7 +284,7 @@ def _axis_in(group: h5py.Group) -> StartAxis:
 # Kinds by the names in a file: what they are of, and what writes and reads one.
 _KINDS: dict[str, tuple[type, Callable[[h5py.Group, Any], None], Callable[[h5py.Group], Any]]] = {
     "backbone": (Backbone, _write_backbone, _backbone_in),
-    "loci": (Locus, _write_locus, _locus_in),
+    "loci": (Locus, write_locus, _locus_in),
     "swept responses": (SweptResponse, _write_swept, _swept_in),
     "basins": (Basins, _write_basins, _basins_in),
     "quasi-periodic": (QuasiPeriodic, write_torus, torus_in),

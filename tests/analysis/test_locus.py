@@ -10,9 +10,9 @@ from scipy.interpolate import CubicSpline
 import sbfem_petsc as sb
 from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
+from sbfem_petsc.continuation.follow import Follower, Line, Settings
+from sbfem_petsc.continuation.problem import BaseProblem, Point, Range
 from sbfem_petsc.dynamics import grazing
-from sbfem_petsc.dynamics.locus import _closed
-from sbfem_petsc.dynamics.locus_point import LocusPoint
 from sbfem_petsc.dynamics.steady import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
@@ -38,13 +38,20 @@ def of_kind(branch, kind):
 
 
 def test_predictions_far_out_of_range():
-    """Steps of a hundredth of 1e5 run to factors at which damping would be negative: another end, told."""
+    """Steps of a hundredth of 1e5 would run to factors at which damping is negative; lines turn back where
+    they do over a range of 3, and end at its lower end.
+    """
     system = two_masses(0.02, compliance=0.1)
     curve = sb.frequency_response(system, [0.1], 0.092, 0.0932, steps=128, points=40)
     (bifurcation,) = curve.bifurcations
-    line = sb.locus(curve, bifurcation, 1.0, 1e5, parameter="damping", points=4)
-    assert (line.value >= 0.0).all() and np.isfinite(line.frequency).all()
-    assert "no further point" in line.reasons[1]
+    turns = []
+    for start, stop in ((1.0, 4.0), (1.0, 1e5), (0.0, 1e5)):
+        line = sb.locus(curve, bifurcation, start, stop, parameter="damping")
+        assert (line.value >= start).all() and np.isfinite(line.frequency).all()
+        assert line.reasons == (2 * (f"end of the range at {start:g}",))
+        turns.append((line.value.max(), line.frequency[np.argmax(line.value)]))
+    assert turns[0][0] == pytest.approx(3.2243, abs=1e-4)
+    np.testing.assert_allclose(turns[1:], [turns[0]] * 2, rtol=1e-5)
 
 
 def excess(branch, line, k, apart):
@@ -204,7 +211,7 @@ def test_a_line_that_turns_back_and_one_that_is_closed(curve, tmp_path):
     assert np.loadtxt(tmp_path / "line.csv", delimiter=",", skiprows=1).shape == (len(line), 4)
     one, other = of_kind(curve, "Neimark-Sacker")[:2]
     ring = sb.locus(curve, one, 0.3, 3.0)
-    assert ring.reasons[0] == "the line is closed"
+    assert ring.reasons[0] == "it is closed"
     place = np.argmin(np.hypot(ring.frequency / other.value - 1.0, 0.1 * (ring.value - 1.0)))
     assert ring.frequency[place] == pytest.approx(other.value, rel=2e-3)
 
@@ -231,16 +238,21 @@ def test_where_a_line_is_closed(end, closed):
     passes beside it, is on another strand and goes on.
     """
 
-    def line(places):
-        return [LocusPoint(np.array(place), -1.0) for place in places]
+    class Plane(BaseProblem):
+        def units(self, u):
+            return np.ones(2), np.ones(2)
+
+    def closes(places):
+        points = [Point(Plane(), np.array(place), None, place[1]) for place in places]
+        return Follower(Line(points), Range(-2.0, 3.0, 1), Settings())._closes()
 
     around = np.linspace(0.0, end, 21) + 0.01
     ring = [(np.cos(angle), np.sin(angle)) for angle in around]
-    assert bool(_closed(line([(1.0, 0.0), *ring]))) is closed
+    assert closes([(1.0, 0.0), *ring]) is closed
     returning = [(0.0, 0.0), (1.0, 0.0), (2.0, 1.0), (1.5, 2.0), (1.0, 1.0), (0.5, 0.05)]
-    assert not _closed(line([*returning, (-0.5, -0.05)]))
-    assert not _closed(line([*returning[:-2], (-1.0, 0.0), (-0.6, 0.0)]))  # not there yet
-    assert not _closed(line([*returning[:-1], (-0.5, 0.6), (0.5, 0.4)]))
+    assert not closes([*returning, (-0.5, -0.05)])
+    assert not closes([*returning[:-2], (-1.0, 0.0), (-0.6, 0.0)])  # not there yet
+    assert not closes([*returning[:-1], (-0.5, 0.6), (0.5, 0.4)])
 
 
 @pytest.mark.slow

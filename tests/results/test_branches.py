@@ -15,6 +15,7 @@ from meshing.warnings import IncompleteBranch
 from sbfem_petsc.contact.law import Tied, Unilateral
 from sbfem_petsc.continuation import follow as following
 from sbfem_petsc.recording import branch_file as module
+from sbfem_petsc.recording import kept_file
 from sbfem_petsc.results.branches import read_branch, save_branch
 from tests.systems import same_products
 
@@ -140,7 +141,7 @@ def test_an_interrupted_curve_is_continued(whole, tmp_path, monkeypatch, after):
     """Ctrl-C after some points, on every part of the branch: the file is readable and marked, and the
     continued curve has the same points to 1e-8.
     """
-    monkeypatch.setattr(module, "PAUSE", 0.0)
+    monkeypatch.setattr(kept_file, "PAUSE", 0.0)
     curve, _ = whole
     path = str(tmp_path / "curve.h5")
     count = [0]
@@ -330,7 +331,7 @@ def test_a_full_disk(tmp_path, monkeypatch):
 
 
 def test_two_writers(tmp_path, monkeypatch):
-    monkeypatch.setattr(module, "PAUSE", 0.0)
+    monkeypatch.setattr(kept_file, "PAUSE", 0.0)
     path, tried = str(tmp_path / "branch.h5"), []
 
     def second(fraction):

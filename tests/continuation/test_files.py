@@ -1,0 +1,69 @@
+"""Lines of every family in files: killed and resumed to the same points; refused for other runs."""
+
+import signal
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from tests.continuation.families import FAMILIES, curve, locus
+from tests.parallel import ROOT
+
+PROGRAM = """
+import sys
+from tests.continuation.families import killed
+killed(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+"""
+
+
+@pytest.mark.parametrize(("kind", "after"), [("locus", 3), ("locus", 9)])
+def test_killed_and_resumed(kind, after, tmp_path):
+    """SIGKILL on either side of the first point: what the file holds is read, and gone on with to the same
+    points, bit by bit.
+    """
+    path = str(tmp_path / "line.h5")
+    run = [sys.executable, "-c", PROGRAM, kind, path, str(after)]
+    assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
+    expected, reasons = FAMILIES[kind]()
+    begun = sb.read_result(path)
+    assert 0 < len(begun) < len(expected)
+    found, told = FAMILIES[kind](file=path, resume=True)
+    np.testing.assert_array_equal(found, expected)
+    assert told == reasons
+    np.testing.assert_array_equal(sb.read_result(path).frequency, found[:, -2])
+    again, told = FAMILIES[kind](file=path, resume=True)
+    np.testing.assert_array_equal(again, expected)
+    assert told == reasons
+
+
+def test_another_run_is_refused(tmp_path):
+    path = str(tmp_path / "line.h5")
+    locus(file=path)
+    point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
+    with pytest.raises(ValueError, match="was written with upper = 1.1, not 1.2; resume with the same value"):
+        sb.locus(curve(), point, 0.9, 1.2, file=path, resume=True)
+    with pytest.raises(ValueError, match="was written with parameter = load, not damping"):
+        sb.locus(curve(), point, 0.9, 1.1, parameter="damping", file=path, resume=True)
+    sb.save_result(sb.read_result(path), path)
+    with pytest.raises(ValueError, match="is no file of a run; name another file"):
+        sb.locus(curve(), point, 0.9, 1.1, file=path, resume=True)
+    with pytest.raises(ValueError, match="locus: resume = True needs the file"):
+        sb.locus(curve(), point, 0.9, 1.1, resume=True)
+
+
+def test_more_points_go_on(tmp_path):
+    """A line that was given few points is resumed with more of them."""
+    path = str(tmp_path / "line.h5")
+    point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
+    few = sb.locus(curve(), point, 0.9, 1.1, points=2, file=path)
+    assert few.reasons == ("2 points", "2 points")
+    more = sb.locus(curve(), point, 0.9, 1.1, points=6, file=path, resume=True)
+    np.testing.assert_array_equal(more.states, locus()[0][:, :-2])
+
+
+def test_largest_step_of_a_locus():
+    point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
+    line = sb.locus(curve(), point, 0.97, 1.03, largest_step=0.004)
+    assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
