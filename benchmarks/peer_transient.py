@@ -57,7 +57,8 @@ from benchmarks import peer_scikit_fem as peer
 from benchmarks.transient import DURATION, FORCE, MODES, least
 from examples.tables.tone_burst import REFINED, burst, distance, read_reference
 from meshing import Beam, VNotch
-from sbfem_petsc.contact.marching import Factor, contact_forces, empty_factor
+from sbfem_petsc.contact.law import RowLaws, Table
+from sbfem_petsc.contact.pivoting import Factor, contact_forces, empty_factor
 from sbfem_petsc.loads import separate
 from sbfem_petsc.reduction.outputs import LinearOutput
 
@@ -206,13 +207,13 @@ class Pairs(NamedTuple):
     initial_gap: np.ndarray
     responses: np.ndarray
     flexibility: np.ndarray
-    tied: np.ndarray
+    laws: Table
 
 
 class Touching(NamedTuple):
     """Rows in contact, what is factorised of them, and their forces."""
 
-    active: np.ndarray
+    rows: np.ndarray
     factor: Factor
     force: np.ndarray
 
@@ -238,21 +239,21 @@ def _advance(w, state, rate, pairs, touching):
     active set, -1: not solved.
     """
     u, v = state
-    right, left, initial_gap, responses, flexibility, tied = pairs
-    active, factor, force = touching
+    right, left, initial_gap, responses, flexibility, laws = pairs
+    rows, factor, force = touching
     closed, exchanges, free = False, 0, np.empty(force.size)
     for k in range(force.size):
         free[k] = initial_gap[k] + (w[right[k]] - u[right[k]]) - (w[left[k]] - u[left[k]])
         closed = closed or free[k] < 0.0
     if closed:
-        exchanges = contact_forces(flexibility, free, tied, active, factor, force)
+        exchanges = contact_forces(flexibility, free, laws, rows, factor, force)
         for k in range(force.size):
             if force[k] > 0.0:
                 twice = 2.0 * force[k]
                 for i in range(u.size):
                     w[i] += twice * responses[k, i]
     else:
-        force[:], active[:], factor.members[-1] = 0.0, False, 0
+        force[:], rows[:], factor.members[-1] = 0.0, 0, 0
     for i in range(u.size):
         change = w[i] - 2.0 * u[i]
         u[i] += change
@@ -302,9 +303,9 @@ class FullModel:
             self.system.initial_gap,
             self.responses,
             self.flexibility,
-            np.zeros(pairs, dtype=bool),
+            RowLaws.unilateral(pairs).table,
         )
-        touching = Touching(np.zeros(pairs, dtype=bool), empty_factor(pairs), np.zeros(pairs))
+        touching = Touching(np.zeros(pairs, dtype=np.int8), empty_factor(pairs), np.zeros(pairs))
         drive, solve, by_u, by_v = (
             amplitude[:-1] + amplitude[1:],
             self.factors.solve,

@@ -80,7 +80,7 @@ def modal(
                 f"modal: count = {count} must be between 1 and half the number of boundary unknowns ({most})"
             )
         )
-    tied = [name for name, law in model.contact_laws.items() if law.tied]
+    tied = [name for name, law in model.contact_laws.items() if not law.parts]
     if tied:
         warnings.warn(
             f"modal: the cracks {listed(tied)} are tied, but modes are those of open cracks; for a body "

@@ -16,7 +16,7 @@ def compile_kernels() -> None:
     march(
         step_constants([np.zeros((10, 2))], (rows, rows), rows, RowLaws.unilateral(2), np.zeros(2)),
         StepLoads(np.zeros((2, 2)), np.ones((2, 2)), np.zeros(1, dtype=np.int8)),
-        StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=bool)),
+        StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=np.int8)),
         StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2)), np.empty(1)),
     )
 

@@ -19,6 +19,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
+from .law import RowLaws
+
 # Singular values of the gaps below this share of the largest are those of rounding.
 ROUND_OFF = 1e-12
 # Directions of contact that change the position by less than this share in a step are left out. Over 174
@@ -114,10 +116,11 @@ class ClosedSets:
         U.
     residual : (c, c) array
         R.
+    laws : RowLaws
     """
 
-    def __init__(self, left: np.ndarray, residual: np.ndarray):
-        self.left, self.residual = left, residual
+    def __init__(self, left: np.ndarray, residual: np.ndarray, laws: RowLaws):
+        self.left, self.residual, self.laws = left, residual, laws
         with np.errstate(divide="ignore", invalid="ignore"):
             self._weight = 1.0 / np.sqrt(np.diagonal(residual))
         self._known: dict[bytes, ClosedSet] = {}
@@ -208,9 +211,9 @@ def located_contacts(
 
     The steps hold a row's force at the mean of their ends, so a row acts over whole steps, and multipliers
     jump where a switch passes an instant of the grid. Here a switch stands where the gap without the row's
-    own force, linear over the step, vanishes; a step acts by the mean of K_R over the sets that it passes
-    through, an instant by the mean of the steps beside it. What is left of the jumps is of second order in
-    the step.
+    own force, linear over the step, reaches the one that is kept; a step acts by the mean of K_R over the
+    sets that it passes through, an instant by the mean of the steps beside it. What is left of the jumps is
+    of second order in the step.
 
     Parameters
     ----------
@@ -223,8 +226,9 @@ def located_contacts(
     opens = closed[switched, switching]
     at = np.where(opens, switched, switched + 1)
     held = [sets[touching].stiffness[row] for touching, row in zip(closed[switched + ~opens], switching)]
-    overlap = forces[at, switching] / np.array(held)
-    gap = np.maximum(gaps(2 * switched + 1 - at, switching), 0.0)
+    acting = forces[at, switching]
+    overlap = np.abs(acting) / np.array(held)
+    gap = np.maximum(sets.laws.apart(gaps(2 * switched + 1 - at, switching), acting, switching), 0.0)
     moments = np.where(opens, overlap, gap) / (overlap + gap)
     # in the order of time a set follows from the one before by a row that switches
     order = np.lexsort((moments, switched))

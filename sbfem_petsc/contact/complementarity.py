@@ -9,13 +9,13 @@ import numpy as np
 from scipy import linalg
 
 from ..errors import SolveError, on_all_ranks
-from .law import ROUND_OFF, RowLaws
+from .law import FREE, ROUND_OFF, RowLaws
 
 
 @dataclass(frozen=True, eq=False)
 class Complementarity:
-    """Solution of a contact problem: ``0 <= force  _|_  W force + free gap >= 0`` in unilateral rows,
-    ``W force + free gap = 0`` in tied ones.
+    """Solution of a contact problem, gap = W force + free gap: in unilateral rows ``0 <= force  _|_  gap >=
+    0``, in tied ones ``gap = 0``.
 
     Attributes
     ----------
@@ -23,15 +23,20 @@ class Complementarity:
         Contact forces, N, compression positive.
     gap : (n,) array
         ``W force + free gap``.
-    active : (n,) bool array
-        Rows in contact.
+    state : (n,) int8 array
+        See `law`.
     iterations : int
     """
 
     force: np.ndarray
     gap: np.ndarray
-    active: np.ndarray
+    state: np.ndarray
     iterations: int
+
+    @property
+    def active(self) -> np.ndarray:
+        """(n,): rows in contact."""
+        return self.state != FREE
 
 
 class Backend(Protocol):
@@ -65,7 +70,8 @@ class Backend(Protocol):
 def active_set(
     backend: Backend, free_gap: np.ndarray, laws: RowLaws, start: np.ndarray | None = None
 ) -> tuple[Complementarity | None, np.ndarray]:
-    """Primal-dual active set: the solution, None after a cycle or a set that is not solved, and the last set.
+    """Primal-dual active set: the solution, None after a cycle or a set that is not solved, and the last
+    states.
 
     Parameters
     ----------
@@ -73,30 +79,40 @@ def active_set(
     free_gap : (n,) array
         Gaps without contact forces, m.
     laws : RowLaws
-    start : (n,) bool array, optional
-        First guess of the active set; default: the rows that cannot do without a force.
+    start : (n,) int8 array, optional
+        First guess of the states; default: those without forces.
     """
-    active = backend.flexible & (laws.touched(free_gap) if start is None else laws.tied | start)
+    state = _flexible(backend, laws.touched(free_gap) if start is None else start.astype(np.int8))
     force, seen = np.zeros(len(free_gap)), set[bytes]()
     for iteration in range(1, backend.maximum + 1):
-        found = backend.closed(active, free_gap, force)
+        found = _solved(backend, state, free_gap, laws, force)
         if found is None:
             break
-        force, gap = found[0], found[1] + free_gap
-        gap[active] = 0.0
-        pulls, overlaps = (backend.rounding * np.abs(of).max(initial=0.0) for of in (force, free_gap))
-        wrong = backend.flexible & laws.wrong(active, force, gap, overlaps, pulls)
-        active = active ^ wrong
-        settled = not wrong.any()
-        if settled or active.tobytes() in seen:
+        force, gap = found
+        pull, overlap = (backend.rounding * np.abs(of).max(initial=0.0) for of in (force, free_gap))
+        former, state = state, _flexible(backend, laws.following(state, force, gap, pull, overlap))
+        settled = np.array_equal(state, former)
+        if settled or state.tobytes() in seen:
             # what looks like a cycle may be the doing of loose solves
             if not backend.sharpen():
-                return Complementarity(
-                    laws.admissible(force), gap, active, iteration
-                ) if settled else None, active
+                force = laws.admissible(state, force)
+                return Complementarity(force, gap, state, iteration) if settled else None, state
             seen.clear()
-        seen.add(active.tobytes())
-    return None, active
+        seen.add(state.tobytes())
+    return None, state
+
+
+def _flexible(backend: Backend, state: np.ndarray) -> np.ndarray:
+    """States, of rows that no force moves free ones."""
+    return np.where(backend.flexible, state, FREE).astype(np.int8)
+
+
+def _solved(
+    backend: Backend, state: np.ndarray, free_gap: np.ndarray, laws: RowLaws, force: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Forces that keep the gaps of rows in their states, from a first guess, and all gaps."""
+    found = backend.closed(state != FREE, free_gap - laws.places(state), force)
+    return None if found is None else (found[0], laws.placed(state, found[1] + free_gap))
 
 
 class Condensed:
@@ -149,8 +165,8 @@ def solve_complementarity(
         Gaps without contact forces, m.
     laws : RowLaws, optional
         Default: unilateral contact.
-    start : (n,) bool array, optional
-        First guess of the active set; default: the rows that cannot do without a force.
+    start : (n,) int8 array, optional
+        First guess of the states; default: those without forces.
     maximum : int
         Iterations before the fallback.
 
@@ -167,20 +183,21 @@ def solve_complementarity(
     """
     laws = RowLaws.unilateral(len(free_gap)) if laws is None else laws
     backend = Condensed(flexibility, maximum)
-    found, active = active_set(backend, free_gap, laws, start)
+    found, state = active_set(backend, free_gap, laws, start)
     if found is not None:
         return found
     last = maximum + 100 * len(free_gap)
     for iteration in range(maximum + 1, last + 1):
-        force, moved = backend.closed(active, free_gap, free_gap)
-        gap = moved + free_gap
-        gap[active] = 0.0
+        solved = _solved(backend, state, free_gap, laws, free_gap)
+        assert solved is not None
+        force, gap = solved
         # each row has a rounding of its own: rows may differ in unit and in size
         rounding = ROUND_OFF * (np.abs(flexibility) @ np.abs(force) + np.abs(free_gap))
-        wrong = np.flatnonzero(backend.flexible & laws.wrong(active, force, gap, rounding))
+        following = _flexible(backend, laws.following(state, force, gap, overlap=rounding))
+        wrong = np.flatnonzero(following != state)
         if len(wrong) == 0:
-            return Complementarity(force, gap, active, iteration)
-        active[wrong[0]] = ~active[wrong[0]]
+            return Complementarity(force, gap, state, iteration)
+        state[wrong[0]] = following[wrong[0]]
     raise on_all_ranks(
         SolveError(
             f"contact: neither the primal-dual active set nor principal pivoting ended after {last} "
@@ -196,6 +213,7 @@ def one_pass_tie(
     released.
     """
     laws = RowLaws.unilateral(len(free_gap)) if laws is None else laws
-    active = laws.touched(free_gap)
-    force, moved = Condensed(flexibility, 1).closed(active, free_gap, free_gap)
-    return Complementarity(force, moved + free_gap, active, 1)
+    state = laws.touched(free_gap)
+    overlap = free_gap - laws.places(state)
+    force, moved = Condensed(flexibility, 1).closed(state != FREE, overlap, overlap)
+    return Complementarity(force, moved + free_gap, state, 1)

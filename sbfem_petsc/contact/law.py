@@ -1,32 +1,33 @@
-"""Contact laws: what the two faces of a contact row do to each other, and what every solver needs of it.
+"""Contact laws: what the two faces of a contact row do to each other, as rows of data that solvers read.
 
 A contact row has a gap and a force that presses its faces apart (N, compression positive). Solvers condense a
-structure onto its rows, gap = W force + free gap, and leave the rest to the laws, which are data of each row
-(`RowLaws`: the compiled steps take arrays, not functions) and a few questions asked on the host:
+structure onto its rows, gap = W force + free gap. A law is a staircase in the plane of gap and force that
+falls from left to right, of at most three steps, the states of a row: in the middle one it is free, at either
+end its faces meet something that holds the gap (`State`). A row stays in a state as long as what this leaves
+open, a free row's gap or a held row's force, is between two bounds; beyond, a held row is let go, and a free
+one is held on the side that it has passed. An elastic layer is no state: it is part of W.
 
-======================================  ====================================================================
-statics, equilibrium                    `RowLaws.touched`, `wrong` (`complementarity.solve_complementarity`)
-steps, reduced and not                  `touched`, the mask `tied` of `marching.contact_forces`
-derivative of the steps, their replay   `acting`: the rows that keep their gap
-gaps of a model                         `rest`, the laws' `compliance` (`system.gap_operator`)
-guard of the energy                     `dissipative` (`dynamics.energy.guard`)
-======================================  ====================================================================
+`RowLaws` has the bounds of many rows as arrays, `Table`. The exchanges of states, on the host
+(`complementarity.active_set`) and compiled (`pivoting.contact_forces`), read nothing else; what others ask is
+answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` and
+`apart` (how far a free row is from being held, for grazing motions and located switches), `rest` (gaps of a
+model), `fixed` (rows of one state alone); `dissipative` is for the guard of the energy
+(`dynamics.energy.guard`).
 
-Coulomb friction would be a law of the same kind with a second, tangential row for each pair. It would have to
-say: the tangential rows (their displacements, `system.gap_operator`, beside the normal ones that they belong
-to); bounds of their force, the friction coefficient times the force of the normal row, in the place of
-"force >= 0"; three states of a row in the place of two, stick (the slip since the step before is zero: `rest`
-then moves with the motion) and slip either way (the force is at its bound), in `wrong` and in the exchange
-of `contact_forces`; in the derivative the rows that stick as those that act, and for rows that slip the
-bound's dependence on the normal force, which makes the condensed operator unsymmetric; and `dissipative`, for
-the work of the slip is lost.
+Coulomb friction would be a second, tangential row for each pair, the same staircase turned over: held in the
+middle, where it sticks at the slip of the step before, and under a force of its own at either end, where it
+slips. The table would have to say whether the middle or the ends of a row hold its gap, and the number of the
+normal row whose force times the friction coefficient bounds its own; its places would move with the motion.
+In `pivoting` and `closed_sets` the bound's dependence on the normal force makes the condensed operator
+unsymmetric. It would be `dissipative`, for the work of the slip is lost.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -34,6 +35,30 @@ from ..checks import Bounds, real, shown
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
 ROUND_OFF = 1e-14
+# States of a row; those that are not free hold its gap.
+FREE, PRESSED, PULLED = range(3)
+
+
+class State(NamedTuple):
+    """A state of a row.
+
+    Attributes
+    ----------
+    place : float
+        Gap that is kept, m, if any is.
+    least, most : float
+        Bounds of the force, N, of a row whose gap is kept, or of the gap, m, of a free one.
+    """
+
+    place: float
+    least: float
+    most: float
+
+
+# No row stays in it.
+_NEVER = State(0.0, math.inf, -math.inf)
+# Apart; pressed on each other.
+_APART, _PRESSED = State(0.0, 0.0, math.inf), State(0.0, 0.0, math.inf)
 
 
 @dataclass(frozen=True)
@@ -49,12 +74,23 @@ class ContactLaw:
 
     compliance: float = 0.0
 
-    # whether the force holds the faces together too, and whether it may take energy out of the structure
-    tied: ClassVar[bool]
-    dissipative: ClassVar[bool] = False
-
     def __post_init__(self) -> None:
         real(type(self).__name__, "compliance", self.compliance, "m^3/N", within=Bounds(least=0.0))
+
+    @property
+    def states(self) -> tuple[State, State, State]:
+        """Free, pressed, pulled."""
+        raise NotImplementedError
+
+    @property
+    def dissipative(self) -> bool:
+        """Whether the force may take energy out of the structure."""
+        return False
+
+    @property
+    def parts(self) -> bool:
+        """Whether the faces ever come apart."""
+        return self.states[FREE].least <= self.states[FREE].most
 
 
 @dataclass(frozen=True)
@@ -67,7 +103,10 @@ class Unilateral(ContactLaw):
         m^3/N; an elastic layer on the faces if it is not zero.
     """
 
-    tied: ClassVar[bool] = False
+    @property
+    def states(self) -> tuple[State, State, State]:
+        """Free at gaps from zero on."""
+        return _APART, _PRESSED, _NEVER
 
 
 @dataclass(frozen=True)
@@ -83,31 +122,47 @@ class Tied(ContactLaw):
         m^3/N; an elastic joint if it is not zero.
     """
 
-    tied: ClassVar[bool] = True
+    @property
+    def states(self) -> tuple[State, State, State]:
+        """One alone."""
+        return _NEVER, State(0.0, -math.inf, math.inf), _NEVER
+
+
+class Table(NamedTuple):
+    """Places and bounds of the states of some contact rows, as `State` has them, for compiled kernels.
+
+    Attributes
+    ----------
+    place, least, most : (3, c) arrays
+        Of the states FREE, PRESSED, PULLED.
+    """
+
+    place: np.ndarray
+    least: np.ndarray
+    most: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class RowLaws:
-    """The laws of some contact rows as arrays.
+    """The laws of some contact rows as arrays. States of the rows are (c,) int8 arrays.
 
     Attributes
     ----------
-    tied : (c,) bool array
+    table : Table
     dissipative : bool
         Whether any of them may take energy out of the structure.
     """
 
-    tied: np.ndarray
+    table: Table
     dissipative: bool = False
 
     @classmethod
     def of(cls, laws: Iterable[ContactLaw]) -> RowLaws:
         """From the law of each row."""
         laws = tuple(laws)
-        return cls(
-            np.array([law.tied for law in laws], dtype=bool),
-            any(law.dissipative for law in laws),
-        )
+        values = np.array([law.states for law in laws], dtype=float).reshape(len(laws), 3, 3)
+        table = Table(*(np.ascontiguousarray(values[:, :, k].T) for k in range(3)))
+        return cls(table, any(law.dissipative for law in laws))
 
     @classmethod
     def unilateral(cls, count: int) -> RowLaws:
@@ -115,38 +170,81 @@ class RowLaws:
         return cls.of([Unilateral()] * count)
 
     def __len__(self) -> int:
-        return len(self.tied)
+        return self.table.place.shape[1]
+
+    def _of_table(self, chosen) -> RowLaws:
+        table = Table(*(np.ascontiguousarray(chosen(values)) for values in self.table))
+        return RowLaws(table, self.dissipative and table.place.size > 0)
 
     def first(self, count: int) -> RowLaws:
         """Those of the first rows."""
-        return RowLaws(self.tied[:count], self.dissipative and count > 0)
+        return self._of_table(lambda values: values[:, :count])
+
+    def without(self, row: int) -> RowLaws:
+        """Those of all rows but one."""
+        return self._of_table(lambda values: np.delete(values, row, axis=1))
+
+    def same(self, other: RowLaws) -> bool:
+        """Whether these are the same laws."""
+        return self.dissipative == other.dissipative and all(map(np.array_equal, self.table, other.table))
+
+    @property
+    def fixed(self) -> np.ndarray:
+        """(c,): rows of one state alone, which are never free."""
+        return self.table.least[FREE] > self.table.most[FREE]
 
     def rest(self, gap: np.ndarray) -> np.ndarray:
-        """Gaps at rest, from the distances of the undeformed faces: those of tied rows count from there."""
-        return np.where(self.tied, 0.0, gap)
+        """Gaps at rest, from the distances of the undeformed faces, from which rows that are never free count
+        theirs.
+        """
+        return np.where(self.fixed, 0.0, gap)
 
-    def touched(self, free_gap: np.ndarray) -> np.ndarray:
-        """Rows that cannot do without a force at free gaps; where there are none, no force acts at all."""
-        return self.tied | (free_gap < 0.0)
-
-    def wrong(
+    def following(
         self,
-        active: np.ndarray,
+        state: np.ndarray,
         force: np.ndarray,
         gap: np.ndarray,
-        overlap: np.ndarray | float = 0.0,
         pull: float = 0.0,
+        overlap: np.ndarray | float = 0.0,
     ) -> np.ndarray:
-        """Rows on the wrong side: that pull though they must not, or overlap, by more than rounding."""
-        return np.where(active, ~self.tied & (force < -pull), gap < -np.asarray(overlap))
+        """States that rows go on to, whose forces and gaps may miss their bounds by so much rounding."""
+        held, rows = state != FREE, np.arange(len(state))
+        value, rounding = np.where(held, force, gap), np.where(held, pull, overlap)
+        low = value < self.table.least[state, rows] - rounding
+        high = value > self.table.most[state, rows] + rounding
+        caught = np.where(low, PRESSED, np.where(high, PULLED, FREE))
+        return np.where(held, np.where(low | high, FREE, state), caught).astype(np.int8)
 
-    def admissible(self, force: np.ndarray) -> np.ndarray:
-        """Forces without what rounding has put on the wrong side."""
-        return np.where(self.tied, force, np.maximum(force, 0.0))
+    def touched(self, free_gap: np.ndarray) -> np.ndarray:
+        """States of rows without forces; where none is held, no force acts at all."""
+        return self.following(np.zeros(len(self), dtype=np.int8), free_gap, free_gap)
+
+    def placed(self, state: np.ndarray, gap: np.ndarray) -> np.ndarray:
+        """Gaps, of held rows those that are kept."""
+        return np.where(state != FREE, self.places(state), gap)
+
+    def places(self, state: np.ndarray) -> np.ndarray:
+        """Gaps that rows in these states keep."""
+        return self.table.place[state, np.arange(len(state))]
+
+    def admissible(self, state: np.ndarray, force: np.ndarray) -> np.ndarray:
+        """Forces without what rounding has put beyond their bounds."""
+        rows = np.arange(len(state))
+        within = np.clip(force, self.table.least[state, rows], self.table.most[state, rows])
+        return np.where(state != FREE, within, 0.0)
 
     def acting(self, force: np.ndarray) -> np.ndarray:
         """Rows that keep their gap, (..., c) of their forces."""
-        return self.tied | (force != 0.0)
+        return self.fixed | (force != 0.0)
+
+    def room(self, gap: np.ndarray, row: int | slice = np.s_[:]) -> np.ndarray:
+        """How far free rows, or one, are from being held, m, negative beyond; -inf where never free."""
+        return np.minimum(gap - self.table.least[FREE, row], self.table.most[FREE, row] - gap)
+
+    def apart(self, gap: np.ndarray, force: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """How far some rows with gaps (k,) are from where forces (k,) of these signs hold them, m."""
+        pressed, pulled = self.table.place[PRESSED, rows], self.table.place[PULLED, rows]
+        return np.where(force < 0.0, pulled - gap, gap - pressed)
 
 
 def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: str) -> RowLaws:

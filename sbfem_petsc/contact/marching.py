@@ -3,10 +3,8 @@
 One step is linear in the modal forces: with per-mode coefficients the state advances as
 q1 = aqq q + aqv v + bq p0 + dq p1 + cq (r0 + r1), v1 = avq q + avv v + bv p0 + dv p1 + cv (r0 + r1), where p
 are the modal forces of the loads at both ends and r = C^T force those of contact. The gap at the step's end
-is W force + free gap with the constant W = C diag(cq) C^T + R.
-
-The kernels are plain loops over scalars of contiguous arrays that are given: array expressions, slices,
-linear algebra and new arrays in them would take seconds to compile.
+is W force + free gap with the constant W = C diag(cq) C^T + R, its contact problem is solved by `pivoting`,
+where it is told how kernels are written.
 """
 
 from __future__ import annotations
@@ -18,13 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops, inner_loops, inner_sums
-from .law import ROUND_OFF, RowLaws
-
-# Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
-# take over; Judice and Pires (1994) show that this ends for every positive definite W.
-PATIENCE = 5
-# Numbers that a loop takes at a time at most: four vector registers of four.
-WHOLE = 16
+from .law import FREE, RowLaws, Table
+from .pivoting import Factor, add_rows, contact_forces, empty_factor, products
 
 
 class Halving(NamedTuple):
@@ -59,8 +52,7 @@ class StepConstants(NamedTuple):
         W of each of these steps.
     residual : (pairs, pairs) array
         R, which alone gives the forces of a state from which no step leads back.
-    tied : (pairs,) bool array
-        See `law.RowLaws`.
+    laws : Table
     stiffness : (m,) array
         omega^2, of the energy that the work of contact is compared with.
     halving : Halving
@@ -71,7 +63,7 @@ class StepConstants(NamedTuple):
     right: np.ndarray
     flexibility: np.ndarray
     residual: np.ndarray
-    tied: np.ndarray
+    laws: Table
     stiffness: np.ndarray
     halving: Halving
 
@@ -103,14 +95,14 @@ class StepState(NamedTuple):
         Modal coordinates and rates.
     force : (pairs,) array
         Of contact, N.
-    active : (pairs,) bool array
-        Rows in contact, tied ones included.
+    rows : (pairs,) int8 array
+        States of the contact rows, see `law`.
     """
 
     q: np.ndarray
     v: np.ndarray
     force: np.ndarray
-    active: np.ndarray
+    rows: np.ndarray
 
 
 class StepHistory(NamedTuple):
@@ -154,36 +146,15 @@ class Marched(NamedTuple):
     taken: int
 
 
-class Factor(NamedTuple):
-    """L^-1 of W = L L^T over the rows in contact, kept from a step to the next, and room to work in.
-
-    Attributes
-    ----------
-    inverse : (n, n) array
-    members : (n + 1,) int array
-        Rows in contact in the order of the factor; the last entry is their number, -1 where nothing is
-        factorised.
-    solved, free : (n,) arrays
-    every : (n,) int array
-        0, 1, ..
-    """
-
-    inverse: np.ndarray
-    members: np.ndarray
-    solved: np.ndarray
-    free: np.ndarray
-    every: np.ndarray
-
-
 class _End(NamedTuple):
-    """One end of a step: q and v (m,), modal forces of contact (m,), its forces, gaps, which rows touch."""
+    """One end of a step: q and v (m,), modal forces of contact (m,), its forces, gaps, states of its rows."""
 
     q: np.ndarray
     v: np.ndarray
     pull: np.ndarray
     force: np.ndarray
     gap: np.ndarray
-    active: np.ndarray
+    rows: np.ndarray
 
 
 class Room(NamedTuple):
@@ -216,16 +187,10 @@ def step_constants(
         right=np.ascontiguousarray(right.T),
         flexibility=np.ascontiguousarray(flexibility),
         residual=np.ascontiguousarray(residual),
-        tied=laws.tied,
+        laws=laws.table,
         stiffness=omega**2,
         halving=halving,
     )
-
-
-def empty_factor(rows: int) -> Factor:
-    """Nothing is factorised yet."""
-    members = np.full(rows + 1, -1)
-    return Factor(np.empty((rows, rows)), members, np.empty(rows), np.empty(rows), np.arange(rows))
 
 
 def empty_room(step: StepConstants) -> Room:
@@ -235,151 +200,10 @@ def empty_room(step: StepConstants) -> Room:
 
     def end() -> _End:
         q, v, pull, force, gap = (np.empty(size) for size in (modes, modes, modes, pairs, pairs))
-        return _End(q, v, pull, force, gap, np.empty(pairs, dtype=bool))
+        return _End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
 
     members = np.full((levels, pairs + 1), -1)
     return Room(np.empty((levels, pairs, pairs)), members, empty_factor(pairs), end(), end(), np.empty(rank))
-
-
-@inner_sums
-def products(rows, vector, count, width, result):
-    """The first `count` rows, as far as `width`, times a vector."""
-    for k in range(count):
-        total = 0.0
-        for i in range(width):
-            total += rows[k, i] * vector[i]
-        result[k] = total
-
-
-@inner_loops
-def add_rows(rows, chosen, factors, count, width, result):
-    """Add `count` chosen rows as far as `width`, each times its factor: four at a time, so that the result is
-    read and written less often.
-    """
-    for k in range(0, count - 3, 4):
-        one, two, three, four = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
-        first, second, third, fourth = chosen[k], chosen[k + 1], chosen[k + 2], chosen[k + 3]
-        for i in range(width):
-            result[i] = (
-                result[i]
-                + one * rows[first, i]
-                + two * rows[second, i]
-                + three * rows[third, i]
-                + four * rows[fourth, i]
-            )
-    for k in range(count - count % 4, count):
-        one, first = factors[k], chosen[k]
-        for i in range(width):
-            result[i] += one * rows[first, i]
-
-
-@inner_loops
-def _arrange(active, members, joins):
-    """Put the rows in contact in the order of the factor; returns how many are where they were, before
-    the first one that left.
-    """
-    n = active.size
-    kept, count = max(members[n], 0), 0
-    for i in range(n):
-        joins[i] = 1.0
-    for k in range(kept):
-        i = members[k]
-        joins[i] = 0.0
-        if active[i]:
-            members[count] = i
-            count += 1
-        elif kept > count:
-            kept = count
-    for i in range(n):
-        if active[i] and joins[i] > 0.0:
-            members[count] = i
-            count += 1
-    members[n] = count
-    return kept
-
-
-@compiled_loops
-def contact_forces(flexibility, gap, tied, active, factor, force):
-    """Solve 0 <= force _|_ W force + gap >= 0, and W force + gap = 0 in tied rows, by block principal
-    pivoting from the active set of the step before, which holds the tied rows.
-
-    `active` and the `Factor` are kept between steps, where they need not be those of the same step; rows that
-    join stand behind the others, so that those before the first one that leaves stay as they are. `free` is
-    left with the gaps, unless all rows touch. The inverse is applied without waiting for one unknown to find
-    the next. Returns the exchanges of the active set, -1 if the iteration did not end or W is not definite.
-    """
-    n = gap.size
-    inverse, members, solved, free, every = factor
-    best, patience, exchange = n + 1, PATIENCE, 0
-    while exchange < 100 + 20 * n:
-        kept = _arrange(active, members, free)
-        count = members[n]
-        # loops over whole vector registers: what stands beyond `count` is zero
-        width = min(n, (count + WHOLE - 1) // WHOLE * WHOLE)
-        for i in range(kept, count):
-            row = members[i]
-            for k in range(i):
-                free[k] = flexibility[row, members[k]]
-            for k in range(n):
-                inverse[i, k] = 0.0
-            products(inverse, free, i, i, solved)
-            left = flexibility[row, row]
-            for k in range(i):
-                left -= solved[k] * solved[k]
-            if not left > 0.0:
-                members[n] = -1
-                return -1
-            scale = 1.0 / math.sqrt(left)
-            for k in range(i):
-                solved[k] *= -scale
-            add_rows(inverse, every, solved, i, i, inverse[i])
-            inverse[i, i] = scale
-        for i in range(count):
-            free[i] = -gap[members[i]]
-        for i in range(count, width):
-            free[i] = 0.0
-        for i in range(width):
-            solved[i] = 0.0
-        products(inverse, free, count, width, force)
-        add_rows(inverse, every, force, count, width, solved)
-        for i in range(n):
-            force[i] = 0.0
-            free[i] = gap[i]
-        for k in range(count):
-            force[members[k]] = solved[k]
-        if count < n:  # otherwise there are no gaps to look at
-            add_rows(flexibility, members, solved, count, n, free)
-        # an exchange of all rows with a wrong sign; `last` is what a single one would exchange
-        infeasible, last = 0, -1
-        for i in range(n):
-            if (force[i] < 0.0 and not tied[i]) if active[i] else free[i] < 0.0:
-                if patience <= 0 and not active[i]:
-                    # a row that neither touches nor is apart, by rounding alone, would come and go for ever
-                    size = abs(gap[i])
-                    for k in range(count):
-                        size += abs(flexibility[members[k], i] * solved[k])
-                    if free[i] > -ROUND_OFF * size:
-                        continue
-                active[i] = not active[i]
-                infeasible += 1
-                last = i
-        if infeasible == 0:
-            return exchange
-        if infeasible < best:
-            best, patience = infeasible, PATIENCE
-        else:
-            patience -= 1
-        if patience <= 0:
-            # back to where the exchange began, but for the last row: the members tell
-            for i in range(n):
-                if i != last:
-                    active[i] = False
-            for k in range(count):
-                if members[k] != last:
-                    active[members[k]] = True
-        exchange += 1
-    members[n] = -1
-    return -1
 
 
 def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
@@ -399,15 +223,15 @@ def _begin(step, loads, state, room):
     for j in range(end.q.size):
         end.q[j], end.v[j], end.pull[j] = state.q[j], state.v[j], 0.0
     for i in range(pairs):
-        end.force[i], end.active[i], end.gap[i] = state.force[i], state.active[i], loads.free_gap[0, i]
+        end.force[i], end.rows[i], end.gap[i] = state.force[i], state.rows[i], loads.free_gap[0, i]
     products(step.left, end.force, rank, pairs, room.thin)
     add_rows(step.right, every, room.thin, rank, end.q.size, end.pull)
     products(step.right, end.q, rank, end.q.size, room.thin)
     add_rows(step.left, every, room.thin, rank, pairs, end.gap)
     add_rows(step.residual, every, end.force, pairs, pairs, end.gap)
     for i in range(pairs):
-        if end.active[i]:
-            end.gap[i] = 0.0
+        if end.rows[i] != FREE:
+            end.gap[i] = step.laws.place[end.rows[i], i]
 
 
 @inner_loops
@@ -442,10 +266,10 @@ def _take(step, loads, place, before, after, room):
     for i in range(pairs):
         after.gap[i] = (1.0 - end) * free_gap[done, i] + end * free_gap[done + 1, i]
     add_rows(left, every, room.thin, rank, pairs, after.gap)
-    pulled = False
+    least, most, pulled = step.laws.least[FREE], step.laws.most[FREE], False
     for i in range(pairs):
-        after.active[i] = before.active[i]
-        pulled |= before.active[i] or after.gap[i] < 0.0
+        after.rows[i] = before.rows[i]
+        pulled |= (before.rows[i] != FREE) | (after.gap[i] < least[i]) | (after.gap[i] > most[i])
     for j in range(m):
         pull[j] = 0.0
     if not pulled:
@@ -454,13 +278,12 @@ def _take(step, loads, place, before, after, room):
         return 0
     given = room.factor
     factor = Factor(room.inverses[level], room.members[level], given.solved, given.free, every)
-    exchange = contact_forces(
-        step.flexibility[level], after.gap, step.tied, after.active, factor, after.force
-    )
+    exchange = contact_forces(step.flexibility[level], after.gap, step.laws, after.rows, factor, after.force)
     if exchange < 0:
         return exchange
     for i in range(pairs):
-        after.gap[i] = 0.0 if after.active[i] else factor.free[i]
+        rest = after.rows[i]
+        after.gap[i] = factor.free[i] if rest == FREE else step.laws.place[rest, i]
     products(left, after.force, rank, pairs, room.thin)
     add_rows(right, every, room.thin, rank, m, pull)
     for j in range(m):
@@ -471,10 +294,10 @@ def _take(step, loads, place, before, after, room):
 
 @inner_sums
 def _work(before, after):
-    """Of contact in a step: mean of the forces times change of the gaps, one of which is zero at each end."""
+    """Of contact in a step: mean of the forces times change of the gaps."""
     total = 0.0
     for i in range(before.gap.size):
-        total += before.force[i] * after.gap[i] - after.force[i] * before.gap[i]
+        total += (before.force[i] + after.force[i]) * (after.gap[i] - before.gap[i])
     return 0.5 * total
 
 
@@ -492,7 +315,7 @@ def _march(step, loads, state, history, room):
     states, velocities, forces, works, parts = history
     halving, levels = step.halving, loads.levels
     steps, m = states.shape
-    pairs, last = step.tied.size, step.coefficients.shape[0] - 1
+    pairs, last = state.force.size, step.coefficients.shape[0] - 1
     exchanges = unresolved = taken = 0
     _begin(step, loads, state, room)
     before, after = room.before, room.after
@@ -532,5 +355,5 @@ def _march(step, loads, state, history, room):
     for j in range(m):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):
-        state.force[i], state.active[i] = before.force[i], before.active[i]
+        state.force[i], state.rows[i] = before.force[i], before.rows[i]
     return steps, exchanges, unresolved, taken

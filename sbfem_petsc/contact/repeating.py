@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .compiled import compiled_loops
+from .law import FREE
 from .marching import (
     Room,
     StepConstants,
@@ -14,11 +15,9 @@ from .marching import (
     StepLoads,
     StepState,
     _march,
-    add_rows,
-    contact_forces,
     empty_room,
-    products,
 )
+from .pivoting import add_rows, caught, contact_forces, products
 
 # What a motion has come to; from 0 on the number of a known one.
 UNSOLVED, UNSETTLED, REPEATS = -3, -2, -1
@@ -96,20 +95,20 @@ def settle(
         Number of the known state that is reached, or REPEATS, UNSETTLED, UNSOLVED (a contact problem);
         periods done; periods after which the motion repeats itself, 0 unless it does.
     """
-    steps, pairs, m = len(free_gap) - 1, len(step.tied), len(known.weights)
+    steps, pairs, m = len(free_gap) - 1, step.left.shape[1], len(known.weights)
     room = _Repetition(
         np.zeros((patience.longest + 1, 2 * m)),
         StepHistory(np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)),
         empty_room(step),
     )
-    moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=bool))
+    moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=np.int8))
     loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
     return _settle(step, loads, moving, known, patience, room)
 
 
 @compiled_loops
 def _settle(step, loads, state, known, patience, room):
-    q, v, force, active = state
+    q, v, force, rows = state
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
     rank, kept = thin.size, recent.shape[0]
@@ -140,11 +139,11 @@ def _settle(step, loads, state, known, patience, room):
         products(step.right, q, rank, m, thin)
         add_rows(step.left, factor.every, thin, rank, pairs, gap)
         for i in range(pairs):
-            active[i] = step.tied[i] or gap[i] < 0.0
-            touches |= active[i]
+            rows[i] = caught(step.laws, i, gap[i])
+            touches |= rows[i] != FREE
         if touches:
             factor.members[pairs] = -1
-            if contact_forces(step.residual, gap, step.tied, active, factor, force) < 0:
+            if contact_forces(step.residual, gap, step.laws, rows, factor, force) < 0:
                 return -3, done, 0
         reached, _, _, _ = _march(step, loads, state, room.history, room.steps)
         if reached < steps:

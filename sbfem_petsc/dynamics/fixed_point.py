@@ -34,7 +34,7 @@ class FixedPoint:
         residuals: tuple[float, ...] = (),
     ):
         self.state, self.residual, self.residuals = state, motion.residual, residuals
-        self.touching = (motion.forces > 0.0).any(axis=0)
+        self.touching = (motion.forces != 0.0).any(axis=0)
         self._driven: DrivenPeriod | None = driven
         self._motion: PeriodMotion | None = motion
         self._conditions = driven.period, driven.frequency, driven.factor

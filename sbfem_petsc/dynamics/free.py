@@ -112,8 +112,8 @@ class FreeSystem:
         r, m = self.reduced, self.modes
         value, slope = 0.5 * float(state @ state), state.copy()
         gap = r.gap.modes @ (state[:m] / self.weights) + r.initial_gap
-        if (gap < 0.0).any():
-            force = solve_complementarity(r.gap.contact, gap).force
+        if r.contact_laws.touched(gap).any():
+            force = solve_complementarity(r.gap.contact, gap, r.contact_laws).force
             value += 0.5 * float(force @ r.gap.contact @ force)
             slope[:m] -= (force @ r.gap.modes) / self.weights
         return value, slope

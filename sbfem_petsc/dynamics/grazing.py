@@ -14,7 +14,6 @@ from scipy.optimize import root_scalar
 
 from meshing.warnings import BranchWarning
 
-from ..contact.law import RowLaws
 from ..errors import SolveError, caller_level
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
@@ -89,20 +88,20 @@ def without_row(reduced: ReducedModel, row: int) -> ReducedModel:
         pairs=reduced.pairs - (row < reduced.pairs),
         points=columns(reduced.points),
         tips=columns(reduced.tips),
-        contact_laws=RowLaws(np.delete(laws.tied, row), laws.dissipative),
+        contact_laws=laws.without(row),
     )
 
 
 def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
-    """(rows,): least gap over the period of rows that never touch, of the others minus the overlap, m, that
-    their largest force stands for; tied rows -inf.
+    """(rows,): how far rows that are always free are from being held, m, at the least over the period; of the
+    others minus the overlap that their largest force stands for; -inf of those that are never free.
     """
     p = driven.period
     gaps = driven.free_gap + motion.states @ p.right @ p.left.T + motion.forces @ p.residual_flexibility
-    force = motion.forces.max(axis=0)
+    room, force = p.laws.room(gaps[:-1]), np.abs(motion.forces).max(axis=0)
     overlap = -force * np.diag(driven.constants.flexibility[0] + p.residual_flexibility)
-    result = np.where(force > 0.0, overlap, [least(gap) for gap in gaps[:-1].T])
-    return np.where(p.laws.tied, -np.inf, result)
+    always = [least(row) if np.isfinite(row).all() else -np.inf for row in room.T]
+    return np.where((force > 0.0) & np.isfinite(always), overlap, always)
 
 
 def grazing_row(period: Period, state: np.ndarray, frequency: float, factor: float) -> int:
@@ -130,7 +129,7 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
     for k, (value, state) in enumerate(zip(branch.value, branch.states)):
         driven = period.at(*branch.conditions(float(value)))
         gaps = least_gaps(driven, driven.run(state))
-        touching[k] = (gaps < 0.0) & ~period.laws.tied
+        touching[k] = (gaps < 0.0) & np.isfinite(gaps)
     for k in range(1, len(branch.value)):
         changed = touching[k] != touching[k - 1]
         if not every and touching[k].any() == touching[k - 1].any():

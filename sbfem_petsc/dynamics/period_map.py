@@ -18,11 +18,10 @@ from ..contact.marching import (
     StepHistory,
     StepLoads,
     StepState,
-    contact_forces,
-    empty_factor,
     march,
     step_constants,
 )
+from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
 from ..recording.excitations import LINES
@@ -76,7 +75,7 @@ class Period:
             (self.left, self.right), self.sets = r.thin_gaps, r.closed_sets
         else:
             self.left, self.right = thin_factors(self.rows)
-            self.sets = ClosedSets(self.left, np.zeros((0, 0)))
+            self.sets = ClosedSets(self.left, np.zeros((0, 0)), self.laws)
         self.residual_flexibility = self.sets.residual
         # a rigid-body motion has no frequency of its own to be weighed with
         self.weights = np.where(r.omega > 0.0, r.omega, 2.0 * np.pi * r.frequencies.max())
@@ -250,7 +249,7 @@ class DrivenPeriod:
         p, m, steps = self.period, self.period.modes, self.period.steps
         difference = state - self.linear_state
         q, v = difference[:m] / p.weights, difference[m:].copy()
-        force, active = np.zeros(p.pairs), np.zeros(p.pairs, dtype=bool)
+        force = np.zeros(p.pairs)
         states, velocities, forces, work = (
             np.empty((steps + 1, m)),
             np.empty((steps + 1, m)),
@@ -259,13 +258,13 @@ class DrivenPeriod:
         )
         gap = self.free_gap[0] + p.left @ (p.right.T @ q)
         reached, settled = 0, 0
-        active[:] = p.laws.touched(gap)
-        if active.any():
+        rows = p.laws.touched(gap)
+        if rows.any():
             settled = contact_forces(
                 p.residual_flexibility,
                 gap,
-                p.laws.tied,
-                active,
+                p.laws.table,
+                rows,
                 empty_factor(p.pairs),
                 force,
             )
@@ -274,7 +273,7 @@ class DrivenPeriod:
             reached = march(
                 self.constants,
                 StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
-                StepState(q, v, force, active),
+                StepState(q, v, force, rows),
                 StepHistory(states[1:], velocities[1:], forces[1:], work),
             ).steps
         if reached < steps:

@@ -65,7 +65,7 @@ class ReducedIntegrator:
         self.levels = lengths(r.contact_laws.first(self.rows))
         self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
-        self.q, self.v, self.force, self.active = _start(r, self.amplitude, steps.contact, initial)
+        self.q, self.v, self.force, self.contact = _start(r, self.amplitude, steps.contact, initial)
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
@@ -154,7 +154,7 @@ class ReducedIntegrator:
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
         """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
-        state, loads = StepState(self.q, self.v, self.force, self.active), self._driven(piece.amplitudes)
+        state, loads = StepState(self.q, self.v, self.force, self.contact), self._driven(piece.amplitudes)
         if piece.length == self.steps.step:
             return march(self.constants, loads, state, history)
         before, counts = [part.copy() for part in state], (1, self.levels)
@@ -176,11 +176,11 @@ class ReducedIntegrator:
         self.amplitude, before = amplitude, self.force.copy()
         if self.rows:
             found = _contact_at(self.reduced, self.q, amplitude)
-            self.force[:], self.active[:] = found.force, found.active
+            self.force[:], self.contact[:] = found.force, found.state
         return self.ledger.jump(self.q, self.v, amplitude, *self._padded(np.array([before, self.force])))
 
     def checkpoint(self) -> np.ndarray:
-        """State, contact set and the energies' account; the number of exchanges comes first."""
+        """State, states of the rows and the energies' account; the number of exchanges comes first."""
         ledger = self.ledger
         parts = [
             [self.exchanges, self.unresolved, ledger.supplied],
@@ -188,7 +188,7 @@ class ReducedIntegrator:
             self.q,
             self.v,
             self.force,
-            self.active,
+            self.contact,
         ]
         return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
 
@@ -196,11 +196,11 @@ class ReducedIntegrator:
         """Go on from a checkpoint."""
         modes, loads = len(self.q), self.reduced.load_modes.shape[1]
         sizes = (3, 3, modes, modes, self.rows, self.rows, loads, loads, 2, 1, loads)
-        head, work, q, v, force, active, drive, moved, stored, loss, rates = np.split(
+        head, work, q, v, force, contact, drive, moved, stored, loss, rates = np.split(
             checkpoint, np.cumsum(sizes)[:-1]
         )
         self.exchanges, self.unresolved = int(head[0]), int(head[1])
-        self.q[:], self.v[:], self.force[:], self.active[:] = q, v, force, active != 0.0
+        self.q[:], self.v[:], self.force[:], self.contact[:] = q, v, force, contact
         self.ledger.supplied, self.ledger.work = float(head[2]), work.copy()
         self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
 
@@ -250,7 +250,7 @@ def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> Step
 
 
 def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, initial):
-    """q, v, contact forces and active set at t = 0."""
+    """q, v, contact forces and states of the rows at t = 0."""
     q, v = np.zeros(len(r.omega)), np.zeros(len(r.omega))
     found = None
     if not isinstance(initial, str):
@@ -265,10 +265,10 @@ def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, initial):
     elif initial == "equilibrium":
         q, found = at_rest(r, amplitude, contact)
     if not contact:
-        return q, v, np.zeros(0), np.zeros(0, dtype=bool)
+        return q, v, np.zeros(0), np.zeros(0, dtype=np.int8)
     if found is None:
         found = _contact_at(r, q, amplitude)
-    return q, v, found.force.copy(), found.active.copy()
+    return q, v, found.force.copy(), found.state.copy()
 
 
 def _contact_at(r: ReducedModel, q: np.ndarray, amplitude: np.ndarray) -> Complementarity:

@@ -26,7 +26,7 @@ DEEPEST = 10
 
 def lengths(laws: RowLaws) -> int:
     """How many lengths of steps there are to be: one where no row can change sides."""
-    return 1 if laws.tied.all() else DEEPEST + 1
+    return 1 if laws.fixed.all() else DEEPEST + 1
 
 
 def halved_coefficients(

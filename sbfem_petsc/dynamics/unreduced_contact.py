@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from ..contact.complementarity import one_pass_tie, solve_complementarity
-from ..contact.law import RowLaws
-from ..contact.marching import contact_forces, empty_factor
+from ..contact.law import FREE, RowLaws
+from ..contact.pivoting import contact_forces, empty_factor
 
 
 class StepContact:
@@ -21,23 +21,23 @@ class StepContact:
 
     Attributes
     ----------
-    active : (c,) bool array
-        Rows in contact, from which the next step begins.
+    state : (c,) int8 array
+        Of the rows, from which the next step begins, see `contact.law`.
     """
 
     def __init__(self, flexibility: np.ndarray, laws: RowLaws, scheme: str):
         self.flexibility, self.laws, self.scheme = flexibility, laws, scheme
         count = len(flexibility)
-        self.active = np.zeros(count, dtype=bool)
+        self.state = np.zeros(count, dtype=np.int8)
         self._factor = empty_factor(count)
 
     def forget(self) -> None:
-        """Factorise anew in the next step: a history that goes on depends on its state and `active` alone."""
+        """Factorise anew in the next step: a history that goes on depends on its motion and `state` alone."""
         self._factor.members[-1] = -1
 
     def open(self) -> None:
         """No row is in contact."""
-        self.active[:], self._factor.members[-1] = False, 0
+        self.state[:], self._factor.members[-1] = FREE, 0
 
     def solve(self, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces and gaps (c,) from the gaps without forces."""
@@ -45,15 +45,12 @@ class StepContact:
             found = one_pass_tie(self.flexibility, free, self.laws)
             return found.force, found.gap
         force = np.zeros(len(free))
-        self.active |= self.laws.tied
-        exchanges = contact_forces(self.flexibility, free, self.laws.tied, self.active, self._factor, force)
+        exchanges = contact_forces(self.flexibility, free, self.laws.table, self.state, self._factor, force)
         if exchanges < 0:
             found = solve_complementarity(self.flexibility, free, self.laws)
-            self.active, self._factor.members[-1] = found.active.copy(), -1
+            self.state, self._factor.members[-1] = found.state.copy(), -1
             return found.force, found.gap
-        gap = self.flexibility @ force + free
-        gap[self.active] = 0.0
-        return force, gap
+        return force, self.laws.placed(self.state, self.flexibility @ force + free)
 
     def kept(self, free: np.ndarray, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Forces that keep the gaps of the rows `acting` (c,), and all gaps."""

@@ -198,17 +198,17 @@ class UnreducedIntegrator:
             *march.carried,
             *march.slope.ravel(),
         ]
-        return np.concatenate([numbers, march.contact.active, march.u, march.v]).astype(float)
+        return np.concatenate([numbers, march.contact.state, march.u, march.v]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
         march = self.march
         sizes = (3, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
-        head, work, carried, slope, active, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
+        head, work, carried, slope, rows, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
         self.initial, self.supplied, march.stored = map(float, head)
         march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
         self.fields.wanted = False  # those of the former run are gone
-        march.contact.active[:], march.u[:], march.v[:] = active != 0.0, u, v
+        march.contact.state[:], march.u[:], march.v[:] = rows, u, v
         march.settle(fold=False)
 
     def history(self, rows: Rows) -> History:

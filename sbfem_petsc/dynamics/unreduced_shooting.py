@@ -139,7 +139,7 @@ class _UnreducedPeriod:
         """
         march, sets, rows = self.march, np.zeros((self.count, self.march.pairs), dtype=bool), []
         self._set(state)
-        march.contact.active[:] = False
+        march.contact.open()
         for k in range(self.count):
             force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
             sets[k] = march.laws.acting(force)

@@ -7,7 +7,7 @@ from dataclasses import fields, replace
 import h5py
 import numpy as np
 
-from ..contact.law import RowLaws
+from ..contact.law import RowLaws, Table
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from .hdf5 import put, put_texts
@@ -30,6 +30,11 @@ _OUTPUTS = {
     "points": "displacements of the named points",
     "tips": "K_I and K_II of the crack tips",
 }
+_TABLE = {
+    "place": "gap that is kept",
+    "least": "least force or free gap",
+    "most": "largest force or free gap",
+}
 _SHARES = {
     "modes": "of modal coordinates",
     "loads": "of unit loads, residual",
@@ -47,7 +52,8 @@ def write_reduced_model(group: h5py.Group, reduced: ReducedModel) -> None:
         for share, of in _SHARES.items():
             put(part, share, getattr(output, share), "SI", f"{description}, share {of}")
     laws = group.create_group("contact_laws")
-    put(laws, "tied", reduced.contact_laws.tied, "1", "whether the force of a contact row may be tension")
+    for name, values in reduced.contact_laws.table._asdict().items():
+        put(laws, name, values, "SI", f"{_TABLE[name]}, of contact rows that are free, pressed, pulled")
     laws.attrs["dissipative"] = reduced.contact_laws.dissipative
     write_tip_facts(group.create_group("tip_facts"), reduced.tip_facts)
     group.attrs["pairs"] = reduced.pairs
@@ -82,7 +88,8 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
         shares = (numbers(part, share, *first, n) for share, n in zip(_SHARES, (modes, loads, rows)))
         outputs[name] = LinearOutput(names, *shares)
     part = group["contact_laws"]
-    laws = RowLaws(numbers(part, "tied", rows, kinds="b"), truth(part, "dissipative"))
+    table = Table(*(numbers(part, name, 3, rows, finite=False) for name in _TABLE))
+    laws = RowLaws(table, truth(part, "dissipative"))
     pairs = whole(group, "pairs", most=rows)
     facts = read_tip_facts(group["tip_facts"], rows)
     if facts.names != outputs["tips"].names:
@@ -126,8 +133,7 @@ def difference(one: ReducedModel, other: ReducedModel) -> str:
         return (
             f"frequency {worst + 1} is {one.frequencies[worst]:.7g} Hz, not {other.frequencies[worst]:.7g} Hz"
         )
-    laws = one.contact_laws, other.contact_laws
-    if not np.array_equal(laws[0].tied, laws[1].tied) or laws[0].dissipative != laws[1].dissipative:
+    if not one.contact_laws.same(other.contact_laws):
         return "its contact laws differ"
     if not close(one.damping, other.damping):
         return "its damping differs"

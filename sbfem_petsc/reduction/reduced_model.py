@@ -101,7 +101,7 @@ class ReducedModel:
     @functools.cached_property
     def closed_sets(self) -> ClosedSets:
         """The sets of rows in contact that motions of this model have met."""
-        return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact))
+        return ClosedSets(self.thin_gaps[0], np.ascontiguousarray(self.gap.contact), self.contact_laws)
 
     @property
     def comm(self) -> MPI.Comm:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import shown
-from ..contact.law import Unilateral
 from ..errors import UnknownName, listed
 from ..material import SectorMaterials
 from ..petsc import MPI
@@ -62,7 +61,8 @@ def unresolved_contact(
         tip, material = model.tip_elements[number], model.materials[group.material]
         first = factors[number][0]
         crack = abs(model.tips.exponents[number][0] - 0.5) < NEARLY_A_CRACK
-        rigid = model.contact_laws[model.cracks[tip.crack].name] == Unilateral()
+        law = model.contact_laws[model.cracks[tip.crack].name]
+        rigid = law.parts and not law.compliance
         at_tip, at_boundary = model.tip_gaps[number]
         wedge = at_tip == 0.0 and at_boundary > 0.0
         rows = force[model.tip_rows[number] : model.tip_rows[number + 1]]

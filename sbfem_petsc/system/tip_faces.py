@@ -143,11 +143,11 @@ def tip_gaps(model) -> np.ndarray:
 
 def tip_rows(model) -> np.ndarray:
     """(tips + 1,): first contact row of each tip element, and the number of all rows: behind the pairs, one
-    for each polynomial, and one for the logarithm where faces that are not tied close a wedge. Collective.
+    for each polynomial, and one for the logarithm where faces that come apart close a wedge. Collective.
     """
-    tied = [model.contact_laws[model.cracks[tip.crack].name].tied for tip in model.tip_elements]
+    parts = [model.contact_laws[model.cracks[tip.crack].name].parts for tip in model.tip_elements]
     at_tip, at_boundary = model.tip_gaps.T
-    wedges = (at_tip == 0.0) & (at_boundary > 0.0) & ~np.array(tied, dtype=bool)
+    wedges = (at_tip == 0.0) & (at_boundary > 0.0) & np.array(parts, dtype=bool)
     counts = (model.tip_modes + wedges) * (model.tip_modes > 0)
     return len(model.pairs) + np.concatenate([[0], np.cumsum(counts)])
 

@@ -49,7 +49,7 @@ def test_sequences(structure, kind, warm, count):
             left = w @ found.force + gap
             off = np.where(found.active, np.abs(left), np.maximum(-left, 0.0))
             assert off.max() <= 1e-9 * len(w) * (np.abs(w) @ np.abs(found.force) + np.abs(gap)).max()
-            assert not found.force[~found.active].any() and laws.tied[found.force < 0.0].all()
+            assert not found.force[~found.active].any() and laws.fixed[found.force < 0.0].all()
             if warm:
-                start = found.active if generator.random() < 0.8 else generator.random(len(w)) < 0.5
+                start = found.state if generator.random() < 0.8 else generator.integers(0, 2, len(w))
     assert unsolved <= 0.1 * problems

@@ -15,10 +15,11 @@ from tests.systems import ALUMINIUM
 
 SMALL = """
 import numpy as np
-from sbfem_petsc.contact.marching import contact_forces, empty_factor
+from sbfem_petsc.contact.law import RowLaws
+from sbfem_petsc.contact.pivoting import contact_forces, empty_factor
 force, factor = np.zeros(2), empty_factor(2)
-print(contact_forces(np.array([[2.0, 1.5], [1.5, 2.0]]), np.array([-1.0, -0.1]), np.zeros(2, bool),
-                     np.array([True, True]), factor, force), force, factor.members)
+print(contact_forces(np.array([[2.0, 1.5], [1.5, 2.0]]), np.array([-1.0, -0.1]), RowLaws.unilateral(2).table,
+                     np.ones(2, np.int8), factor, force), force, factor.members)
 print(len(contact_forces.signatures), contact_forces.stats.cache_path)
 """
 
@@ -67,7 +68,7 @@ KERNELS = """
 import numba
 import numpy as np
 import sbfem_petsc as sb
-from sbfem_petsc.contact import marching
+from sbfem_petsc.contact import marching, pivoting
 from tests.systems import coarse_beam
 reduced = sb.reduce_matrices(
     np.eye(3),
@@ -82,7 +83,8 @@ reduced = sb.reduce_matrices(
 sb.transient(reduced, [sb.Harmonic(1.0, 0.1)], 30.0, step=0.05)
 sb.periodic(reduced, [1.0], 0.1)
 sb.transient(coarse_beam(), sb.PointForce("A", fy=100.0), 2e-4, step=2e-6)
-kernels = {n: f for n, f in vars(marching).items() if isinstance(f, numba.core.dispatcher.Dispatcher)}
+names = vars(pivoting) | vars(marching)
+kernels = {n: f for n, f in names.items() if isinstance(f, numba.core.dispatcher.Dispatcher)}
 print(*(f"{name}:{len(kernel.signatures)}" for name, kernel in kernels.items()))
 """
 
@@ -99,7 +101,9 @@ def test_one_signature():
     assert done.returncode == 0, done.stderr
     compiled = {name: int(count) for name, count in (word.split(":") for word in done.stdout.split())}
     assert compiled["contact_forces"] == compiled["_march"] == 1
-    assert len(compiled) == 9 and max(compiled.values()) == 1  # the inner ones come with the outer ones' file
+    assert (
+        len(compiled) == 10 and max(compiled.values()) == 1
+    )  # the inner ones come with the outer ones' file
 
 
 @pytest.mark.long

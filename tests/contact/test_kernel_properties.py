@@ -5,13 +5,15 @@ complementarity conditions themselves: with a positive definite flexibility one 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
+import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import solve_complementarity
-from sbfem_petsc.contact.law import RowLaws
-from sbfem_petsc.contact.marching import PATIENCE, contact_forces, empty_factor
+from sbfem_petsc.contact.law import FREE, PRESSED, PULLED, ContactLaw, RowLaws, State
+from sbfem_petsc.contact.pivoting import PATIENCE, contact_forces, empty_factor
 
 STEPS = 70
 
@@ -54,64 +56,91 @@ def gaps(n: int, unit: np.ndarray, generator: np.random.Generator) -> Iterator[n
         yield unit * gap
 
 
-def missed(w: np.ndarray, gap: np.ndarray, force: np.ndarray, active: np.ndarray, tied: np.ndarray) -> float:
-    """By how much forces and an active set miss the conditions: each row in its own unit, relative to what is
-    summed in it; inf where a force has a wrong sign or an open row a force.
+def missed(w: np.ndarray, gap: np.ndarray, force: np.ndarray, state: np.ndarray, laws: RowLaws) -> float:
+    """By how much forces and states miss the conditions: each row in its own unit, relative to what is summed
+    in it; inf where a force has a wrong sign, a free row a force, or a row is in a state that it has not.
     """
-    if not np.isfinite(force).all() or (force[~tied] < 0.0).any() or force[~active].any():
+    rows, (place, least, most) = np.arange(len(gap)), (values.T for values in laws.table)
+    place, least, most = place[rows, state], least[rows, state], most[rows, state]
+    held = state != FREE
+    if not np.isfinite(force).all() or force[~held].any() or (least > most).any():
         return np.inf
-    if not active[tied].all():
+    if (held & ((force < least) | (force > most))).any():
         return np.inf
-    residual = w @ force + gap
-    scale = np.abs(w) @ np.abs(force) + np.abs(gap)
-    off = np.where(active, np.abs(residual), np.maximum(-residual, 0.0))
+    total = w @ force + gap
+    scale = np.abs(w) @ np.abs(force) + np.abs(gap) + np.where(np.isfinite(place), np.abs(place), 0.0)
+    off = np.where(held, np.abs(total - place), np.maximum(np.maximum(least - total, total - most), 0.0))
     return float(np.max(off / np.where(scale > 0.0, scale, 1.0), initial=0.0))
+
+
+@dataclass(frozen=True)
+class Slack(ContactLaw):
+    """Pressed at zero, pulled at some gap."""
+
+    gap: float = 0.0
+
+    @property
+    def states(self):
+        return State(0.0, 0.0, self.gap), State(0.0, 0.0, np.inf), State(self.gap, -np.inf, 0.0)
 
 
 KINDS = ("plain", "coupled", "nearly singular", "neighbours", "other units")
 
 
-def sequences(kind: str) -> Iterator[tuple[np.ndarray, np.ndarray, Iterator[np.ndarray]]]:
-    """Flexibility, tied rows, gaps: 16 of small and of large problems, half of them with tied rows."""
+def sequences(kind: str) -> Iterator[tuple[np.ndarray, RowLaws, Iterator[np.ndarray]]]:
+    """Flexibility, laws, gaps: 16 of small and of large problems, half of them with rows that are tied or, at
+    a distance or at none, held from either side.
+    """
     for seed in range(16):
         generator = np.random.default_rng([seed, KINDS.index(kind)])
         n = int(generator.integers(1, 40 if seed % 2 else 12))
         w = flexibilities(kind, n, generator)
-        yield w, generator.random(n) < (0.3 if seed % 4 > 1 else 0.0), gaps(n, np.sqrt(np.diag(w)), generator)
+        unit, chosen = np.sqrt(np.diag(w)), generator.random(n) < (0.3 if seed % 4 > 1 else 0.0)
+        which = generator.random(n)
+        laws = [
+            sb.Tied()
+            if tied
+            else Slack(gap=size * max(share - 0.6, 0.0))
+            if seed % 4 > 1 and share > 0.5
+            else sb.Unilateral()
+            for tied, share, size in zip(chosen, which, unit)
+        ]
+        yield w, RowLaws.of(laws), gaps(n, unit, generator)
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_kernel(kind):
-    """5,600 problems, each from the active set and the factor of the one before, or from any active set and
-    nothing factorised; all of them solved, to the rounding of the sums (1e-15 is met).
+    """5,600 problems, each from the states and the factor of the one before, or from any states and nothing
+    factorised; all of them solved, to the rounding of the sums (1e-15 is met).
     """
     generator = np.random.default_rng(1)
-    most = 0
-    for w, tied, sequence in sequences(kind):
+    most, seen = 0, set()
+    for w, laws, sequence in sequences(kind):
         n = len(w)
-        active, factor, force = tied.copy(), empty_factor(n), np.zeros(n)
+        state, factor, force = np.zeros(n, dtype=np.int8), empty_factor(n), np.zeros(n)
         for gap in sequence:
             if generator.random() < 0.1:
-                active[:], factor.members[n] = tied | (generator.random(n) < 0.5), -1
-            exchanges = contact_forces(w, gap, tied, active, factor, force)
-            assert exchanges >= 0 and missed(w, gap, force, active, tied) < 1e-14
-            assert set(factor.members[: factor.members[n]]) == set(np.flatnonzero(active))
-            most = max(most, exchanges)
+                state[:], factor.members[n] = generator.integers(0, 3, n), -1
+            exchanges = contact_forces(w, gap, laws.table, state, factor, force)
+            assert exchanges >= 0 and missed(w, gap, force, state, laws) < 1e-14
+            assert set(factor.members[: factor.members[n]]) == set(np.flatnonzero(state))
+            most, seen = max(most, exchanges), seen | set(state.tolist())
     assert kind != "coupled" or most > PATIENCE + 3  # single exchanges have taken over
+    assert seen == {FREE, PRESSED, PULLED}
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_exchange_of_the_condensed_problem(kind):
-    """The same conditions, from the active set of the problem before and from none, by full exchanges and by
+    """The same conditions, from the states of the problem before and from none, by full exchanges and by
     single ones alone.
     """
-    for w, tied, sequence in sequences(kind):
-        laws, active = RowLaws(tied), tied.copy()
+    for w, laws, sequence in sequences(kind):
+        state = np.zeros(len(w), dtype=np.int8)
         for k, gap in enumerate(sequence):
-            start, maximum = (active if k % 3 else None), (1 if k % 5 == 0 else 200)
+            start, maximum = (state if k % 3 else None), (1 if k % 5 == 0 else 200)
             found = solve_complementarity(w, gap, laws, start=start, maximum=maximum)
-            active = found.active
-            assert missed(w, gap, found.force, active, tied) < 1e-14
+            state = found.state
+            assert missed(w, gap, found.force, state, laws) < 1e-14
             rounding = 1e-15 * (np.abs(w) @ np.abs(found.force) + np.abs(gap)).max()  # of products
-            expected = np.where(active, 0.0, w @ found.force + gap)
+            expected = laws.placed(state, w @ found.force + gap)
             np.testing.assert_allclose(found.gap, expected, rtol=0.0, atol=rounding)

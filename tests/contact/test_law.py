@@ -245,7 +245,7 @@ def test_mixed_problems_against_enumeration():
             if (force[1:6] >= 0.0).all() and (np.delete(gap, active) >= 0.0).all():
                 matches.append(force)
         assert len(matches) == 1
-        for options in ({}, {"maximum": 1}, {"start": np.ones(7, dtype=bool)}):
+        for options in ({}, {"maximum": 1}, {"start": np.ones(7, dtype=np.int8)}):
             found = solve_complementarity(w, q, laws, **options)
             np.testing.assert_allclose(found.force, matches[0], atol=1e-10 * np.abs(matches[0]).max())
 
@@ -429,7 +429,7 @@ def test_guard_and_dissipation():
     class Ledger:
         def __init__(self, dissipative):
             self.supplied = 1.0
-            self.r = type("R", (), {"contact_laws": RowLaws(np.zeros(0, bool), dissipative)})
+            self.r = type("R", (), {"contact_laws": RowLaws(RowLaws.unilateral(0).table, dissipative)})
 
     time = np.arange(3.0)
 

@@ -57,7 +57,7 @@ def test_contact_laws_are_kept(tmp_path):
     run = {"start": 0.1, "stop": 0.11, "steps": 256, "points": 50, "file": path}
     branch = sb.frequency_response(systems["tied"], [0.1], **run)
     found = read_branch(path)
-    assert found.reduced.contact_laws.tied.all() and branch.contact_peak.max() > 0.0
+    assert found.reduced.contact_laws.fixed.all() and branch.contact_peak.max() > 0.0
     same_products(found.orbit(2).displacement("2"), branch.orbit(2).displacement("2"))
     with pytest.raises(ValueError, match="another model .its (contact laws|initial gaps) differ"):
         sb.frequency_response(systems["free"], [0.1], **run, resume=True)

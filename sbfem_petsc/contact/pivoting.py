@@ -1,0 +1,214 @@
+"""Compiled solve of the contact problem of a step by block principal pivoting, and loops that steps share.
+
+The kernels are plain loops over scalars of contiguous arrays that are given: array expressions, slices,
+linear algebra and new arrays in them would take seconds to compile. What is kept of a kernel on disk holds
+those that it calls, and is made anew where its own file is newer, not theirs.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from .compiled import compiled_loops, inner_loops, inner_sums
+from .law import FREE, PRESSED, PULLED, ROUND_OFF
+
+# Full exchanges of the active set that may pass without fewer wrong signs before single exchanges by index
+# take over; Judice and Pires (1994) show that this ends for every positive definite W.
+PATIENCE = 5
+# Numbers that a loop takes at a time at most: four vector registers of four.
+WHOLE = 16
+
+
+class Factor(NamedTuple):
+    """L^-1 of W = L L^T over the rows in contact, kept from a step to the next, and room to work in.
+
+    Attributes
+    ----------
+    inverse : (n, n) array
+    members : (n + 1,) int array
+        Rows in contact in the order of the factor; the last entry is their number, -1 where nothing is
+        factorised.
+    solved, free : (n,) arrays
+    every : (n,) int array
+        0, 1, ..
+    """
+
+    inverse: np.ndarray
+    members: np.ndarray
+    solved: np.ndarray
+    free: np.ndarray
+    every: np.ndarray
+
+
+def empty_factor(rows: int) -> Factor:
+    """Nothing is factorised yet."""
+    members = np.full(rows + 1, -1)
+    return Factor(np.empty((rows, rows)), members, np.empty(rows), np.empty(rows), np.arange(rows))
+
+
+@inner_sums
+def products(rows, vector, count, width, result):
+    """The first `count` rows, as far as `width`, times a vector."""
+    for k in range(count):
+        total = 0.0
+        for i in range(width):
+            total += rows[k, i] * vector[i]
+        result[k] = total
+
+
+@inner_loops
+def add_rows(rows, chosen, factors, count, width, result):
+    """Add `count` chosen rows as far as `width`, each times its factor: four at a time, so that the result is
+    read and written less often.
+    """
+    for k in range(0, count - 3, 4):
+        one, two, three, four = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
+        first, second, third, fourth = chosen[k], chosen[k + 1], chosen[k + 2], chosen[k + 3]
+        for i in range(width):
+            result[i] = (
+                result[i]
+                + one * rows[first, i]
+                + two * rows[second, i]
+                + three * rows[third, i]
+                + four * rows[fourth, i]
+            )
+    for k in range(count - count % 4, count):
+        one, first = factors[k], chosen[k]
+        for i in range(width):
+            result[i] += one * rows[first, i]
+
+
+@inner_loops
+def _arrange(state, members, joins):
+    """Put the rows that are held in the order of the factor; returns how many are where they were, before
+    the first one that left.
+    """
+    n = state.size
+    kept, count = max(members[n], 0), 0
+    for i in range(n):
+        joins[i] = 1.0
+    for k in range(kept):
+        i = members[k]
+        joins[i] = 0.0
+        if state[i] != FREE:
+            members[count] = i
+            count += 1
+        elif kept > count:
+            kept = count
+    for i in range(n):
+        if state[i] != FREE and joins[i] > 0.0:
+            members[count] = i
+            count += 1
+    members[n] = count
+    return kept
+
+
+@inner_loops
+def caught(laws, row, gap):
+    """State that a free row with some gap goes on to."""
+    if gap < laws.least[FREE, row]:
+        return PRESSED
+    return PULLED if gap > laws.most[FREE, row] else FREE
+
+
+@compiled_loops
+def contact_forces(flexibility, gap, laws, state, factor, force):
+    """Solve a contact problem, whose gaps are W force + gap, by block principal pivoting from the states of
+    the step before.
+
+    `laws` is a `law.Table`. `state` and the `Factor` are kept between steps, where they need not be those of
+    the same step; rows that join stand behind the others, so that those before the first one that leaves stay
+    as they are. `free` is left with the gaps, unless all rows are held. The inverse is applied without
+    waiting for one unknown to find the next. Returns the exchanges of the active set, -1 if the iteration did
+    not end or W is not definite.
+    """
+    n = gap.size
+    inverse, members, solved, free, every = factor
+    least, most = laws.least[FREE], laws.most[FREE]
+    best, patience, exchange = n + 1, PATIENCE, 0
+    while exchange < 100 + 20 * n:
+        kept = _arrange(state, members, free)
+        count = members[n]
+        # loops over whole vector registers: what stands beyond `count` is zero
+        width = min(n, (count + WHOLE - 1) // WHOLE * WHOLE)
+        for i in range(kept, count):
+            row = members[i]
+            for k in range(i):
+                free[k] = flexibility[row, members[k]]
+            for k in range(n):
+                inverse[i, k] = 0.0
+            products(inverse, free, i, i, solved)
+            left = flexibility[row, row]
+            for k in range(i):
+                left -= solved[k] * solved[k]
+            if not left > 0.0:
+                members[n] = -1
+                return -1
+            scale = 1.0 / math.sqrt(left)
+            for k in range(i):
+                solved[k] *= -scale
+            add_rows(inverse, every, solved, i, i, inverse[i])
+            inverse[i, i] = scale
+        for i in range(count):
+            row = members[i]
+            free[i] = laws.place[state[row], row] - gap[row]
+        for i in range(count, width):
+            free[i] = 0.0
+        for i in range(width):
+            solved[i] = 0.0
+        products(inverse, free, count, width, force)
+        add_rows(inverse, every, force, count, width, solved)
+        for i in range(n):
+            force[i] = 0.0
+            free[i] = gap[i]
+        for k in range(count):
+            force[members[k]] = solved[k]
+        if count < n:  # otherwise there are no gaps to look at
+            add_rows(flexibility, members, solved, count, n, free)
+        # an exchange of all rows beyond their bounds; `last` is what a single one would exchange
+        infeasible, last = 0, -1
+        for i in range(n):
+            if state[i] != FREE or not (free[i] < least[i] or free[i] > most[i]):
+                continue
+            if patience <= 0:
+                # a row that neither touches nor is apart, by rounding alone, would come and go for ever
+                size = abs(gap[i])
+                for k in range(count):
+                    size += abs(flexibility[members[k], i] * solved[k])
+                if max(least[i] - free[i], free[i] - most[i]) < ROUND_OFF * size:
+                    continue
+            state[i] = PRESSED if free[i] < least[i] else PULLED
+            infeasible += 1
+            last = i
+        for k in range(count):
+            row, now = members[k], state[members[k]]
+            if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
+                state[row] = FREE
+                infeasible += 1
+                last = max(last, row)
+        if infeasible == 0:
+            return exchange
+        if infeasible < best:
+            best, patience = infeasible, PATIENCE
+        else:
+            patience -= 1
+        if patience <= 0:
+            # back to where the exchange began, but for the last row: the members tell, and their forces, on
+            # which side those that have left were held
+            for k in range(count):
+                row = members[k]
+                solved[k] = state[row]
+                if state[row] == FREE:
+                    solved[k] = PRESSED if force[row] < laws.least[PRESSED, row] else PULLED
+            for i in range(n):
+                if i != last:
+                    state[i] = FREE
+            for k in range(count):
+                if members[k] != last:
+                    state[members[k]] = np.int8(solved[k])
+        exchange += 1
+    members[n] = -1
+    return -1
