@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import math
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.beam_cells import beam_cells
-from meshing.cells.beam_layout import MeshInputs
+from meshing.cells.complex import CellComplex
+from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.crack_opening import open_cracks
+from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.extent import check_extent
+from meshing.geometry.beam_drawing import beam_drawing
+from meshing.geometry.beam_options import BeamOptions
+from meshing.gmsh.drawn import cells_of, refuse_openings, write_drawing
 from meshing.recipe import Recipe
 from meshing.shapes.beam_shape import BeamShape
 
@@ -94,7 +101,70 @@ class Beam(BeamShape):
             A body above 20 m or below 1 mm.
         """
         given = {name: value for name, value in locals().items() if name != "self"}
-        inputs = MeshInputs.checked(self, given)
+        options = BeamOptions.checked(self, given)
         check_extent("beam", self.length, self.height)
-        mesh = build_mesh(beam_cells(self, inputs), inputs.order, origin="beam")
+        drawn = cells_of(beam_drawing(self, options), options.order, "beam")
+        meshing = CrackMeshing(
+            True,
+            options.tip_size,
+            options.grading,
+            options.face_size,
+            options.face_edges,
+            options.layout == "vertex",
+            drawn.tip_sizes,
+        )
+        add_cracks(drawn.cells, drawn.crack_lines, meshing, "beam")
+        names = self.crack_names()[len(self.notches) :]
+        open_cracks(drawn.cells, {name: crack.opening for name, crack in zip(names, self.cracks)})
+        self._finish_notches(drawn.cells)
+        mesh = build_mesh(drawn.cells, options.order, drawn.materials, "beam")
         return replace(mesh, clamped="left", recipe=Recipe(self.mesh, given))
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        size: float | None = None,
+        tip_size: float | None = None,
+        grading: float = 2.5,
+        *,
+        points: Mapping[str, tuple[float, float]] | None = None,
+        corner_size: float | None = None,
+        corners: Iterable[str] = ("left",),
+    ) -> None:
+        """Write the beam as a gmsh model, in which each edge of an S-element is one curve.
+
+        gmsh opens it; `read_gmsh` reads it and finds the S-elements that `mesh` makes with the same options.
+        What a gmsh model does not say is told again there: `order`, `face_size` and `face_edges`, a `grading`
+        that is not the default's, the `tip_size` of cracks among other features. The mesh has no clamped
+        end of its own (``Model(..., clamped="left")``), and the mouth corners of notch i are
+        "cracki_right" and "cracki_left".
+
+        Parameters
+        ----------
+        path : path
+            With the ending .geo_unrolled; an existing file is replaced.
+        size, tip_size, grading, points, corner_size, corners
+            See `mesh`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `mesh`; another ending; a crack whose `opening` is not 0; the file cannot be written.
+        """
+        given = {name: value for name, value in locals().items() if name not in ("self", "path")}
+        options = BeamOptions.checked(self, given)
+        refuse_openings("Beam.write", dict(zip(self.crack_names()[len(self.notches) :], self.cracks)))
+        write_drawing(beam_drawing(self, options), path, "Beam.write")
+
+    def _finish_notches(self, cells: CellComplex) -> None:
+        """Notches with their own axes and lengths, their mouth corners as "B", "C", "B2", ..."""
+        for i, (notch, faces) in enumerate(zip(self.notches, cells.cracks), 1):
+            tip = faces.paths[0].start
+            corners = [cells.points.pop(f"{faces.name}_{side}", -1) for side in ("right", "left")]
+            if tip is None or -1 in corners:
+                raise ValueError(
+                    f"beam: another crack meets {faces.name!r}; draw notches that meet as cracks."
+                )
+            faces.length, tip.axis, tip.opening = notch.length, notch.axis, math.radians(notch.opening)
+            for letter, vertex in zip("BC", corners if notch.edge == "top" else corners[::-1]):
+                cells.points[f"{letter}{i if i > 1 else ''}"] = vertex

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -10,10 +11,13 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_meshing import CrackMeshing
-from meshing.cells.plate_cells import plate_cells
+from meshing.cells.crack_opening import open_cracks
+from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.extent import check_extent
-from meshing.input_checks import checked_order, flag, named_points, positive
+from meshing.geometry.plate_drawing import plate_drawing
+from meshing.gmsh.drawn import cells_of, refuse_openings, write_drawing
+from meshing.input_checks import checked_order, flag, length, named_points
 from meshing.recipe import Recipe
 from meshing.shapes.features import corners_of
 from meshing.shapes.plate_shape import PlateShape
@@ -97,17 +101,54 @@ class Plate(PlateShape):
         """
         given = {name: value for name, value in locals().items() if name != "self"}
         order = checked_order(order)
-        size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else positive("mesh", "size", size)
+        options = self._drawing_options(size, points)
+        flag("mesh", "tip_element", tip_element)
+        meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
+        check_extent("plate", *np.ptp(self.outline, axis=0))
+        recipe = Recipe(self.mesh, given)
+        drawn = cells_of(plate_drawing(self, *options), order, "plate")
+        add_cracks(drawn.cells, drawn.crack_lines, meshing, "plate")
+        open_cracks(
+            drawn.cells, {name: crack.opening for name, crack in zip(self.crack_names(), self.cracks)}
+        )
+        return build_mesh(drawn.cells, order, drawn.materials, "plate", recipe=recipe)
+
+    def write(
+        self,
+        path: str | os.PathLike[str],
+        size: float | None = None,
+        points: Mapping[str, tuple[float, float]] | None = None,
+    ) -> None:
+        """Write the plate as a gmsh model, in which each edge on the outline and on cracks is one curve.
+
+        gmsh opens it; `read_gmsh` reads it and fills it as `mesh` does with the same options. `order`,
+        `tip_size`, `grading`, `face_size`, `face_edges` and `tip_element` are told again there.
+
+        Parameters
+        ----------
+        path : path
+            With the ending .geo_unrolled; an existing file is replaced.
+        size, points
+            See `mesh`.
+
+        Raises
+        ------
+        ValueError, TypeError
+            As `mesh`; another ending; a crack whose `opening` is not 0; the file cannot be written.
+        """
+        options = self._drawing_options(size, points)
+        refuse_openings("Plate.write", dict(zip(self.crack_names(), self.cracks)))
+        write_drawing(plate_drawing(self, *options), path, "Plate.write")
+
+    def _drawing_options(
+        self, size: float | None, points: Mapping[str, tuple[float, float]] | None
+    ) -> tuple[float, dict[str, tuple[float, float]]]:
+        """Largest edge, m, and named points, m, checked."""
+        size = _DEFAULT_SIZE * math.sqrt(self.area) if size is None else length("mesh", "size", size)
         if size < 1e-3 * self.diagonal:
             raise ValueError(
                 f"mesh: size {size:g} m is below 0.1 % of the body's diagonal {self.diagonal:g} m; high "
                 "orders on larger cells cost less."
             )
-        named = {}
-        for name, point in named_points(points).items():
-            named[name] = corners_of(f"point {name!r}", "place", (point,), 1)[0]
-        flag("mesh", "tip_element", tip_element)
-        meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
-        check_extent("plate", *np.ptp(self.outline, axis=0))
-        recipe = Recipe(self.mesh, given)
-        return build_mesh(plate_cells(self, size, named, meshing), order, origin="plate", recipe=recipe)
+        given = named_points(points).items()
+        return size, {name: corners_of(f"point {name!r}", "place", (point,), 1)[0] for name, point in given}

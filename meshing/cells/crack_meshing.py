@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-from meshing.input_checks import checked_faces, number, positive
+from meshing.input_checks import checked_faces, length, number
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,11 @@ class CrackMeshing:
     face_size : float or None
         Longest edge on the faces, m; None: `face_edges` of them along the crack.
     face_edges : int
+    sectors : bool
+        No rings around tips but closed cells that meet in the tip.
+    tip_sizes : mapping of int to float
+        Largest distance of the open cell's boundary from the tip at some vertices, in the place of
+        `tip_size`, m.
     """
 
     tip_element: bool = True
@@ -30,6 +36,8 @@ class CrackMeshing:
     grading: float = 2.5
     face_size: float | None = None
     face_edges: int = 12
+    sectors: bool = False
+    tip_sizes: Mapping[int, float] = field(default_factory=dict)
 
     @classmethod
     def checked(
@@ -42,7 +50,7 @@ class CrackMeshing:
         face_edges: int,
     ) -> CrackMeshing:
         """The arguments that say how cracks are meshed, checked; `extent` is the body's size, m."""
-        if tip_size is not None and positive("mesh", "tip_size", tip_size) < 1e-7 * extent:
+        if tip_size is not None and length("mesh", "tip_size", tip_size) < 1e-7 * extent:
             raise ValueError(
                 f"mesh: tip_size {tip_size:g} m is below 1e-7 of the body's size {extent:g} m, round-off "
                 "would show; make it larger."

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from meshing.cells.complex import Cell, CellComplex, CrackFaces, FacePath, TipCell, edge_key
-from meshing.cells.crack_lines import CrackLines, Edge, crack_lines, edges_of
+from meshing.cells.crack_lines import CrackLines, Edge, Line, crack_lines, edges_of
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.face_division import divide_faces, with_inserted
 from meshing.cells.splitting import split
@@ -19,6 +19,7 @@ _DEFAULT_TIP = 0.02  # of a crack's length
 _DEFAULT_IN_STAR = 0.03  # of the cells around the tip
 _KINK = math.radians(20.0)  # from here on there are rings around a kink
 _INNERMOST = 0.02  # level around a kink or junction, relative to the cells there
+_NEAR_CUT = math.radians(30.0)  # from a cell's edge at a tip to the direction wanted
 _AT_MOST = 0.5  # half-size of a tip's element, relative to the cells there
 
 
@@ -73,7 +74,7 @@ def _refine(
                     near.setdefault(b, []).append(a)
     done: set[int] = set()
     for crack in cracks:
-        crack.length = sum(cells.edge_length(*edge) for line in crack.lines for edge in edges_of(line.right))
+        crack.length = sum(_length(cells, line) for line in crack.lines)
         for line in crack.lines:
             for tip, vertex, ends in (
                 (line.start, line.right[0], (line.left[1], line.right[1])),
@@ -92,7 +93,7 @@ def _refine(
         found = rings.fan(vertex, others[0], others[0])
         if found is None:
             continue
-        reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found[0])
+        reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found.chain)
         rings.refine(vertex, others, found, innermost=_INNERMOST * reach, grading=meshing.grading, tip=False)
         done |= {vertex, *others}
     for name, edges in cells.edge_sets.items():
@@ -106,6 +107,15 @@ def _refine(
                 with_inserted(path, rings.inserted)[int(tips[0]) : None if not tips[1] else -1]
                 for path in (line.right, line.left)
             )
+
+
+def _length(cells: CellComplex, line: Line) -> float:
+    """Length of a line, between the two faces where these exist already, m."""
+    if line.embedded or not line.joined:
+        return sum(cells.edge_length(*edge) for edge in edges_of(line.right))
+    places = np.array(cells.vertices)
+    middle = 0.5 * (places[line.right] + places[line.left])
+    return float(np.hypot(*np.diff(middle, axis=0).T).sum())
 
 
 def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, int]) -> None:
@@ -150,26 +160,54 @@ def _put_tip(
             f"{crack.where}: the cells around its tip do not go from one face round to the other; check that "
             "the tip is inside the material."
         )
-    reach = max(math.dist(tip.position, rings.cells.vertices[v]) for v in found[0])
-    if meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
+    away = np.array([rings.cells.vertices[v] for v in found.chain]) - tip.position
+    reach = float(np.hypot(*away.T).max())
+    size = meshing.tip_sizes.get(vertex)
+    if size is None and meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
         raise ValueError(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
             f"which reach {reach:g} m; make it smaller."
         )
-    wanted = meshing.tip_size or min(_DEFAULT_TIP * crack.length, _DEFAULT_IN_STAR * reach)
-    tip.cell = rings.refine(vertex, ends, found, innermost=wanted, grading=meshing.grading, tip=True)
+    wanted = size or meshing.tip_size or min(_DEFAULT_TIP * crack.length, _DEFAULT_IN_STAR * reach)
+    if meshing.sectors:
+        rings.merge(vertex, found, _cuts(tip.axis, away), innermost=wanted, grading=meshing.grading)
+    else:
+        tip.cell = rings.refine(vertex, ends, found, innermost=wanted, grading=meshing.grading, tip=True)
+
+
+def _cuts(axis: tuple[float, float], away: np.ndarray) -> list[int]:
+    """Where the cells that meet in a tip part: at the vertices of its fan nearest to the directions of the
+    coordinate axes but for that of the crack's faces.
+
+    Parameters
+    ----------
+    axis : (x, y)
+        From the tip along the crack.
+    away : (n, 2) array
+        From the tip to the vertices of the fan, counter-clockwise from the left face, m.
+    """
+    angle = np.unwrap(np.arctan2(*away.T[::-1]))
+    faces = 0.5 * math.pi * round(math.atan2(axis[1], axis[0]) / (0.5 * math.pi))
+    cuts = [0]
+    for wanted in faces + 0.5 * math.pi * np.arange(1, 4):
+        wanted += 2 * math.pi * round((angle.mean() - faces - math.pi) / (2 * math.pi))
+        nearest = int(np.abs(angle - wanted).argmin())
+        if abs(angle[nearest] - wanted) < _NEAR_CUT and cuts[-1] < nearest < len(angle) - 1:
+            cuts.append(nearest)
+    return cuts[1:]
 
 
 def _divide(cells: CellComplex, cracks: list[CrackLines], meshing: CrackMeshing) -> None:
     """Divide the edges on the faces."""
     wanted, counts = [], []
     for crack in cracks:
-        lengths = [[cells.edge_length(*edge) for edge in edges_of(line.right)] for line in crack.lines]
-        longest = meshing.face_size or sum(map(sum, lengths)) / meshing.face_edges
-        for line, along in zip(crack.lines, lengths):
-            for places in zip(edges_of(line.right), edges_of(line.left), along):
-                wanted.append([edge for edge in dict.fromkeys(places[:2])])
-                counts.append(max(1, math.ceil(places[2] / longest - 1e-6)))
+        longest = meshing.face_size or crack.length / meshing.face_edges
+        for line in crack.lines:
+            for faces in zip(edges_of(line.right), edges_of(line.left)):
+                pair = list(dict.fromkeys(faces))
+                wanted.append(pair)
+                length = max(cells.edge_length(*edge) for edge in pair)
+                counts.append(max(1, math.ceil(length / longest - 1e-6)))
     inserted = divide_faces(cells, wanted, counts)
     for crack in cracks:
         for line in crack.lines:

@@ -1,14 +1,17 @@
-"""A user's model to cells, edge sets, points and lines of cracks."""
+"""What gmsh holds to cells, edge sets, points and lines of cracks."""
 
 from __future__ import annotations
 
 import math
+from typing import NoReturn
 
 import numpy as np
 
 from meshing.cells.complex import CellComplex, Curve, edge_key
-from meshing.cells.planar import polygon_area
+from meshing.geometry.drawing import around
+from meshing.geometry.planar import polygon_area
 from meshing.gll import gll_nodes, lagrange_values
+from meshing.gmsh.describe import WHOLE
 from meshing.gmsh.model import Block, FileModel
 from meshing.gmsh.report import right_spelling
 from meshing.warnings import warn
@@ -16,6 +19,7 @@ from meshing.warnings import warn
 Edge = tuple[int, int]
 
 _STRAIGHT = 1e-9  # deviation from the chord, relative to it
+_FLATTEST = 0.05  # smallest sine of a corner of a quadrilateral that gmsh made here
 _DEGENERATE = 1e-12  # smallest area of a cell relative to the square of its extent
 
 
@@ -33,6 +37,9 @@ class Builder:
     cells : CellComplex
     crack_lines : dict of str to list of (int, int)
         Edges of each physical curve "crack:...".
+    tip_sizes : dict of int to float
+        Sizes given at vertices all of whose cells are S-elements as drawn, m: there they can only mean the
+        element on a crack's tip.
     materials : tuple of str
     vertex_of : dict of int to int
         Vertex of a node tag.
@@ -42,11 +49,13 @@ class Builder:
         self.cells = CellComplex()
         self.vertex_of: dict[int, int] = {}
         self.crack_lines: dict[str, list[Edge]] = {}
+        self._whole: set[int] = set()
         self._model, self._origin = model, origin
         surfaces = model.entities(2)
         self._check_surfaces(surfaces)
-        self.materials = tuple(surfaces)
-        for material, (name, entities) in enumerate(surfaces.items()):
+        self.materials = tuple(dict.fromkeys(name.removeprefix(WHOLE) for name in surfaces))
+        for name, entities in surfaces.items():
+            material = self.materials.index(name.removeprefix(WHOLE))
             count = len(self.cells.cells)
             for entity in entities:
                 self._add_surface(entity, material)
@@ -59,8 +68,9 @@ class Builder:
             self._put_on_curve(first, last, points)
         self._add_curves(model.entities(1))
         self._add_points(model.entities(0))
+        self.tip_sizes = self._tip_sizes()
 
-    def _fail(self, sentence: str) -> None:
+    def _fail(self, sentence: str) -> NoReturn:
         raise ValueError(f"{self._origin}: {sentence}.")
 
     def _check_surfaces(self, surfaces: dict[str, list[int]]) -> None:
@@ -74,6 +84,8 @@ class Builder:
             )
         owner: dict[int, str] = {}
         for name, entities in surfaces.items():
+            if name == WHOLE:
+                self._fail(f"physical surface {name!r} has no name of a material behind the colon; add one")
             if name.startswith("crack:"):
                 self._fail(f"physical surface {name!r} is named like a crack; a crack is a physical curve")
             for entity in entities:
@@ -91,6 +103,9 @@ class Builder:
 
     def _add_surface(self, entity: int, material: int) -> None:
         """Cells of one surface; curved edges by interpolation through the elements' own nodes."""
+        if entity in self._model.whole:
+            self._add_whole(entity, material)
+            return
         blocks = self._model.blocks_of(2, entity)
         for block in blocks:
             if block.corners not in (3, 4):
@@ -108,6 +123,10 @@ class Builder:
         # A surface may be oriented downwards as a whole; single cells against the others are inverted.
         downwards = sum(areas) < 0
         for (loop, element, block), points, area in zip(new, corners, areas):
+            if self._model.geometry and block.order == 1:
+                for piece in _sound_pieces(loop, points):
+                    self.cells.add_cell(piece, material=material)
+                continue
             size = np.ptp(points, axis=0).max()
             if (-area if downwards else area) <= _DEGENERATE * size**2:
                 x, y = points.mean(axis=0)
@@ -118,6 +137,49 @@ class Builder:
             self.cells.add_cell(loop[::-1] if downwards else loop, material=material)
             if block.order > 1:
                 self._add_sides(loop, element, block)
+
+    def _add_whole(self, entity: int, material: int) -> None:
+        """A surface that is one S-element: its outline is the cell."""
+        edges = self._outline(entity)
+        following = dict(edges)
+        loop = [edges[0][0]] if edges else []
+        while loop and following[loop[-1]] != loop[0] and len(loop) <= len(edges):
+            loop.append(following[loop[-1]])
+        if len(loop) < 3 or len(loop) != len(edges):
+            self._fail(
+                f"surface {entity} is to be one S-element ({WHOLE}...), whose outline is one closed line of "
+                "at least three edges without holes and lines inside; divide it, or let gmsh mesh it"
+            )
+        cell = [self._vertex(tag) for tag in loop]
+        downwards = polygon_area(np.array([self.cells.vertices[v] for v in cell])) < 0
+        self._whole.add(self.cells.add_cell(cell[::-1] if downwards else cell, material=material))
+
+    def _outline(self, entity: int) -> list[Edge]:
+        """Directed edges around a surface: lines on its curves or, in a file without these, sides of its
+        cells.
+        """
+        curves = self._model.whole[entity]
+        if curves is None:
+            blocks = self._model.blocks_of(2, entity)
+            loops = [cell[: block.corners] for block in blocks for cell in block.nodes.tolist()]
+            edges = [edge for loop in loops for edge in around(loop)]
+        else:
+            edges = [
+                (a, b) if curve > 0 else (b, a)
+                for curve in curves
+                for block in self._model.blocks_of(1, abs(curve))
+                for a, b in block.nodes[:, :2].tolist()
+            ]
+        known = set(edges)
+        return [(a, b) for a, b in edges if (b, a) not in known]
+
+    def _tip_sizes(self) -> dict[int, float]:
+        sizes = {self.vertex_of[tag]: h for tag, h in self._model.sizes.items() if tag in self.vertex_of}
+        for number, cell in enumerate(self.cells.cells):
+            if number not in self._whole:
+                for vertex in cell.vertices:
+                    sizes.pop(vertex, None)
+        return sizes
 
     def _add_sides(self, loop: list[int], element: list[int], block: Block) -> None:
         """Curved sides of an element of higher order."""
@@ -165,12 +227,13 @@ class Builder:
     def _add_curves(self, groups: dict[str, list[int]]) -> None:
         uses = self.cells.edge_uses()
         for name, entities in groups.items():
-            edges = [edge for entity in entities for edge in self._line_edges(name, entity, uses)]
-            edges = list(dict.fromkeys(edges))  # lines drawn twice
+            directed = [edge for entity in entities for edge in self._line_edges(name, entity, uses)]
+            by_key = {edge_key(edge): edge for edge in directed}  # once, if lines are drawn twice
+            edges = list(by_key)
             if not self._model.unnamed:
                 self._check_name(name, edges, uses)
             if name.startswith("crack:"):
-                self.crack_lines[name] = edges
+                self.crack_lines[name] = list(by_key.values())
             elif edges:
                 self.cells.edge_sets[name] = edges
             elif not self._model.unnamed:
@@ -205,19 +268,18 @@ class Builder:
         return any(len(materials) == 1 for materials in beside.values())
 
     def _line_edges(self, name: str, entity: int, uses: dict[Edge, int]) -> list[Edge]:
-        """Edges of cells along a physical curve."""
+        """Edges of cells along a physical curve, in its direction."""
         edges = []
         for block in self._model.blocks_of(1, entity):
             for element in block.nodes.tolist():
                 first, last = (self.vertex_of.get(tag, -1) for tag in element[:2])
-                key = edge_key((first, last))
-                if key not in uses:
+                if edge_key((first, last)) not in uses:
                     what = "crack line" if name.startswith("crack:") else "physical curve"
                     self._fail(
                         f"{what} {name!r} does not lie on cell edges (curve {entity}); embed the curve in "
                         "the surface or make it part of its outline"
                     )
-                edges.append(key)
+                edges.append((first, last))
         return edges
 
     def _add_points(self, groups: dict[str, list[int]]) -> None:
@@ -230,6 +292,19 @@ class Builder:
                     f"physical point {name!r} is not one vertex of a cell; give one point on the mesh per "
                     "name"
                 )
+
+
+def _sound_pieces(cell: list[int], points: np.ndarray) -> list[list[int]]:
+    """The cell counter-clockwise; a quadrilateral that is not safely convex in two triangles."""
+    ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
+    across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
+    sine = across / np.hypot(*ahead.T) / np.hypot(*behind.T)
+    if polygon_area(points) < 0:
+        return _sound_pieces(cell[::-1], points[::-1])
+    if len(cell) == 3 or sine.min() > _FLATTEST:
+        return [cell]
+    a, b, c, d = np.roll(cell, -int(sine.argmin())).tolist()
+    return [[a, b, c], [a, c, d]]
 
 
 def _gll_fractions(count: int) -> np.ndarray:

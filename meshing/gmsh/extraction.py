@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 
-from meshing.cells.planar import find_crossing, find_meeting
-from meshing.gll import gll_nodes
+from meshing.geometry.planar import find_crossing, find_meeting
 from meshing.gmsh.confined import Refusal
+from meshing.gmsh.describe import KIND, MATERIAL, NO_SIZE, describe, physical_groups, whole_surfaces
+from meshing.gmsh.discretise import mesh_surfaces
 from meshing.gmsh.files import CAD, IGES, SCRIPTS
 from meshing.gmsh.script_log import check_whole, refused, step_read
 from meshing.gmsh.size_guard import Guard
 
-_KIND = ("point", "curve", "surface", "volume")
 _NAMES_TRIED = 1000  # tags beyond the highest group's at which a name may be left of a group that is empty
-_WIDEST = 1e21  # gmsh's "no size given" is 1e22
 
 
 def load() -> None:
@@ -77,9 +76,10 @@ def extract(
         solids = len(gmsh.model.getEntities(3))
         if solids:
             raise Refusal(_of_volumes(gmsh, solids))
+        groups = _numbered_entities(gmsh) if suffix in CAD else physical_groups(gmsh)
         if geometry:
-            _mesh(gmsh, size, guard)
-    except (Refusal, MemoryError):
+            _mesh(gmsh, whole_surfaces(groups), size, guard)
+    except (Refusal, MemoryError, UnicodeDecodeError):
         raise
     except Exception as error:  # gmsh raises nothing more precise
         said = " ".join(str(error).split()).rstrip(".")
@@ -89,20 +89,20 @@ def extract(
                 "or a larger memory_limit."
             ) from error
         raise refused(said, script) from error
-    told: dict[str, Any] = {
-        "geometry": geometry,
+    told, arrays = describe(gmsh, groups, order, geometry)
+    told |= {
         "unnamed": suffix in CAD,
-        "groups": _groups(gmsh, suffix in CAD),
         "empty": [] if suffix in CAD else _empty_groups(gmsh),
         "log": [line for line in gmsh.logger.get() if line.startswith("Warning")],
     }
     own_unit = gmsh.option.getString("Geometry.OCCTargetUnit") != "M"
     told["merged_step"] = step_read(gmsh.logger.get()) if script and not own_unit else None
     told["skipped"] = _skipped_entities(gmsh, told["log"])
-    arrays: dict[str, np.ndarray] = {}
-    _describe_mesh(gmsh, told, arrays, guard)
-    if geometry:
-        _true_curves(gmsh, order, told, arrays)
+    cells = {3: 0, 4: 0}
+    for number, (dimension, *_, corners) in enumerate(told["blocks"]):
+        if dimension == 2 and corners in cells:
+            cells[corners] += len(arrays[f"block{number}"])
+    guard.check_cells(cells[3], cells[4])
     return told, arrays
 
 
@@ -124,20 +124,20 @@ def _of_volumes(gmsh, solids: int) -> str:
     )
 
 
-def _mesh(gmsh, size: float | None, guard: Guard) -> None:
+def _mesh(gmsh, whole: list[int], size: float | None, guard: Guard) -> None:
     if size is not None:
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
         gmsh.option.setNumber("Mesh.MeshSizeMin", min(size, gmsh.option.getNumber("Mesh.MeshSizeMin")))
-    outlines = {tag: _outline(gmsh, tag) for _, tag in gmsh.model.getEntities(2)}
-    area = sum(abs(_swept(outline)) for outline in outlines.values())
+    filled = [tag for _, tag in gmsh.model.getEntities(2) if tag not in set(whole)]
+    area = sum(abs(_swept(_outline(gmsh, tag))) for tag in filled)
     largest = gmsh.option.getNumber("Mesh.MeshSizeMax")
-    guard.check_area(area, size, largest if largest < _WIDEST else None)
+    guard.check_area(area, size, largest if largest < NO_SIZE else None)
     for _, tag in gmsh.model.getEntities(1):
         guard.check_curve(tag, _length(gmsh, tag), _point_sizes(gmsh, tag), largest)
     gmsh.model.mesh.generate(1)
     guard.check_lines(sum(len(tags) for tags in gmsh.model.mesh.getElements(1)[1]))
-    _refuse_crossing_outlines(gmsh)
-    gmsh.model.mesh.generate(2)
+    _refuse_crossing_outlines(gmsh, filled)
+    mesh_surfaces(gmsh, filled)
 
 
 def _samples(gmsh, curve: int) -> np.ndarray:
@@ -154,7 +154,7 @@ def _length(gmsh, curve: int) -> float:
 
 def _point_sizes(gmsh, curve: int) -> list[float]:
     points = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
-    return [s for s in gmsh.model.mesh.getSizes(points) if 0 < s < _WIDEST] if points else []
+    return [s for s in gmsh.model.mesh.getSizes(points) if 0 < s < NO_SIZE] if points else []
 
 
 def _outline(gmsh, surface: int) -> list[np.ndarray]:
@@ -170,12 +170,12 @@ def _swept(outline: list[np.ndarray]) -> float:
     )
 
 
-def _refuse_crossing_outlines(gmsh) -> None:
+def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
     """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever; needs the
     mesh of the curves.
     """
     where = _node_positions(gmsh)
-    for _, surface in gmsh.model.getEntities(2):
+    for surface in surfaces:
         ends: list[np.ndarray] = []
         embedded = [
             (dimension, tag) for dimension, tag in gmsh.model.mesh.getEmbedded(2, surface) if dimension == 1
@@ -208,22 +208,11 @@ def _node_positions(gmsh) -> np.ndarray:
     return where
 
 
-def _groups(gmsh, unnamed: bool) -> list[list]:
-    """[dimension, name, entities] of each physical group; a group without a name is called by its tag."""
-    groups = []
-    for dimension in (0, 1, 2):
-        if unnamed:
-            tags = [tag for _, tag in gmsh.model.getEntities(dimension)]
-            if dimension == 2:
-                groups += [[2, "material", tags]] if tags else []
-            else:
-                groups += [[dimension, f"{_KIND[dimension]}{tag}", [tag]] for tag in tags]
-            continue
-        for _, tag in gmsh.model.getPhysicalGroups(dimension):
-            name = gmsh.model.getPhysicalName(dimension, tag) or f"{_KIND[dimension]}{tag}"
-            entities = [abs(int(e)) for e in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)]
-            groups.append([dimension, name, sorted(set(entities))])
-    return groups
+def _numbered_entities(gmsh) -> list[list]:
+    """Groups of a format that has none: all surfaces are one material, curves and points have numbers."""
+    entities = [[tag for _, tag in gmsh.model.getEntities(dimension)] for dimension in (0, 1, 2)]
+    groups = [[d, f"{KIND[d]}{tag}", [tag]] for d in (0, 1) for tag in entities[d]]
+    return groups + ([[2, MATERIAL, entities[2]]] if entities[2] else [])
 
 
 def _empty_groups(gmsh) -> list[list]:
@@ -240,66 +229,7 @@ def _skipped_entities(gmsh, log: list[str]) -> list[list]:
     for line in log:
         found = re.search(r"Skipping unknown (point|curve|surface) (\d+) in physical \w+ (\d+)", line)
         if found:
-            dimension, tag = _KIND.index(found[1]), int(found[3])
+            dimension, tag = KIND.index(found[1]), int(found[3])
             name = gmsh.model.getPhysicalName(dimension, tag) or f"{found[1]}{tag}"
             skipped.append([dimension, int(found[2]), name])
     return skipped
-
-
-def _describe_mesh(gmsh, told: dict[str, Any], arrays: dict[str, np.ndarray], guard: Guard) -> None:
-    tags, positions, _ = gmsh.model.mesh.getNodes()
-    arrays["node_tags"] = np.asarray(tags, np.int64)
-    arrays["node_positions"] = np.reshape(positions, (-1, 3))
-    told["blocks"] = []
-    cells = {3: 0, 4: 0}
-    for dimension in (1, 2):
-        for _, entity in gmsh.model.getEntities(dimension):
-            for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity)):
-                name, _, order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
-                if dimension == 2 and corners in cells:
-                    cells[corners] += len(nodes) // count
-                arrays[f"block{len(told['blocks'])}"] = np.asarray(nodes, np.int64).reshape(-1, count)
-                told["blocks"].append([dimension, entity, name, order, corners])
-    guard.check_cells(cells[3], cells[4])
-    told["surfaces"] = [tag for _, tag in gmsh.model.getEntities(2)]
-    told["points"] = {
-        str(tag): [int(node) for node in gmsh.model.mesh.getNodes(0, tag)[0]]
-        for _, tag in gmsh.model.getEntities(0)
-    }
-
-
-def _true_curves(gmsh, order: int, told: dict[str, Any], arrays: dict[str, np.ndarray]) -> None:
-    """GLL nodes of the line elements on curved geometry by its parametrisation."""
-    at = 0.5 * (gll_nodes(order) + 1.0)
-    ends_of, points_of = [np.zeros((0, 2), np.int64)], [np.zeros((0, order + 1, 2))]
-    for _, curve in gmsh.model.getEntities(1):
-        if gmsh.model.getType(1, curve) in ("Line", "Discrete curve"):
-            continue
-        low, high = (float(bound[0]) for bound in gmsh.model.getParametrizationBounds(1, curve))
-        tags, _, parameters = gmsh.model.mesh.getNodes(
-            1, curve, includeBoundary=True, returnParametricCoord=True
-        )
-        parameter_of: dict[int, list[float]] = {}
-        for tag, parameter in zip(tags, parameters):
-            parameter_of.setdefault(int(tag), []).append(float(parameter))
-        # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
-        bounds = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
-        seam = {int(tag) for _, point in bounds for tag in gmsh.model.mesh.getNodes(0, point)[0]}
-        if len(seam) < 2:  # a closed curve: its seam has two parameters
-            for tag in seam:
-                parameter_of[tag] = [low, high]
-        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
-            count = gmsh.model.mesh.getElementProperties(kind)[3]
-            ends = np.asarray(nodes, np.int64).reshape(-1, count)[:, :2]
-            spans = [
-                min(
-                    ((a, b) for a in parameter_of[int(first)] for b in parameter_of[int(last)]),
-                    key=lambda pair: abs(pair[1] - pair[0]),
-                )
-                for first, last in ends
-            ]
-            where = np.array([start + at * (stop - start) for start, stop in spans])
-            values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
-            ends_of.append(ends)
-            points_of.append(values.reshape(len(ends), order + 1, 3)[..., :2])
-    arrays["curved_ends"], arrays["curved_points"] = np.vstack(ends_of), np.concatenate(points_of)

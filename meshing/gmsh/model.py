@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -60,6 +61,11 @@ class FileModel:
         Node tags of the line elements on curved geometry.
     curved_points : (n, order + 1, 2) array
         GLL nodes on the true curve, m.
+    whole : dict of int to list of int or None
+        Surfaces that are one S-element each, and the curves around those of a geometry, negative where they
+        run the other way.
+    sizes : dict of int to float
+        Sizes that a geometry gives at points, by their node tags, m.
     """
 
     geometry: bool
@@ -74,6 +80,8 @@ class FileModel:
     points: dict[int, list[int]]
     curved_ends: np.ndarray
     curved_points: np.ndarray
+    whole: dict[int, list[int] | None] = field(default_factory=dict)
+    sizes: dict[int, float] = field(default_factory=dict)
 
     def entities(self, dimension: int) -> dict[str, list[int]]:
         """Entities of the groups of a dimension by the groups' names."""
@@ -86,29 +94,44 @@ class FileModel:
 
     def blocks_of(self, dimension: int, entity: int) -> list[Block]:
         """Elements of an entity."""
-        return [block for block in self.blocks if (block.dimension, block.entity) == (dimension, entity)]
+        return self._blocks.get((dimension, entity), [])
+
+    @cached_property
+    def _blocks(self) -> dict[tuple[int, int], list[Block]]:
+        found: dict[tuple[int, int], list[Block]] = {}
+        for block in self.blocks:
+            found.setdefault((block.dimension, block.entity), []).append(block)
+        return found
 
 
 def from_answer(told: dict[str, Any], arrays: dict[str, np.ndarray], scale: float) -> FileModel:
-    """The answer of `meshing.gmsh.extraction`, its lengths times `scale`."""
+    """The answer of `meshing.gmsh.describe`, and of who opened a file, its lengths times `scale`."""
     positions = arrays["node_positions"] * scale
     if len(positions):  # z from round-off, e.g. of a rotation, is none
         flat = np.abs(positions[:, 2]) <= 1e-9 * np.ptp(positions, axis=0).max()
         positions[flat, 2] = 0.0
+    points = {int(tag): nodes for tag, nodes in told["points"].items()}
+    outlines = told.get("outlines") or [None] * len(told.get("whole", ()))
     return FileModel(
         geometry=bool(told["geometry"]),
-        unnamed=bool(told["unnamed"]),
+        unnamed=bool(told.get("unnamed")),
         groups=[(int(d), str(name), [int(e) for e in entities]) for d, name, entities in told["groups"]],
-        empty=[(int(d), str(name)) for d, name in told["empty"]],
-        skipped=[(int(d), int(entity), str(name)) for d, entity, name in told["skipped"]],
-        log=[str(line) for line in told["log"]],
-        merged_step=told["merged_step"],
+        empty=[(int(d), str(name)) for d, name in told.get("empty", ())],
+        skipped=[(int(d), int(entity), str(name)) for d, entity, name in told.get("skipped", ())],
+        log=[str(line) for line in told.get("log", ())],
+        merged_step=told.get("merged_step"),
         where=dict(zip(arrays["node_tags"].tolist(), positions)),
         blocks=[
             Block(dimension, entity, name, order, corners, arrays[f"block{i}"])
             for i, (dimension, entity, name, order, corners) in enumerate(told["blocks"])
         ],
-        points={int(tag): nodes for tag, nodes in told["points"].items()},
+        points=points,
         curved_ends=arrays.get("curved_ends", np.zeros((0, 2), int)),
         curved_points=arrays.get("curved_points", np.zeros((0, 2, 2))) * scale,
+        whole=dict(zip(told.get("whole", ()), outlines)),
+        sizes={
+            node: size * scale
+            for tag, size in told.get("sizes", {}).items()
+            for node in points.get(int(tag), ())
+        },
     )

@@ -7,6 +7,7 @@ import functools
 import os
 import tempfile
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -48,7 +49,8 @@ def read_gmsh(
 ) -> BoundaryMesh:
     """Read a gmsh model; each triangle or quadrilateral becomes an S-element.
 
-    Physical groups say what is what. Physical surfaces are materials, physical curves edge sets, physical
+    Physical groups say what is what. Physical surfaces are materials (surfaces of ``selement:NAME`` are one
+    S-element each, of the material NAME), physical curves edge sets, physical
     points named points (groups without a name are called "surface1", "curve1", "point1" ... by their tags). A
     crack is
 
@@ -172,6 +174,8 @@ def read_gmsh(
     faces = {edge_key(edge) for edges in built.crack_lines.values() for edge in edges}
     check_joined(built.cells, faces, origin)
     meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
+    if tip_size is None:
+        meshing = replace(meshing, tip_sizes=built.tip_sizes)
     add_cracks(built.cells, built.crack_lines, meshing, origin)
     recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)
     return build_mesh(built.cells, order, built.materials, origin, recipe=recipe)

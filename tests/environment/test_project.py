@@ -241,6 +241,7 @@ OPTIONS = {
     "sbfem_petsc/study/sweep.py: sweep",
     "sbfem_petsc/system/model.py: __init__",
     "meshing/beam.py: mesh",
+    "meshing/beam.py: write",
     "meshing/gmsh/reader.py: read_gmsh",
     "meshing/plate.py: mesh",
 }

@@ -61,3 +61,14 @@ def distinct_shapes(mesh: BoundaryMesh) -> int:
         if not any(len(k) == len(v) and np.abs(k - v).max() < 1e-6 for k in known for v in variants):
             known.append(variants[0])
     return len(known)
+
+
+def smallest_angle(mesh: BoundaryMesh) -> float:
+    """Smallest angle between two edges of a closed S-element, radian."""
+    smallest = np.pi
+    for element in np.flatnonzero(mesh.closed):
+        corners = mesh.nodes[mesh.element_nodes(element)[:: mesh.order]]
+        ahead, behind = np.roll(corners, -1, axis=0) - corners, np.roll(corners, 1, axis=0) - corners
+        across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
+        smallest = min(smallest, (np.arctan2(across, (ahead * behind).sum(axis=1)) % (2 * np.pi)).min())
+    return float(smallest)

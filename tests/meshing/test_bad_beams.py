@@ -114,7 +114,7 @@ def test_wrong_types(make):
         ({"points": {"A": (0.1, 0.0)}}, "point 'A': this name is the mesh's own"),
         (
             {"points": {"P": (0.0801, 0.0024), "Q": (0.0801, 0.0024)}, "tip_size": 1e-3},
-            "does not fit around the tip of notch 1",
+            "crack 'crack1': tip_size 0.001 m does not fit in the cells around the tip",
         ),
     ],
 )

@@ -80,3 +80,11 @@ def test_mesh_files(model, tmp_path, version, binary):
     (tmp_path / "cut.msh").write_bytes(cut[: len(cut) // 2])
     with pytest.raises(ValueError, match=r"cut\.msh: "):
         read_gmsh(tmp_path / "cut.msh", order=2)
+
+
+def test_angle_section_with_one_element_as_its_corner(tmp_path):
+    section = re.findall(r"```geo\n(.*?)```", PAGE.read_text(), re.DOTALL)[1]
+    (tmp_path / "angle.geo").write_text(section)
+    mesh = read_gmsh(tmp_path / "angle.geo", scale=1e-3)
+    assert sorted(np.diff(mesh.element_start)) == [4, 4, 6]
+    assert mesh.area == pytest.approx(0.1**2 - 0.07**2)

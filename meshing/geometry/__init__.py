@@ -1,0 +1,1 @@
+"""A person's shapes to a drawing: columns, fans and plane graphs; nothing here knows gmsh."""

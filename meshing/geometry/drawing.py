@@ -1,0 +1,165 @@
+"""A body's section as a drawing for gmsh: vertices, straight edges and arcs, surfaces, named groups."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import shapely
+from scipy.spatial import cKDTree
+
+from meshing.cells.complex import CellComplex, edge_key
+
+Edge = tuple[int, int]
+
+
+@dataclass
+class Rosette:
+    """Edges around a vertex in all directions: a tip, a sharp kink or a junction inside a filled surface.
+
+    Attributes
+    ----------
+    vertex : int
+    radius, edge : float
+        Of its rim, m.
+    """
+
+    vertex: int
+    radius: float
+    edge: float
+
+
+@dataclass
+class Filled:
+    """A surface that gmsh divides into cells.
+
+    Attributes
+    ----------
+    loops : list of list of int
+        Vertices of the outer loop, then of those of holes.
+    segments : list of (int, int)
+        Lines inside that become edges of cells.
+    points : list of int
+        Vertices inside that become vertices of cells.
+    size : float
+        Largest edge, m.
+    rosettes : list of Rosette
+    """
+
+    loops: list[list[int]]
+    segments: list[Edge]
+    points: list[int]
+    size: float
+    rosettes: list[Rosette] = field(default_factory=list)
+
+    def edges(self) -> list[Edge]:
+        """Directed edges of the loops."""
+        return [edge for loop in self.loops for edge in around(loop)]
+
+    def renumbered(self, number: np.ndarray) -> Filled:
+        """The surface with other numbers for its vertices."""
+        return Filled(
+            [number[loop].tolist() for loop in self.loops],
+            _renumbered(self.segments, number),
+            [int(number[v]) for v in self.points],
+            self.size,
+            [Rosette(int(number[r.vertex]), r.radius, r.edge) for r in self.rosettes],
+        )
+
+
+@dataclass
+class Drawing(CellComplex):
+    """What gmsh is told of a body: every edge is one curve of its boundary discretisation.
+
+    `cells` are the surfaces that are one S-element each.
+
+    Attributes
+    ----------
+    filled : list of Filled
+        Surfaces that gmsh divides.
+    arcs : dict of (int, int) to (x, y)
+        Centre of edges that are arcs, lower vertex first, m.
+    groups : dict of str to list of (int, int)
+        Lines and faces of cracks: "crack:NAME", "crack:NAME:right", "crack:NAME:left".
+    tip_sizes : dict of int to float
+        Largest distance of the open S-element's boundary from a tip whose cells are all drawn here, m.
+    """
+
+    filled: list[Filled] = field(default_factory=list)
+    arcs: dict[Edge, tuple[float, float]] = field(default_factory=dict)
+    groups: dict[str, list[Edge]] = field(default_factory=dict)
+    tip_sizes: dict[int, float] = field(default_factory=dict)
+
+    @property
+    def largest(self) -> float | None:
+        """Largest edge in filled surfaces, m; None without any."""
+        return max((surface.size for surface in self.filled), default=None)
+
+    def add_circle(self, loop: Sequence[int], centre: tuple[float, float]) -> None:
+        """Make the edges of a loop of vertices arcs of a circle."""
+        for edge in around(loop):
+            self.arcs[edge_key(edge)] = centre
+
+    def edge_uses(self) -> dict[Edge, int]:
+        """How many surfaces use each edge, lower vertex first."""
+        uses = super().edge_uses()
+        for surface in self.filled:
+            for edge in map(edge_key, surface.edges()):
+                uses[edge] = uses.get(edge, 0) + 1
+        return uses
+
+    def vertex_at(self, x: float, y: float, near: float) -> int | None:
+        """The lowest vertex at a place."""
+        return min(cKDTree(self.vertices).query_ball_point((x, y), near), default=None)
+
+    def weld(self, near: float) -> None:
+        """Make vertices at one place one vertex, the first one."""
+        number = np.arange(len(self.vertices))
+        for i, j in sorted(cKDTree(self.vertices).query_pairs(near)):
+            number[j] = min(number[j], number[i])
+        for cell in self.cells:
+            cell.vertices = number[cell.vertices].tolist()
+        self.filled = [surface.renumbered(number) for surface in self.filled]
+        self.arcs = {edge_key((int(number[a]), int(number[b]))): c for (a, b), c in self.arcs.items()}
+        for sets in (self.edge_sets, self.groups):
+            for name, edges in sets.items():
+                sets[name] = _renumbered(edges, number)
+        self.points = {name: int(number[v]) for name, v in self.points.items()}
+        self.tip_sizes = {int(number[v]): size for v, size in self.tip_sizes.items()}
+
+    def conform(self, near: float) -> None:
+        """Put vertices that lie on edges of other surfaces into these."""
+        self.cells = [cell for cell in self.cells if cell.vertices]
+        uses = self.edge_uses()
+        loose = set(self.points.values()) - {v for edge in uses for v in edge}
+        alone = [edge for edge, count in uses.items() if count == 1 or loose]
+        ends = np.array(sorted({v for edge in alone for v in edge} | loose))
+        where = np.array(self.vertices)
+        tree = shapely.STRtree(shapely.linestrings(where[np.array(alone)]))
+        between: dict[Edge, list[int]] = {}
+        for end, line in tree.query(shapely.points(where[ends]), predicate="dwithin", distance=near).T:
+            edge = alone[line]
+            if ends[end] not in edge and edge not in self.arcs:
+                between.setdefault(edge, []).append(int(ends[end]))
+        for (a, b), found in list(between.items()):
+            found.sort(key=lambda v: math.dist(where[v], where[a]))
+            between[b, a] = found[::-1]
+
+        def completed(edges: list[Edge]) -> list[int]:
+            return [v for edge in edges for v in (edge[0], *between.get(edge, ()))]
+
+        for cell in self.cells:
+            cell.vertices = completed(cell.edges())
+        for surface in self.filled:
+            surface.loops = [completed(around(loop)) for loop in surface.loops]
+
+
+def around(loop: Sequence[int]) -> list[Edge]:
+    """The edges of a closed loop of vertices."""
+    return list(zip(loop, [*loop[1:], loop[0]]))
+
+
+def _renumbered(edges: list[Edge], number: np.ndarray) -> list[Edge]:
+    return [(int(number[a]), int(number[b])) for a, b in edges]

@@ -1,0 +1,157 @@
+"""What gmsh's present model holds, as plain facts and arrays, which `meshing.gmsh.model` reads."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from meshing.gll import gll_nodes
+
+WHOLE = "selement:"  # a physical surface of this name: each of its surfaces is one S-element
+MATERIAL = "material"
+KIND = ("point", "curve", "surface", "volume")
+NO_SIZE = 1e21  # gmsh's "no size given" is 1e22
+
+Groups = list[list[Any]]  # [dimension, name, entities] of each physical group
+
+
+def physical_groups(gmsh: Any) -> Groups:
+    """The physical groups of points, curves and surfaces; one without a name is called by its tag."""
+    groups = []
+    for dimension, tag in gmsh.model.getPhysicalGroups():
+        if dimension <= 2:
+            name = gmsh.model.getPhysicalName(dimension, tag) or f"{KIND[dimension]}{tag}"
+            entities = {abs(int(e)) for e in gmsh.model.getEntitiesForPhysicalGroup(dimension, tag)}
+            groups.append([dimension, name, sorted(entities)])
+    return groups
+
+
+def whole_surfaces(groups: Groups) -> list[int]:
+    """Surfaces that are one S-element each."""
+    found = [e for d, name, entities in groups if d == 2 and name.startswith(WHOLE) for e in entities]
+    return list(dict.fromkeys(found))
+
+
+def describe(
+    gmsh: Any, groups: Groups, order: int, geometry: bool
+) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+    """The meshed model by few calls.
+
+    Parameters
+    ----------
+    gmsh : module
+    groups : list
+        From `physical_groups`.
+    order : int
+        Order of the S-elements' edges.
+    geometry : bool
+        gmsh has meshed a geometry: its points have sizes, its curves a shape.
+
+    Returns
+    -------
+    told : dict
+        Of what JSON knows.
+    arrays : dict of str to array
+    """
+    tags, positions, _ = gmsh.model.mesh.getNodes()
+    arrays = {"node_tags": np.asarray(tags, np.int64), "node_positions": np.reshape(positions, (-1, 3))}
+    points = _point_nodes(gmsh)
+    curves, surfaces = ([tag for _, tag in gmsh.model.getEntities(d)] for d in (1, 2))
+    lines = _lines(gmsh, curves, {node for nodes in points.values() for node in nodes}) if geometry else None
+    whole = whole_surfaces(groups)
+    blocks: list[list[Any]] = []
+    if lines is not None:
+        for tag, line in zip(curves, lines):
+            arrays[f"block{len(blocks)}"] = line[None]
+            blocks.append([1, tag, "Line 2", 1, 2])
+    entities = [] if lines is not None else [(1, tag) for tag in curves]
+    for dimension, entity in entities + [
+        (2, tag) for tag in surfaces if not geometry or tag not in set(whole)
+    ]:
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity)):
+            name, _, element_order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
+            arrays[f"block{len(blocks)}"] = np.asarray(nodes, np.int64).reshape(-1, count)
+            blocks.append([dimension, entity, name, element_order, corners])
+    told: dict[str, Any] = {
+        "geometry": geometry,
+        "groups": groups,
+        "blocks": blocks,
+        "points": {str(tag): nodes for tag, nodes in points.items()},
+        "whole": whole,
+        "outlines": [],
+        "sizes": {},
+    }
+    if geometry:
+        told["outlines"] = [_curves_around(gmsh, tag) for tag in whole]
+        sizes = gmsh.model.mesh.getSizes([(0, tag) for tag in points]) if whole else ()
+        told["sizes"] = {str(tag): float(h) for tag, h in zip(points, sizes) if 0 < h < NO_SIZE}
+        arrays |= _true_curves(gmsh, order, curves)
+    return told, arrays
+
+
+def _point_nodes(gmsh: Any) -> dict[int, list[int]]:
+    """Node tags of each point."""
+    tags = [tag for _, tag in gmsh.model.getEntities(0)]
+    nodes = gmsh.model.mesh.getNodes(0)[0].tolist()
+    if len(nodes) == len(tags) and (
+        not tags or gmsh.model.mesh.getNodes(0, tags[-1])[0].tolist() == nodes[-1:]
+    ):
+        return {tag: [node] for tag, node in zip(tags, nodes)}
+    return {tag: gmsh.model.mesh.getNodes(0, tag)[0].tolist() for tag in tags}
+
+
+def _lines(gmsh: Any, curves: list[int], ends: set[int]) -> np.ndarray | None:
+    """(n, 2): the nodes of each curve, at once, where all curves are one straight element each; else None."""
+    kinds, _, nodes = gmsh.model.mesh.getElements(1)
+    if list(kinds) != [1] or len(nodes[0]) != 2 * len(curves):
+        return None
+    lines = np.reshape(nodes[0], (-1, 2)).astype(np.int64)
+    return lines if ends >= set(lines.ravel().tolist()) else None
+
+
+def _curves_around(gmsh: Any, surface: int) -> list[int]:
+    """The curves around a surface in the sense of going round, negative where they run the other way."""
+    found = gmsh.model.getBoundary([(2, surface)], combined=False, oriented=True)
+    return [int(curve) for _, curve in found]
+
+
+def _true_curves(gmsh: Any, order: int, curves: list[int]) -> dict[str, np.ndarray]:
+    """GLL nodes of the line elements on curved geometry by its parametrisation."""
+    at = 0.5 * (gll_nodes(order) + 1.0)
+    ends_of, points_of = [np.zeros((0, 2), np.int64)], [np.zeros((0, order + 1, 2))]
+    for curve in curves:
+        if gmsh.model.getType(1, curve) in ("Line", "Discrete curve"):
+            continue
+        parameter_of = _parameters(gmsh, curve)
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
+            count = gmsh.model.mesh.getElementProperties(kind)[3]
+            ends = np.asarray(nodes, np.int64).reshape(-1, count)[:, :2]
+            spans = [
+                min(
+                    ((a, b) for a in parameter_of[int(first)] for b in parameter_of[int(last)]),
+                    key=lambda pair: abs(pair[1] - pair[0]),
+                )
+                for first, last in ends
+            ]
+            where = np.array([start + at * (stop - start) for start, stop in spans])
+            values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
+            ends_of.append(ends)
+            points_of.append(values.reshape(len(ends), order + 1, 3)[..., :2])
+    return {"curved_ends": np.vstack(ends_of), "curved_points": np.concatenate(points_of)}
+
+
+def _parameters(gmsh: Any, curve: int) -> dict[int, list[float]]:
+    """Parameters of the nodes on a curve."""
+    low, high = (float(bound[0]) for bound in gmsh.model.getParametrizationBounds(1, curve))
+    tags, _, parameters = gmsh.model.mesh.getNodes(1, curve, includeBoundary=True, returnParametricCoord=True)
+    parameter_of: dict[int, list[float]] = {}
+    for tag, parameter in zip(tags, parameters):
+        parameter_of.setdefault(int(tag), []).append(float(parameter))
+    # Not combined: gmsh would leave out the point at which a closed curve starts and ends.
+    bounds = gmsh.model.getBoundary([(1, curve)], combined=False, oriented=False)
+    seam = {int(tag) for _, point in bounds for tag in gmsh.model.mesh.getNodes(0, point)[0]}
+    if len(seam) < 2:  # a closed curve: its seam has two parameters
+        for tag in seam:
+            parameter_of[tag] = [low, high]
+    return parameter_of
