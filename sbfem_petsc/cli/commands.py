@@ -11,18 +11,19 @@ from typing import Any
 from ..parallel import on_root
 from ..study.case import Case, read_case
 from ..study.watch import watch_for
+from .terminal import tell
 
 Options = argparse.Namespace
 
 
 def _say(options: Options, comm: Any, text: str) -> None:
     if comm.rank == 0 and not options.quiet:
-        print(text, flush=True)
+        tell(text)
 
 
 def _answer(comm: Any, value: Any) -> None:
     if comm.rank == 0:
-        print(json.dumps(value, indent=1, allow_nan=False), flush=True)
+        tell(json.dumps(value, indent=1, allow_nan=False))
 
 
 def _case(options: Options, comm: Any) -> Case:
@@ -83,7 +84,7 @@ def run(options: Options, comm: Any) -> int:
         _say(options, comm, f"results are in {outcome.folder}")
     for name, reason in outcome.failed.items():
         if comm.rank == 0:
-            sys.stderr.write(f"error: {name}: {reason}\n")
+            tell(f"error: {name}: {reason}", sys.stderr)
     return 0 if not outcome.failed else 2 if outcome.wrong_input else 1
 
 
@@ -101,9 +102,7 @@ def sweep(options: Options, comm: Any) -> int:
     else:
         _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}")
     if failed and comm.rank == 0:
-        sys.stderr.write(
-            f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}\n"
-        )
+        tell(f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}", sys.stderr)
     return 1 if failed else 0
 
 
@@ -134,11 +133,11 @@ def info(options: Options, comm: Any) -> int:
     if comm.rank == 0:
         results = read_any(options.results)
         if options.case:
-            print(results.text, end="")
+            tell(results.text, end="")
         elif options.json:
             _answer(comm, results.facts())
         else:
-            print(described(results))
+            tell(described(results))
     return 0
 
 

@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 from ..command_line import start_petsc, wrong_option
 from .parser import make_parser, split
+from .terminal import tell
 
 # numba would colour its messages by colorama, which writes a code behind the answer of a command
 os.environ.setdefault("NUMBA_DISABLE_ERROR_MESSAGE_HIGHLIGHTING", "1")
@@ -82,7 +83,7 @@ def _not_installed(error: ImportError) -> int:
     try:
         from mpi4py import MPI
     except ImportError:
-        sys.stderr.write(f"{text}\n")
+        tell(text, sys.stderr)
         return FAILED
     return _ended(MPI.COMM_WORLD, text, FAILED, everywhere=False)
 
@@ -101,7 +102,7 @@ def _guarded(options) -> int:
 
     def warn(message: Any, *_: Any, **__: Any) -> None:
         if comm.rank == 0:
-            sys.stderr.write(f"warning: {message}\n")
+            tell(f"warning: {message}", sys.stderr)
 
     try:
         with warnings.catch_warnings():
@@ -132,8 +133,7 @@ def _guarded(options) -> int:
 def _ended(comm, text: str, code: int, everywhere: bool) -> int:
     everywhere = everywhere or comm.size == 1
     if comm.rank == 0 or not everywhere:
-        sys.stderr.write(f"{text}\n")
-        sys.stderr.flush()
+        tell(text, sys.stderr)
     if not everywhere:
         comm.Abort(code)
     return code

@@ -20,6 +20,7 @@ from sbfem_petsc import plot
 from sbfem_petsc.study import report
 from sbfem_petsc.study.watch import LogLines
 from tests.parallel import ROOT, on_ranks
+from tests.results.test_strangers_files import changed
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written
 
 COMMANDS = ("new", "check", "mesh", "run", "sweep", "plot", "report", "info", "export", "doctor")
@@ -199,6 +200,32 @@ def test_broken_results(folder, tmp_path):
         file["x"] = 1
     done = sbfem("info", tmp_path / "other.h5")
     assert done.code == 2 and "another kind" in done.err
+
+
+def test_texts_of_a_strangers_file_stay_texts(folder, tmp_path):
+    """What a file holds does not reach the terminal as control characters, neither as an answer nor in an
+    error.
+    """
+
+    text = "title = 'a\x1b[8m'\n\tb = 1\n"
+
+    def change(file):
+        run = json.loads(file.attrs["run"])
+        run["title"] = "\x1b]0;mine\x07 \x9b2J \u202e \r é"
+        run["failed"] = {"a\x1b[2J": "no\x00thing"}
+        file.attrs["run"] = json.dumps(run)
+        del file["case/text"]
+        file["case/text"] = text
+
+    stranger = changed(folder / "out" / "results.h5", tmp_path / "results.h5", change)
+    for options in ((), ("--case",)):
+        said = sbfem("info", stranger, *options)
+        assert said.code == 0
+        assert [c for c in said.out + said.err if not c.isprintable() and c not in "\n\t"] == []
+    assert said.out == text.replace("\x1b", r"\x1b")
+    assert r"\x1b]0;mine\x07 \x9b2J \u202e \r é" in sbfem("info", stranger).out
+    said = sbfem("info", "no\x1b[2Jwhere.h5")
+    assert said.code == 2 and r"no\x1b[2Jwhere.h5" in said.err and "\x1b" not in said.err
 
 
 @pytest.mark.slow
