@@ -16,10 +16,14 @@ import json
 import math
 import os
 import resource
+import selectors
 import signal
+import socket
 import struct
 import subprocess
 import sys
+import time
+import zipfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -48,6 +52,9 @@ _CALLS = {
     "aarch64": (0xC00000B7, 220, (198, 221, 281, 425)),
 }
 _CLONE3, _THREAD = 435, 0x10000
+_EXIT = "a script must not end gmsh (Exit)"
+_PART = 1 << 18  # bytes that are taken from a socket at once
+_LONGEST = 1e6  # s, of waiting and of time limits that the system knows
 
 
 class Refusal(Exception):
@@ -121,11 +128,14 @@ def ask(
         "path": [*path, str(Path(__file__).resolve().parents[2])],  # an editable package is not on the path
     }
     answer, status, said = _communicate(origin, request, rights.time_limit)
-    if not answer:
+    if status != 0:
         raise ValueError(f"{origin}: {_why(status, said, rights.memory)}")
-    with np.load(io.BytesIO(answer), allow_pickle=False) as stored:
-        arrays = {name: stored[name] for name in stored.files}
-    told = json.loads(arrays.pop("told").tobytes())
+    try:
+        with np.load(io.BytesIO(answer), allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        told = json.loads(arrays.pop("told").tobytes())
+    except (ValueError, KeyError, EOFError, zipfile.BadZipFile) as error:
+        raise ValueError(f"{origin}: gmsh ended before it had read the file; {_EXIT}.") from error
     if "refused" in told:
         raise ValueError(f"{origin}: {told['refused']}")
     if "missing" in told:
@@ -134,28 +144,68 @@ def ask(
 
 
 def _communicate(origin: str, request: dict[str, Any], time_limit: float) -> tuple[bytes, int, bytes]:
+    """The child's answer, how it ended, and the beginning of what it said.
+
+    By sockets: a script can open a pipe by its name in /proc, and write into the answer.
+    """
+    until = time.monotonic() + time_limit
     env = {name: os.environ[name] for name in _KEPT if name in os.environ} | _ONE_THREAD
-    pipe = subprocess.PIPE
-    try:
-        child = subprocess.Popen(
-            [sys.executable, "-I", "-S", "-c", _BOOT], stdin=pipe, stdout=pipe, stderr=pipe, env=env
-        )
-    except OSError as error:
-        raise RuntimeError(
-            f"{origin}: the process in which gmsh reads files could not be started ({error})."
-        ) from error
-    with child:
+    (answers, outlet), (sayings, mouth) = socket.socketpair(), socket.socketpair()
+    with contextlib.ExitStack() as stack:
+        for end in (answers, outlet, sayings, mouth):
+            stack.enter_context(end)
         try:
-            answer, said = child.communicate(json.dumps(request).encode() + b"\n", timeout=time_limit)
-        except subprocess.TimeoutExpired:
+            child = subprocess.Popen(
+                [sys.executable, "-I", "-S", "-c", _BOOT],
+                stdin=subprocess.PIPE,
+                stdout=outlet.fileno(),
+                stderr=mouth.fileno(),
+                env=env,
+            )
+        except OSError as error:
+            raise RuntimeError(
+                f"{origin}: the process in which gmsh reads files could not be started ({error})."
+            ) from error
+        stack.enter_context(child)
+        stack.callback(child.kill)  # on KeyboardInterrupt as well
+        outlet.close()
+        mouth.close()
+        assert child.stdin is not None
+        with contextlib.suppress(BrokenPipeError), child.stdin:
+            child.stdin.write(json.dumps(request).encode() + b"\n")
+        try:
+            answer, said = _received(answers, sayings, until)
+            return answer, child.wait(max(until - time.monotonic(), 1.0)), said
+        except (TimeoutError, subprocess.TimeoutExpired):
             raise ValueError(
                 f"{origin}: gmsh did not finish within {time_limit:g} s; check the geometry for curves that "
                 "cross, parts that are damaged and very small cells, or pass a larger time_limit."
             ) from None
-        finally:  # on KeyboardInterrupt as well
-            if child.poll() is None:
-                child.kill()
-    return answer, child.returncode, said
+
+
+def _received(answers: socket.socket, sayings: socket.socket, until: float) -> tuple[bytes, bytes]:
+    """All that comes from one socket, and the beginning of what comes from another meanwhile."""
+    answer, said = bytearray(), bytearray()
+    with selectors.DefaultSelector() as waiting:
+        for source in (answers, sayings):
+            waiting.register(source, selectors.EVENT_READ)
+        while answers in waiting.get_map():
+            left = until - time.monotonic()
+            ready = waiting.select(min(left, _LONGEST)) if left > 0 else []
+            if not ready:
+                raise TimeoutError
+            for source in (answers, sayings):
+                if source in [key.fileobj for key, _ in ready]:
+                    part = source.recv(_PART)
+                    if not part:
+                        waiting.unregister(source)
+                    elif source is answers:
+                        answer += part
+                    elif len(said) < _PART:
+                        said += part
+    with contextlib.suppress(BlockingIOError):
+        said += sayings.recv(_PART, socket.MSG_DONTWAIT)
+    return bytes(answer), bytes(said)
 
 
 def _why(status: int, said: bytes, memory: int) -> str:
@@ -168,10 +218,8 @@ def _why(status: int, said: bytes, memory: int) -> str:
     if status < 0:
         name = signal.Signals(-status).name if -status in set(signal.Signals) else str(-status)
         return f"gmsh crashed on it ({name}); the file is damaged, export it again."
-    return (
-        f"gmsh ended with code {status} before it had read the file{f' ({last[-1]})' if last else ''}; a "
-        "script must not end gmsh (Exit)."
-    )
+    what = f" ({last[-1]})" if last else ""
+    return f"gmsh ended with code {status} before it had read the file{what}; {_EXIT}."
 
 
 def answer(request: dict[str, Any]) -> None:
@@ -226,7 +274,9 @@ def _found(libc: ctypes.CDLL, request: dict[str, Any]) -> tuple[dict[str, Any], 
 
 def _limit(rights: Rights) -> None:
     """Limits of this process: memory and time; of what is not trusted, files of no bytes."""
-    seconds = math.ceil(rights.time_limit) + 1  # the parent's limit comes first, unless it is gone
+    seconds = (
+        math.ceil(min(rights.time_limit, _LONGEST)) + 1
+    )  # the parent's limit comes first, unless it is gone
     limits = {resource.RLIMIT_AS: rights.memory, resource.RLIMIT_CPU: seconds, resource.RLIMIT_CORE: 0}
     if not rights.trusted:
         limits[resource.RLIMIT_FSIZE] = 0

@@ -7,9 +7,11 @@ read the file's folder and compute, and nothing else.
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -118,6 +120,15 @@ HOSTILE = {
     "a mesh": ('Mesh 2; Save "MARK.msh";', WRITES),
     "the geometry": ('Save "MARK.geo_unrolled";', WRITES),
     "a device": ('Printf("hello") > "/dev/shm/MARK";', WRITES),
+    "into the answer": (
+        'For i In {0:20}\n  Printf("forged") > Sprintf("/proc/self/fd/%g", i);\nEndFor',
+        "only read files in its folder",
+    ),
+    "into the answer by its number": (
+        'Printf("forged") > "/proc/self/fd/3";',
+        "only read files in its folder",
+    ),
+    "into the other end": ('Printf("forged") > "/proc/self/fd/1";', "only read files in its folder"),
     "a view": ('Save View[0] "MARK.pos";', NOT_READ),
     "a script elsewhere": ('Include "/etc/passwd";', f"'/etc/passwd', which is {OUTSIDE}"),
     "a mesh elsewhere": ('Merge "/etc/passwd";', f"'/etc/passwd', which is {OUTSIDE}"),
@@ -141,6 +152,10 @@ HOSTILE = {
     "numbers from a file": ('a() = ListFromFile["/etc/passwd"];', OUTSIDE),
     "a loop without end": ("For i In {1:2}\ni = 1;\nEndFor", "did not finish within 2 s"),
     "a macro without end": ("Macro a\nCall a;\nReturn\nCall a;", "gmsh (crashed|did not finish)"),
+    "words without end": (
+        'General.Terminal = 1;\nFor i In {1:1e9}\nPrintf("a flood of words");\nEndFor',
+        "did not finish within 2 s",
+    ),
     "sleep without end": ("Sleep 1000;", "did not finish within 2 s"),
     "memory without end": ("x() = {1:1e12};", "memory"),
 }
@@ -480,6 +495,36 @@ def child(script, time_limit=30.0, memory=2**31):
         path = Path(folder) / "model.geo"
         path.write_text(script)
         return read_gmsh(path, order=1, time_limit=time_limit, memory_limit=memory)
+
+
+def test_a_flood_of_words_is_not_kept():
+    """What a script prints does not fill its reader's memory, and what it answers comes whole."""
+    (answers, outlet), (sayings, mouth) = socket.socketpair(), socket.socketpair()
+    words, answer = os.urandom(2**24), os.urandom(2**21)
+
+    def speak():
+        mouth.sendall(words)
+        outlet.sendall(answer)
+        outlet.close()
+
+    with answers, outlet, sayings, mouth:
+        speaker = threading.Thread(target=speak)
+        speaker.start()
+        found, said = confined._received(answers, sayings, time.monotonic() + 30.0)
+        speaker.join()
+        assert found == answer and words.startswith(said) and 0 < len(said) < 2**20
+    (answers, outlet), (sayings, mouth) = socket.socketpair(), socket.socketpair()
+    with answers, outlet, sayings, mouth, pytest.raises(TimeoutError):  # no answer, whatever is said
+        mouth.sendall(words[:1000])
+        confined._received(answers, sayings, time.monotonic() + 0.1)
+
+
+def test_a_program_in_the_background_is_not_waited_for(tmp_path):
+    path = tmp_path / "model.geo"
+    path.write_text(SQUARE + 'NonBlockingSystemCall "sleep 20";\n')
+    begin = time.monotonic()
+    assert read_gmsh(path, order=1, trust=True).area == pytest.approx(1.0, abs=1e-12)
+    assert time.monotonic() - begin < 15.0
 
 
 @pytest.mark.slow
