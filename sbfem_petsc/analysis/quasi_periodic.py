@@ -7,7 +7,7 @@ from __future__ import annotations
 import math
 import numbers
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +16,7 @@ from meshing.warnings import StepWarning
 
 from ..capacity import require_compiler, require_memory
 from ..checks import Bounds, instance, numbers_of, real
+from ..dynamics.contact_work import MOST, times_more, warn_of_contact_work
 from ..dynamics.curve_system import RESTART
 from ..dynamics.excitation import Excitation, by_formula, parts_of
 from ..dynamics.loading import communicator, loading, serving
@@ -30,7 +31,7 @@ from ..dynamics.tones import (
     own_motion,
     tone_lines,
 )
-from ..dynamics.torus import RESOLVED, Torus
+from ..dynamics.torus import RESOLVED, Curve, Torus
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..parallel import collective
 from ..petsc import MPI
@@ -83,7 +84,9 @@ def quasi_periodic(
     steps : int, optional
         Time steps in a period of the faster tone; a warning tells of fewer than 20 in a period of the highest
         multiple among the loads. Default: 512, or as many as keep the step below 0.8 of the shortest modal
-        period and 1 / 32 of that of the highest multiple.
+        period and 1 / 32 of that of the highest multiple; they are halved, and the motion is found again,
+        where contact does too much work in them (see `periodic`), but those of `guess` are kept where the
+        second tone is the motion's own.
     modes : int, optional
         Default: as for `periodic`.
     guess : QuasiPeriodic, optional
@@ -104,7 +107,7 @@ def quasi_periodic(
     -----
     StepWarning
         If contact is possible and the samples or the steps given are few for the loads' multiples; if the
-        samples do not resolve the motion.
+        samples do not resolve the motion; if contact does much work in the steps.
     """
     comm = communicator(model)
     with collective(comm):
@@ -128,6 +131,7 @@ def quasi_periodic(
     with collective(comm):
         states = _resampled(guess, samples, reduced)
     contact, fastest = len(reduced.initial_gap) > 0, _highest(driven, ordered)
+    more = 1 if steps is not None else MOST
     if steps is None:
         shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
         fast = math.ceil(FAST_STEPS * fastest / ordered[0])
@@ -144,10 +148,13 @@ def quasi_periodic(
         )
     require_compiler("quasi_periodic", comm)
     orders = max(len(drive.orders) for drive in driven)
-    require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
+
+    def torus_in(steps: int) -> Torus:
+        require_room("quasi_periodic", reduced, comm, samples=samples, steps=steps, orders=orders)
+        return Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
+
     try:
-        torus = Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
-        curve = torus.solve(states)
+        torus, curve = _solved(torus_in, states, (steps, more * steps))
     except SolveError as error:
         raise on_all_ranks(error) from None
     exponents = (
@@ -155,11 +162,30 @@ def quasi_periodic(
     )
     linear = tuple(zip(driven, (torus.base.amplitudes, torus.pumped)))
     lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
+    steps = torus.period.steps
     found = QuasiPeriodic(
         frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
     )
     warn_if_unresolved("quasi_periodic", found)
     return found
+
+
+def _solved(
+    make: Callable[[int], Torus], states: np.ndarray | None, steps: tuple[int, int]
+) -> tuple[Torus, Curve]:
+    """The map, of so many steps to begin with and so many at most, and its invariant curve near a guess.
+    Collective.
+    """
+    count, most = steps
+    while True:
+        torus = make(count)
+        curve = torus.solve(states)
+        work = torus.contact_work(curve.motions)
+        times = times_more(work, count, most)
+        if times == 1:
+            warn_of_contact_work("quasi_periodic", work, count)
+            return torus, curve
+        states, count = curve.states, times * count
 
 
 def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:

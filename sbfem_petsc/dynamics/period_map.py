@@ -285,16 +285,21 @@ class DrivenPeriod:
             )
         return PeriodMotion(self._state(q, v) - difference, states, velocities, forces, work)
 
+    def oscillations(self) -> tuple[np.ndarray, np.ndarray]:
+        """Modal forces of the oscillating loads and velocities of the linear steady state over time,
+        (n + 1, m) each.
+        """
+        p = self.period
+        moving = (p.excitation.orders > 0)[:, None]
+        forces = modal_forces(p.reduced, moving * self.amplitudes, self.speeds)
+        return p.over_time(forces), p.over_time(self.speeds * self.amplitudes)
+
     def exchanged(self, motion: PeriodMotion) -> float:
         """Energy that goes to and fro between the oscillating loads and the modes over a period, J: the sum
         of what passes, whichever way, in each mode and step.
         """
-        p, r = self.period, self.period.reduced
-        moving = (p.excitation.orders > 0)[:, None]
-        stiffness = r.omega**2 + self.speeds * (self.speeds + 2.0 * r.damping * r.omega)
-        velocities = p.over_time(self.speeds * self.amplitudes) + motion.velocities
-        powers = p.over_time(moving * stiffness * self.amplitudes) * velocities
-        return float(np.abs(powers[:-1]).sum()) * self.step
+        forces, velocities = self.oscillations()
+        return float(np.abs(forces * (velocities + motion.velocities))[:-1].sum()) * self.step
 
     def carried(
         self,
@@ -413,3 +418,8 @@ class DrivenPeriod:
         determinant = a * d - b * c
         x, y = vectors[:m], vectors[m:]
         return np.concatenate([(d * x - b * y) / determinant, (a * y - c * x) / determinant])
+
+
+def modal_forces(reduced: ReducedModel, amplitudes: np.ndarray, speeds: np.ndarray) -> np.ndarray:
+    """Those under which the modes have amplitudes (k, m) in linear steady states of speeds i omega (k, 1)."""
+    return (reduced.omega**2 + speeds * (speeds + 2.0 * reduced.damping * reduced.omega)) * amplitudes

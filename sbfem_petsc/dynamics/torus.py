@@ -20,7 +20,7 @@ from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from .curve_system import CurveMaps, CurveSystem, filtered
 from .excitation import Excitation
-from .period_map import DrivenPeriod, Period, PeriodMotion
+from .period_map import DrivenPeriod, Period, PeriodMotion, modal_forces
 
 # Newton's method: closing error relative to the linear response, and iterations.
 CLOSED, ITERATIONS = 1e-11, 15
@@ -100,7 +100,7 @@ class Torus:
         p = self.period
         gaps = (self.pumped @ p.right) @ p.left.T + second.amplitudes @ reduction.gap.loads[: p.pairs].T
         self.pump_gaps = np.concatenate([gaps.real, -gaps.imag])
-        speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
+        self.pump_speeds = speeds = 2j * np.pi * second.orders[:, None] * frequencies[1]
         self.size = max(
             self.base.oscillation,
             float(np.linalg.norm(np.concatenate([p.weights * self.pumped, speeds * self.pumped], axis=1))),
@@ -110,12 +110,30 @@ class Torus:
     def driven(self, theta: float) -> DrivenPeriod:
         """The map at a phase of the second tone, in differences to the linear response."""
         result = copy.copy(self.base)
-        phases = self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
+        phases = self._phases(theta)
         # the real part of a product of complex matrices, by one of real ones
         moved = np.concatenate([phases.real, phases.imag], axis=1) @ self.pump_gaps
         result.free_gap = np.add(moved, self.base.free_gap, out=moved)
         result.linear_state = np.zeros_like(self.base.linear_state)
         return result
+
+    def _phases(self, theta: float) -> np.ndarray:
+        """(steps + 1, k): of the second tone's multiples over the first one's period."""
+        return self.turning * np.exp(2j * np.pi * theta * self.drives[1].orders)
+
+    def contact_work(self, motions: Sequence[PeriodMotion | None]) -> float:
+        """As `contact_work.contact_work`, over the motions from all samples. Collective."""
+        forces, velocities = self.base.oscillations()
+        further = (modal_forces(self.reduced, self.pumped, self.pump_speeds), self.pump_speeds * self.pumped)
+        done = np.zeros(2)
+        for i in self.mine:
+            motion, phases = motions[i], self._phases(i / self.samples)
+            assert motion is not None  # this rank's
+            force, velocity = ((phases @ part).real for part in further)
+            powers = (forces + force) * (velocities + velocity + motion.velocities)
+            done += np.abs(motion.work).sum(), np.abs(powers[:-1]).sum() * self.base.step
+        self.comm.Allreduce(MPI.IN_PLACE, done)
+        return float(done[0] / max(done[1], 1e-300))
 
     def shifted(self, states: np.ndarray, sign: int = 1) -> np.ndarray:
         """The curve's samples at phases further on by the rotation, or (sign = -1) back."""

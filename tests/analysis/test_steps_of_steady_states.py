@@ -96,6 +96,22 @@ def test_a_curve_takes_the_steps_of_its_worst_point():
     assert coarse.period.steps == 512 and len(coarse.bifurcations) > len(kinds)
 
 
+def test_two_tones_halve_the_same_steps():
+    """A lightly damped mass on a stop: the work of contact over all phases of the slower tone tells the error
+    of the invariant curve, beside the one in eight times the steps.
+    """
+    system, tones = one_mass(0.0, 0.005, stiffness=4.0), (0.2199, 0.0345)
+    load = [sb.Harmonic(1.0, tones[0]) + sb.Harmonic(0.3, tones[1])]
+    found = {
+        steps: sb.quasi_periodic(system, load, tones, samples=41, steps=steps, stability=False)
+        for steps in (4096, 512, None)
+    }
+    exact = found[4096].states
+    errors = [np.linalg.norm(found[n].states - exact) / np.linalg.norm(exact) for n in (512, None)]
+    assert found[512].steps == 512 and found[None].steps == 1024
+    assert errors[0] > LARGEST > 2.0 * errors[1]
+
+
 def test_a_curve_that_is_resumed_goes_on_in_its_steps(tmp_path):
     """Which are not asked for; other ones that are, are refused."""
     system, start, stop, file = two_masses(), 0.6 / TURN, 0.66 / TURN, str(tmp_path / "curve.h5")
