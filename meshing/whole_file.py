@@ -12,7 +12,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-UNFINISHED = re.compile(r"\.(.+)\.\w{8}\.part")  # names of folders in which files are made
+from .folder_index import claim
 
 
 def require_regular(path: str | os.PathLike[str]) -> None:
@@ -42,13 +42,17 @@ def read_whole(path: Path) -> bytes:
 
 
 def destination(path: str, what: str) -> str:
-    """The absolute path of a file that is to be written, a symbolic link's goal.
+    """The absolute path of a file that is to be written, a symbolic link's goal; in an output folder, where
+    no link is followed, it is entered into the index.
 
     Raises
     ------
     ValueError
-        If a folder, a device or a pipe stands there.
+        If a folder, a device or a pipe stands there, or what an output folder does not list.
     """
+    listed = claim(path, what)
+    if listed is not None:
+        return listed
     real = os.path.realpath(path)
     if os.path.lexists(real) and not os.path.isfile(real):
         kind = "a folder" if os.path.isdir(real) else "no regular file"
@@ -63,7 +67,7 @@ def reason(error: Exception) -> str:
 
 
 @contextlib.contextmanager
-def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
+def replaced(path: str, what: str) -> Iterator[str]:
     """A file to write, of the same name in a folder of its own; at the end it takes the place of `path`.
 
     What was written beside it then stands beside `path`. Nothing is left behind by a failure, and a former
@@ -74,8 +78,6 @@ def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
     path : str
     what : str
         Kind of file, for messages: "picture".
-    place : str, optional
-        Where it is to stand; `destination` of the path by default.
 
     Raises
     ------
@@ -83,7 +85,7 @@ def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
         See `destination`; if the system refuses, as on a full disk; if what was written beside it would
         replace a file that does not belong to it.
     """
-    place = destination(path, what) if place is None else place
+    place = destination(path, what)
     folder, name = os.path.split(place)
     spare = None
     try:
@@ -98,6 +100,8 @@ def replaced(path: str, what: str, place: str | None = None) -> Iterator[str]:
             )
         if os.path.exists(place):
             os.chmod(os.path.join(spare, name), stat.S_IMODE(os.stat(place).st_mode))
+        for other in others:
+            claim(os.path.join(folder, other), what)
         for file in (*others, name):
             synchronise(os.path.join(spare, file))
         for file in (*others, name):  # the file itself last

@@ -14,12 +14,10 @@ import numpy as np
 from meshing import whole_file
 
 from .checks import path as checked_path
-from .folder_index import claim
 
 
 def destination(path: Any, what: str) -> str:
-    """The absolute path of a file that is to be written, a symbolic link's goal; in an output folder, where
-    no link is followed, it is entered into the index.
+    """`meshing.whole_file.destination` of a path that may be of any kind.
 
     Raises
     ------
@@ -27,19 +25,18 @@ def destination(path: Any, what: str) -> str:
         If it is no path, or the place of something that must not be replaced: a folder, a device, a pipe, or
         what an output folder does not list.
     """
-    text = checked_path(what, "path", path)
-    return claim(text, what) or whole_file.destination(text, what)
+    return whole_file.destination(checked_path(what, "path", path), what)
 
 
 def replaced(path: Any, what: str) -> AbstractContextManager[str]:
-    """`meshing.whole_file.replaced`, in output folders by their index.
+    """`meshing.whole_file.replaced` of a path that may be of any kind.
 
     Raises
     ------
     TypeError, ValueError
         See `destination`; or if the system refuses, as on a full disk.
     """
-    return whole_file.replaced(checked_path(what, "path", path), what, destination(path, what))
+    return whole_file.replaced(checked_path(what, "path", path), what)
 
 
 @contextlib.contextmanager

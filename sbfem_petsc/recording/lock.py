@@ -7,9 +7,8 @@ import fcntl
 import os
 import platform
 
+from meshing.folder_index import claim, open_regular
 from meshing.whole_file import reason
-
-from ..folder_index import claim, open_regular
 
 
 class WriterLock:

@@ -7,9 +7,10 @@ import os
 import tempfile
 from dataclasses import dataclass
 
+from meshing.folder_index import make_folder
+
 from ..analysis.static import Static
 from ..checks import instance, shown
-from ..folder_index import make_folder
 from ..loads import as_loads
 from ..parallel import agreed, collective
 from ..petsc import MPI, require_thread

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from typing import Any
 
-from ..folder_index import make_output_folder
+from meshing.folder_index import make_output_folder
+
 from ..parallel import on_root
 from ..plot.animation import animate_crack
 from ..plot.basins import plot_basins

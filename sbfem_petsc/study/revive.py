@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 import sbfem_petsc as sb
+from meshing.folder_index import make_output_folder, regular_file
 
-from ..folder_index import make_output_folder, regular_file
 from ..parallel import on_root
 from ..recording.hdf5 import opened
 from ..writing import spare_folder

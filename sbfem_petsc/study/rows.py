@@ -17,9 +17,8 @@ from typing import Any
 
 import numpy as np
 
+from meshing.folder_index import claim, open_regular
 from meshing.whole_file import reason
-
-from ..folder_index import claim, open_regular
 
 _HEAD = struct.Struct("<4sQI")  # mark, length, checksum
 _MARK = b"row\0"

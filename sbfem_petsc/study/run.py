@@ -12,10 +12,10 @@ import h5py
 import numpy as np
 
 import sbfem_petsc as sb
+from meshing.folder_index import make_folder
 
 from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
-from ..folder_index import make_folder
 from ..parallel import agreed, collective
 from ..recording.hdf5 import new_hdf5, opened
 from . import pictures

@@ -8,7 +8,8 @@ import sys
 
 import pytest
 
-from meshing.whole_file import UNFINISHED, replaced
+from meshing.folder_index import UNFINISHED
+from meshing.whole_file import replaced
 
 
 def fill(path, text, what="table"):

@@ -8,7 +8,8 @@ import shutil
 
 import pytest
 
-from sbfem_petsc.folder_index import INDEX, HeldFolder, listed
+from meshing import Beam
+from meshing.folder_index import INDEX, HeldFolder, listed
 from sbfem_petsc.recording.hdf5 import new_hdf5, opened
 from sbfem_petsc.recording.lock import WriterLock
 from sbfem_petsc.study import rows, run
@@ -84,6 +85,22 @@ def test_what_is_added_is_refused(folder, name, replace):
     if name.startswith("mine/"):
         place.parent.rmdir()
     assert sbfem("run", folder / "case.toml", "--output", folder / "out", *replace).code == 0
+
+
+def test_what_other_functions_save_there_is_listed(folder):
+    """A mesh, and one in a format of several files, as results are; the run goes on and may replace them."""
+    out = folder / "out"
+    mesh = Beam(0.2, 0.01).mesh(order=2)
+    for _ in range(2):
+        mesh.save(out / "body.npz")
+        mesh.export(out / "body.xdmf")
+    assert {"body.npz", "body.xdmf", "body.h5"} <= listed(str(out))
+    assert sbfem("run", folder / "case.toml", "--output", out).code == 0
+    (out / "mine.npz").write_text("mine")
+    with pytest.raises(ValueError, match="something that this program has not made stands in its place"):
+        mesh.save(out / "mine.npz")
+    assert sbfem("run", folder / "case.toml", "--output", out).code == 2
+    (out / "mine.npz").unlink()
 
 
 def test_replacing_removes_what_the_index_lists(folder):

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.folder_index import INDEX
+from meshing.folder_index import INDEX
 from sbfem_petsc.study import revive
 from sbfem_petsc.study.case import case_from_text, read_case
 from sbfem_petsc.study.run import read_run, run_case

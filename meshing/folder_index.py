@@ -8,16 +8,17 @@ import contextlib
 import fcntl
 import json
 import os
+import re
 import shutil
 import stat
 from collections.abc import Iterator
-
-from meshing.whole_file import UNFINISHED
 
 # The index: a JSON string a line, folders with "/" at their end. It also carries the lock of a run.
 INDEX = ".sbfem-index"
 # Folders above a file in which an index is looked for.
 UP = 4
+# Names of folders in which files are made.
+UNFINISHED = re.compile(r"\.(.+)\.\w{8}\.part")
 
 _NOT_OURS = "move it away, or name another folder with --output"
 
