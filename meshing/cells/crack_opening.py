@@ -74,30 +74,33 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
     rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)
-    arc = math.dist(path.start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    length = math.dist(path.start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    arc = length
     faces.length = float(arc[-1])  # that of the closed line
     if path.end is not None:
         faces.length += math.dist(path.end.position, line[-1])
         arc = np.minimum(arc, arc[-1] + math.dist(path.end.position, line[-1]) - arc)
     unit = steps / np.hypot(*steps.T)[:, None]
     normal = np.stack([unit[:, 1], -unit[:, 0]], axis=1)
-    for place, (right, left) in enumerate(zip(rights, lefts)):
-        before, after = normal[max(place - 1, 0)], normal[min(place, len(normal) - 1)]
-        # On the bisector of a kink, so that both sides keep their distance.
-        offset = (before + after) / (1.0 + before @ after)
-        shift = arc[place] * math.tan(angle / 2)
-        for vertex, sign in ((right, 1.0), (left, -1.0)):
-            moved[vertex] = moved.get(vertex, np.zeros(2)) + sign * shift * offset
-    if path.end is None:
-        # The last straight piece of each face runs to where it meets the edge.
-        turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12)
-        corner = int(turned[-1]) + 1 if len(turned) else -1
-        for side, sign in ((rights, 1.0), (lefts, -1.0)):
-            mouth = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
-            start, base = (arc[corner], moved[side[corner]]) if corner >= 0 else (0.0, np.zeros(2))
-            for place in range(corner + 1, len(side)):
-                share = (arc[place] - start) / (arc[-1] - start)
-                moved[side[place]] = (1.0 - share) * base + share * mouth
+    turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12) + 1
+    corners = [0, *turned.tolist(), len(line) - 1]
+    for side, sign in ((rights, 1.0), (lefts, -1.0)):
+        shifts = sign * math.tan(angle / 2) * arc
+        # On the bisector of a kink, so that both sides keep their distance; at a mouth along the edge.
+        at = {
+            k: shifts[k] * (normal[k - 1] + normal[k]) / (1.0 + normal[k - 1] @ normal[k])
+            for k in corners[1:-1]
+        }
+        at |= {0: shifts[0] * normal[0], corners[-1]: shifts[-1] * normal[-1]}
+        if path.end is None:
+            at[corners[-1]] = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
+        for first, last in zip(corners, corners[1:]):
+            # Along the line more and more from a tip, so that nothing is passed by what moves beside a kink.
+            low, high = (0.0 if first == 0 else length[first]), length[last]
+            start, stop = (at[k] - shifts[k] * normal[first] for k in (first, last))
+            for place in range(first, last + 1):
+                share = (length[place] - low) / (high - low)
+                moved[side[place]] = shifts[place] * normal[first] + (1.0 - share) * start + share * stop
     for tip in (path.start, path.end):
         if tip is not None:
             tip.opening = angle

@@ -66,16 +66,14 @@ def _refine(
     """Rings around tips, junctions and sharp kinks; the lines get the new vertices."""
     rings = Rings(cells)
     near: dict[int, list[int]] = {}
-    for crack in cracks:
-        for line in crack.lines:
-            if line.embedded:
-                for a, b in edges_of(line.right):
-                    near.setdefault(a, []).append(b)
-                    near.setdefault(b, []).append(a)
+    for a, b in [edge for crack in cracks for line in crack.lines for edge in edges_of(line.right)]:
+        near.setdefault(a, []).append(b)
+        near.setdefault(b, []).append(a)
     done: set[int] = set()
     for crack in cracks:
         crack.length = sum(_length(cells, line) for line in crack.lines)
         for line in crack.lines:
+            _refuse_one_edge(cells, crack, line, meshing)
             for tip, vertex, ends in (
                 (line.start, line.right[0], (line.left[1], line.right[1])),
                 (line.end, line.right[-1], (line.right[-2], line.left[-2])),
@@ -88,21 +86,34 @@ def _refine(
                     done |= {vertex, *ends}
     for vertex, others in near.items():
         sharp = len(others) > 2 or (len(others) == 2 and _bend(cells, vertex, others) > _KINK)
-        if not sharp or vertex in outline or done & {vertex, *others}:
-            continue
-        found = rings.fan(vertex, others[0], others[0])
-        if found is None:
-            continue
-        reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found.chain)
-        rings.refine(vertex, others, found, innermost=_INNERMOST * reach, grading=meshing.grading, tip=False)
-        done |= {vertex, *others}
+        found = None
+        if sharp and vertex not in outline and not done & {vertex, *others}:
+            found = rings.fan(vertex, others[0], others[0])
+        if found is not None:
+            reach = max(math.dist(cells.vertices[vertex], cells.vertices[v]) for v in found.chain)
+            innermost = _INNERMOST * reach
+            rings.refine(vertex, others, found, innermost=innermost, grading=meshing.grading, tip=False)
+            done |= {vertex, *others}
+    _follow_lines(cells, cracks, rings)
+
+
+def _refuse_one_edge(cells: CellComplex, crack: CrackLines, line: Line, meshing: CrackMeshing) -> None:
+    if meshing.tip_element and line.start and line.end and len(line.right) == 2:
+        (x, y), (u, v) = (cells.vertices[vertex] for vertex in line.right)
+        raise ValueError(
+            f"{crack.where}: its line from ({x:.6g}, {y:.6g}) to ({u:.6g}, {v:.6g}) m is one edge of cells, "
+            "which both tips would divide; give smaller cells there, or pass tip_element=False."
+        )
+
+
+def _follow_lines(cells: CellComplex, cracks: list[CrackLines], rings: Rings) -> None:
+    """Give edge sets and lines the vertices of rings; lines leave out ends that are scaling centres now."""
     for name, edges in cells.edge_sets.items():
         chains = [with_inserted(edge, rings.inserted) for edge in edges]
         cells.edge_sets[name] = [part for chain in chains for part in edges_of(chain)]
     for crack in cracks:
         for line in crack.lines:
             tips = [tip is not None and tip.cell >= 0 for tip in (line.start, line.end)]
-            # Without the ends that have become scaling centres.
             line.right, line.left = (
                 with_inserted(path, rings.inserted)[int(tips[0]) : None if not tips[1] else -1]
                 for path in (line.right, line.left)

@@ -198,6 +198,20 @@ def test_opening_of_a_kinked_crack():
     assert pairs.gap == pytest.approx(2.0 * math.tan(math.radians(0.1)) * pairs.arc, rel=1e-4)
 
 
+@pytest.mark.parametrize("opening", [1.0, 3.0, 10.0])
+@pytest.mark.parametrize("turn", [-90, -45, 30, 60, 90])
+def test_wide_opening_of_a_sharp_kink(turn, opening):
+    """Nothing is passed by what moves along the inner face of a kink; what stands open is a wedge of the
+    crack's length, and as wide as the way from the tip says (apart from the turn of the faces at the kink).
+    """
+    tip = (0.03 + 0.02 * math.cos(math.radians(turn)), 0.05 + 0.02 * math.sin(math.radians(turn)))
+    mesh = Plate(SQUARE, cracks=[CrackLine([(0, 0.05), (0.03, 0.05), tip], opening=opening)]).mesh(order=3)
+    width = 2.0 * math.tan(math.radians(opening / 2))
+    check_mesh(mesh, 0.1**2 - 0.5 * width * 0.05**2, 1e-12)
+    assert mesh.cracks[0].length == pytest.approx(0.05)
+    assert mesh.pairs.gap == pytest.approx(width * mesh.pairs.arc, rel=0.06 * width)
+
+
 def test_face_size_adds_pairs_and_no_elements():
     plate = Plate(SQUARE, cracks=[CrackLine([(0.05, 0.1), (0.05, 0.06)])])
     coarse, fine = plate.mesh(), plate.mesh(face_size=0.5e-3)

@@ -343,3 +343,24 @@ def test_the_estimate_of_cells(tmp_path):
         told = re.search(r"about ([\d.e+]+) cells, about ([\d.e+]+) unknowns", str(caught.value))
         assert float(told[1]) == pytest.approx(mesh.elements, rel=0.1)
         assert float(told[2]) == pytest.approx(unknowns, rel=0.15)  # the outline adds a few
+
+
+ONE_EDGE = """
+Point(1) = {0, 0, 0}; Point(2) = {3, 0, 0}; Point(3) = {3, 2, 0}; Point(4) = {0, 2, 0};
+Point(5) = {1, 1, 0}; Point(6) = {2, 1, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1}; Line(5) = {5, 6};
+Transfinite Curve {1, 3} = 4; Transfinite Curve {2, 4} = 3; Transfinite Curve {5} = 2;
+Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1}; Curve{5} In Surface{1};
+Physical Surface("m") = {1}; Physical Curve("crack:c") = {5};
+"""
+
+
+def test_crack_of_one_edge(tmp_path):
+    path = tmp_path / "model.geo"
+    path.write_text(ONE_EDGE)
+    says = (
+        r"crack 'c': its line from \(1, 1\) to \(2, 1\) m is one edge of cells, which both tips would divide"
+    )
+    with pytest.raises(ValueError, match=says):
+        read_gmsh(path)
+    assert len(read_gmsh(path, tip_element=False, order=2).cracks) == 1
