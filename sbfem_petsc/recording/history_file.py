@@ -252,7 +252,7 @@ class HistoryFile:
             if comm.rank == 0:
                 with opened(self.path, WHAT, {FORM: VERSION}) as file:
                     contents = Contents.read(file)
-                    head, states = newest(file, contents)
+                    head, states, _ = newest(file, contents)
                     blocks = file["running/blocks"][: head.blocks]
                 rows = verified(self.path, contents, head)
                 if self.former.count < self._contents.settings["count"]:

@@ -195,8 +195,10 @@ class Contents:
         return found
 
 
-def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray]:
-    """The newer of the checkpoints that are whole, and the states of all writers."""
+def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray, int]:
+    """The newer of the checkpoints that are whole, the states of all writers, and how many rows are said to
+    be recorded behind it: of a run that was killed none are, whenever that was.
+    """
     found = []
     for name in SLOTS:
         head, states = Head.read(file[name], len(contents.sizes)), file[name][contents.head :]
@@ -210,7 +212,10 @@ def newest(file: h5py.File, contents: Contents) -> tuple[Head, np.ndarray]:
     fits = 0 < head.rows <= contents.instants and 0 <= head.done <= contents.settings["count"]
     if not fits or not 0 < head.blocks <= len(file["running/blocks"]) or not np.isfinite(states).all():
         raise ValueError(f"{head.rows} rows of {head.done} steps are said to be recorded")
-    return head, states
+    recorded = file["running/recorded"][0]
+    if not (0.0 <= recorded <= contents.instants and recorded == int(recorded)):
+        raise ValueError(f"{recorded} rows are said to be recorded")
+    return head, states, max(0, int(recorded) - head.rows)
 
 
 def mapped(path: str, names: Sequence[str], count: int) -> Rows:

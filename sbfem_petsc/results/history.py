@@ -39,12 +39,13 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
     Warns
     -----
     IncompleteHistory
-        If the run that wrote it has not ended; what it had recorded is returned.
+        If the run that wrote it has not ended, or the checkpoint behind its last rows is damaged; what is
+        recorded before is returned.
     """
     flag("read_history", "in_memory", in_memory)
     with opened(path, WHAT, {FORM: VERSION}) as file:
         contents = Contents.read(file)
-        head, states = newest(file, contents)
+        head, states, lost = newest(file, contents)
         reduced = read_reduced_model(file["reduced_model"]) if contents.kind == "reduced" else None
         _require_columns(file, contents, reduced)
     rows = verified(os.fspath(path), contents, head)
@@ -59,9 +60,14 @@ def read_history(path: str, *, in_memory: bool = True) -> History:
     settings = contents.settings
     complete = head.done == settings["count"]
     if not complete:
+        why = f"incomplete: its run has recorded {head.done} of {settings['count']} steps"
+        if lost:
+            why = (
+                f"damaged: what vouches for the last {lost} of its {head.rows + lost} instants has been "
+                f"changed, and only those up to step {head.done} are read"
+            )
         warnings.warn(
-            f"{WHAT} {os.fspath(path)!r} is incomplete: its run has recorded {head.done} of "
-            f"{settings['count']} steps; resume=True continues it",
+            f"{WHAT} {os.fspath(path)!r} is {why}; resume=True continues from there",
             IncompleteHistory,
             stacklevel=caller_level(),
         )

@@ -505,6 +505,31 @@ def test_changed_bytes_are_told(model, tmp_path):
     assert told > 100
 
 
+@pytest.mark.parametrize("chunks", [1, 5])
+def test_a_changed_checkpoint_is_damage(model, monkeypatch, chunks, tmp_path):
+    """That of the last rows is not taken for one that a kill has cut off: it is told how many rows are
+    behind it, those before are read, and going on computes them again.
+    """
+    monkeypatch.setattr(module, "CHUNK", 50 if chunks > 1 else 1000)
+    path, run = tmp_path / "h.h5", {"duration": 250e-6, "step": 1e-6, "modes": 16, "decimation": 1}
+    history = sb.transient(model, LOAD, file=path, **run)
+    with h5py.File(path) as file:
+        heads = [file[slot][0] for slot in ("running/A", "running/B")]
+        slot = file[("running/A", "running/B")[int(np.argmax(heads))]]
+        place = slot.id.get_offset() + 8 * (slot.size - 1)
+    data = bytearray(path.read_bytes())
+    data[place] ^= 0x10
+    path.write_bytes(data)
+    left, lost = (201, 50) if chunks > 1 else (1, 250)
+    told = f"is damaged: what vouches for the last {lost} of its 251 instants has been changed, and only"
+    with pytest.warns(IncompleteHistory, match=told):
+        found = read_history(path)
+    assert len(found.time) == left and not found.complete
+    np.testing.assert_array_equal(found.states.q, history.states.q[:left])
+    same(sb.transient(model, LOAD, file=path, resume=True, **run), history)
+    assert read_history(path).complete
+
+
 @pytest.mark.parametrize("kind", ["device", "folder", "pipe", "link to a device", "no path"])
 def test_nothing_but_files_is_replaced(model, tmp_path, kind):
     place = {

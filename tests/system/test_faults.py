@@ -243,8 +243,8 @@ def said(read, path, whole):
 def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
     """Whatever bit has changed, and wherever the end is missing: a sentence.
 
-    Of a history's two checkpoints a changed one is passed over, as one that was cut off while it was written
-    is: the other one tells how far it vouches for, or, where it is the later one, the same states.
+    Of a history's two checkpoints a changed one is passed over: where the other is the later one the states
+    are the same.
     """
     path, read = files[kind]
     data, copy, generator = path.read_bytes(), tmp_path / path.name, np.random.default_rng(1)
@@ -255,7 +255,7 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
         changed[place] ^= 1 << int(generator.integers(8))
         copy.write_bytes(changed)
         sentence = said(read, copy, whole)
-        assert re.search("damaged|no HDF5|checksum|is incomplete: its run has recorded 0|the same", sentence)
+        assert re.search("damaged|no HDF5|checksum|the same", sentence)
     for length in generator.integers(len(data), size=20):
         copy.write_bytes(data[:length])
         with pytest.raises(ValueError, match="truncated|damaged|lost its checksum"):
