@@ -218,7 +218,13 @@ def _crossings(segments: np.ndarray, owner: Sequence[str], snap: float) -> np.nd
             f"crack {owner[one[k]]!r}: it runs along crack {owner[other[k]]!r} from ({x:.6g}, {y:.6g}) m; "
             "a piece of line belongs to one crack."
         )
-    return shapely.get_coordinates(meet[shapely.get_type_id(meet) == 0])
+    # an end that lies on the other line to the snapping distance is where they meet
+    reached = np.zeros(len(meet), bool)
+    for first, second in ((one, other), (other, one)):
+        ends = shapely.get_coordinates(segments[first]).reshape(-1, 2, 2)
+        for end in np.moveaxis(ends, 1, 0):
+            reached |= shapely.distance(shapely.points(end), segments[second]) <= snap
+    return shapely.get_coordinates(meet[(shapely.get_type_id(meet) == 0) & ~reached])
 
 
 class _Clearances:

@@ -57,7 +57,9 @@ def check(options: Options, comm: Any) -> int:
 
 
 def mesh(options: Options, comm: Any) -> int:
-    """Draw the discretisation."""
+    """Draw the discretisation, or show it in gmsh's window."""
+    from meshing.gmsh.window import show_mesh
+
     from ..study import objects, pictures
 
     case = _case(options, comm)
@@ -65,6 +67,9 @@ def mesh(options: Options, comm: Any) -> int:
     with watch_for(comm, options.quiet) as watch:
         watch.stage("mesh")
         found = on_root(comm, lambda: objects.mesh(case))
+        if options.gui:
+            on_root(comm, lambda: show_mesh(found) if found else None)
+            return 0
         pictures.draw_mesh(found, path, comm)
     _say(options, comm, f"{found!r}\nwritten: {path}")
     return 0

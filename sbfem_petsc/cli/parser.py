@@ -82,7 +82,9 @@ def make_parser() -> argparse.ArgumentParser:
 
     mesh = command("mesh", "draw the discretisation of a case")
     mesh.add_argument("case", metavar="CASE", help="case file")
-    mesh.add_argument("--output", metavar="PNG", help="picture (default: CASE with .mesh.png)")
+    shown = mesh.add_mutually_exclusive_group()
+    shown.add_argument("--output", metavar="PNG", help="picture (default: CASE with .mesh.png)")
+    shown.add_argument("--gui", action="store_true", help="show it in gmsh's window, without a picture")
 
     run = command(
         "run",

@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Hole, Plate, VNotch, read_gmsh
+from meshing.gmsh.window import show_mesh
 
 LENGTH, HEIGHT, OPENING = 0.4, 0.005, 0.0458366
 HOLE = Hole(0.065, 0.0025, 0.0025)
@@ -264,3 +265,23 @@ def test_polygons_that_are_refused(old, new, says, tmp_path):
     assert old in ROW
     with pytest.raises(ValueError, match=says):
         read_gmsh(written(tmp_path, ROW.replace(old, new)))
+
+
+def test_what_gmsh_shows_of_a_mesh(monkeypatch):
+    """Every edge once, in pieces from node to node, by its edge set; points by name; nothing is left."""
+    mesh, seen = PAPER.mesh(order=3), {}
+
+    def look():
+        for dimension, group in gmsh.model.getPhysicalGroups():
+            (entity,) = gmsh.model.getEntitiesForPhysicalGroup(dimension, group)
+            elements = gmsh.model.mesh.getElements(dimension, entity)[1][0]
+            seen[gmsh.model.getPhysicalName(dimension, group)] = len(elements)
+        seen["all"] = len(gmsh.model.mesh.getElements(1)[1][0])
+
+    monkeypatch.setattr(gmsh.fltk, "initialize", lambda: None)
+    monkeypatch.setattr(gmsh.fltk, "finalize", lambda: None)
+    monkeypatch.setattr(gmsh.fltk, "run", look)
+    show_mesh(mesh)
+    wanted = {name: 3 * len(edges) for name, edges in mesh.edge_sets.items()} | dict.fromkeys(mesh.points, 1)
+    assert seen == wanted | {"all": 3 * len(mesh.edges)}
+    assert not gmsh.isInitialized()

@@ -212,6 +212,18 @@ def test_wide_opening_of_a_sharp_kink(turn, opening):
     assert mesh.pairs.gap == pytest.approx(width * mesh.pairs.arc, rel=0.06 * width)
 
 
+def test_an_end_that_lies_nearly_on_another_crack():
+    """Of a branch that starts 1.8e-6 m beside a crack (2.8e-6 m are nothing in a plate of 28 m) and then
+    crosses it: it meets it in its end.
+    """
+    main = [(-1.37939, 0.44923), (0.5, 1.13327)]
+    branch = [(-0.43969, 0.79125), (0.20309, 1.55730)]
+    square = [(-10, -10), (10, -10), (10, 10), (-10, 10)]
+    mesh = Plate(square, cracks=[CrackLine(main), CrackLine(branch)]).mesh(order=2)
+    check_mesh(mesh, 400.0, 1e-12)
+    assert len(mesh.tips) == 3
+
+
 def test_face_size_adds_pairs_and_no_elements():
     plate = Plate(SQUARE, cracks=[CrackLine([(0.05, 0.1), (0.05, 0.06)])])
     coarse, fine = plate.mesh(), plate.mesh(face_size=0.5e-3)

@@ -97,6 +97,13 @@ def test_mesh(folder, tmp_path):
     assert done.code == 0 and (tmp_path / "mesh.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_mesh_in_a_window_where_there_is_no_display(folder, monkeypatch):
+    monkeypatch.setenv("DISPLAY", ":4711")
+    done = sbfem("mesh", folder / "case.toml", "--gui", "--quiet")
+    assert done.code == 1 and not list(folder.glob("*.png"))
+    assert "gmsh's window cannot be opened" in done.err and "have a picture drawn" in done.err
+
+
 @pytest.mark.slow
 def test_info(folder):
     done = sbfem("info", folder / "out")
