@@ -20,6 +20,7 @@ import pytest
 
 from meshing import read_gmsh
 from meshing.gmsh import confined, reader
+from tests.parallel import on_ranks
 
 needs_landlock = pytest.mark.skipif(not confined.landlock_version(), reason="this kernel has no Landlock")
 KEPT = {
@@ -609,6 +610,35 @@ def test_the_child_goes_with_its_parent(tmp_path, by):
     else:
         os.kill(pid, signal.SIGKILL)
         pytest.fail("the child went on")
+
+
+ON_RANKS = """
+import sys
+from mpi4py import MPI
+import sbfem_petsc as sb
+from meshing import read_gmsh
+comm = MPI.COMM_WORLD
+told = [sb.on_root(comm, lambda: read_gmsh(sys.argv[1], order=1)) is not None]
+try:
+    sb.on_root(comm, lambda: read_gmsh(sys.argv[2], order=1))
+except ValueError as error:
+    told.append("it starts a program" in str(error))
+told = comm.gather(told)
+if comm.rank == 0:
+    print(told)
+"""
+
+
+@needs_landlock
+def test_two_ranks(folder):
+    """Rank 0 alone opens the file, in a process that does not take itself for a rank; what is wrong with it
+    is told on both.
+    """
+    plain = folder / "plain.geo"
+    plain.write_text(SQUARE)
+    done = on_ranks(2, ON_RANKS, str(plain), str(written(folder, 'SystemCall "touch MARK";')))
+    assert done.stdout.strip() == "[[True, True], [False, True]]"
+    assert not list(folder.parent.rglob("*MARK*"))
 
 
 @pytest.mark.parametrize("path", [None, 1, 3.5, b"model.geo", [], "", "a\0b"])
