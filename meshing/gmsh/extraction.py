@@ -20,6 +20,7 @@ from meshing.gmsh.script_log import check_whole, refused, step_read
 from meshing.gmsh.size_guard import Guard
 
 _NAMES_TRIED = 1000  # tags beyond the highest group's at which a name may be left of a group that is empty
+_TELLS_FILES = 4  # verbosity from which on gmsh tells what it reads
 
 
 def load() -> None:
@@ -95,6 +96,9 @@ def extract(
         "empty": [] if suffix in CAD else _empty_groups(gmsh),
         "log": [line for line in gmsh.logger.get() if line.startswith("Warning")],
     }
+    verbosity = gmsh.option.getNumber("General.Verbosity")
+    if verbosity < _TELLS_FILES:
+        told["log"].append(f"Warning: General.Verbosity = {verbosity:g} hides errors and what a script reads")
     own_unit = gmsh.option.getString("Geometry.OCCTargetUnit") != "M"
     told["merged_step"] = step_read(gmsh.logger.get()) if script and not own_unit else None
     told["skipped"] = _skipped_entities(gmsh, told["log"])

@@ -28,8 +28,12 @@ def check_whole(log: list[str]) -> None:
     Raises
     ------
     Refusal
-        Statements that follow others in a last line without its end; shapes from a file that it cannot read.
+        Errors after which a script has gone on (General.AbortOnError); statements that follow others in a
+        last line without its end; shapes from a file that gmsh cannot read.
     """
+    for line in log:
+        if line.startswith("Error: "):
+            raise refused(line.removeprefix("Error: "), script=True)
     for name in _files_read(log):
         with open(name, "rb") as stream:
             stream.seek(max(stream.seek(0, os.SEEK_END) - _TAIL, 0))

@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshing import read_gmsh
+from meshing import GmshWarning, read_gmsh
 from meshing.gmsh import confined, reader
 from tests.parallel import on_ranks
 
@@ -130,6 +130,9 @@ HOSTILE = {
         "only read files in its folder",
     ),
     "into the other end": ('Printf("forged") > "/proc/self/fd/1";', "only read files in its folder"),
+    "on after errors": ("General.AbortOnError = 0;\nx = y;\nPrint = 3;", NOT_READ),
+    "on after a file": ('General.AbortOnError = 0; Include "/etc/passwd";', OUTSIDE),
+    "on after a program": ('General.AbortOnError = 0; SystemCall "touch MARK";', PROGRAM),
     "a view": ('Save View[0] "MARK.pos";', NOT_READ),
     "a script elsewhere": ('Include "/etc/passwd";', f"'/etc/passwd', which is {OUTSIDE}"),
     "a mesh elsewhere": ('Merge "/etc/passwd";', f"'/etc/passwd', which is {OUTSIDE}"),
@@ -498,6 +501,13 @@ def child(script, time_limit=30.0, memory=2**31):
         return read_gmsh(path, order=1, time_limit=time_limit, memory_limit=memory)
 
 
+def test_what_hides_gmshs_words_is_told(tmp_path):
+    path = tmp_path / "model.geo"
+    path.write_text("General.Verbosity = 0;\n" + SQUARE)
+    with pytest.warns(GmshWarning, match=r"General\.Verbosity = 0 hides errors"):
+        assert read_gmsh(path, order=1).area == pytest.approx(1.0, abs=1e-12)
+
+
 def test_a_flood_of_words_is_not_kept():
     """What a script prints does not fill its reader's memory, and what it answers comes whole."""
     (answers, outlet), (sayings, mouth) = socket.socketpair(), socket.socketpair()
@@ -570,7 +580,7 @@ def test_bytes_that_are_no_text(tmp_path):
 INTERRUPTED = """
 import signal, sys, threading, os
 signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell in the background has it ignored
-from meshing import read_gmsh
+from meshing import GmshWarning, read_gmsh
 from meshing.gmsh import confined
 started = confined.subprocess.Popen
 class Popen(started):
@@ -616,7 +626,7 @@ ON_RANKS = """
 import sys
 from mpi4py import MPI
 import sbfem_petsc as sb
-from meshing import read_gmsh
+from meshing import GmshWarning, read_gmsh
 comm = MPI.COMM_WORLD
 told = [sb.on_root(comm, lambda: read_gmsh(sys.argv[1], order=1)) is not None]
 try:
