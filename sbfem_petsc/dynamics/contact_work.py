@@ -41,7 +41,8 @@ class StepsTooLong(Exception):
 def contact_work(driven: DrivenPeriod, motion: PeriodMotion) -> float:
     """Works of contact in the steps, taken positive, relative to what the loads and the modes exchange."""
     total = float(abs(motion.work).sum())
-    return total / max(driven.exchanged(motion), 1e-300) if total else 0.0
+    exchanged = driven.exchanged(motion) if total else 0.0
+    return total / exchanged if exchanged else 0.0  # at rest
 
 
 def times_more(work: float, steps: int, most: int) -> int:

@@ -133,7 +133,7 @@ class Torus:
             powers = (forces + force) * (velocities + velocity + motion.velocities)
             done += np.abs(motion.work).sum(), np.abs(powers[:-1]).sum() * self.base.step
         self.comm.Allreduce(MPI.IN_PLACE, done)
-        return float(done[0] / max(done[1], 1e-300))
+        return float(done[0] / done[1])
 
     def shifted(self, states: np.ndarray, sign: int = 1) -> np.ndarray:
         """The curve's samples at phases further on by the rotation, or (sign = -1) back."""
