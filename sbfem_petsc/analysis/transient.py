@@ -19,7 +19,7 @@ from ..checks import choice, flag, real_array, shown
 from ..dynamics.history import History
 from ..dynamics.initial import modal_start
 from ..dynamics.integration import Steps, integrate, row_size
-from ..dynamics.loading import Loading, communicator, loading, serving, warn_of_unreduced
+from ..dynamics.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..dynamics.preparation import check_reduction
 from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
 from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
@@ -71,9 +71,10 @@ def transient(
     duration : float
         s.
     step : float, optional
-        s. Default: 1/320 of the shortest period of the loads, with contact or loads that jump at most 0.8 of
-        the period of the highest mode; shortened to divide `duration`. Where a load jumps within a step, the
-        step is taken in two parts.
+        s. Default: 1/320 of the shortest period of the loads, with contact at most 0.8 of the period of the
+        highest mode, under loads that jump at most 0.8 of that of the highest mode in which more than 3e-5 of
+        the displacement under them is ("exact"; of the highest one otherwise); shortened to divide
+        `duration`. Where a load jumps within a step, the step is taken in two parts.
     modes : int, optional
         Default: all modes up to 8 times the loads' highest frequency, at least 80. Of the unreduced model:
         those that are damped.
@@ -156,7 +157,7 @@ def transient(
         else:
             reduced = serving("transient", model, loads, modes, loads.highest_frequency)
             reduced = reduced if record is None else record.adopt(reduced)
-            problem = _Reduced.of(reduced, loads, initial, contact)
+            problem = _Reduced.of(reduced, loads, initial, contact, scheme)
         former = None if record is None else record.former
         count, step, every = _planned(problem, duration, step, decimation, former)
         integration = "implicit" if unreduced and scheme != "paper" else scheme
@@ -192,9 +193,13 @@ class _Reduced:
     row: int
 
     @classmethod
-    def of(cls, reduced: ReducedModel, loads: Loading, initial: Any, contact: bool) -> _Reduced:
-        limited = (contact and len(reduced.initial_gap) > 0) or loads.jumps
+    def of(cls, reduced: ReducedModel, loads: Loading, initial: Any, contact: bool, scheme: str) -> _Reduced:
+        limited = (contact and len(reduced.initial_gap) > 0) or (loads.jumps and scheme != "exact")
         highest = float(reduced.frequencies[-1]) if limited else 0.0
+        if (
+            loads.jumps and not limited
+        ):  # a step that ends at a jump is exact: those behind it only tell of it
+            highest = moved_up_to(reduced, loads)
         if isinstance(initial, tuple) and by_functions(initial):
             initial = modal_start(reduced, initial)
         return cls(reduced, loads, initial, highest, row_size(reduced_columns(reduced)))

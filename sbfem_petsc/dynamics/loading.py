@@ -24,6 +24,8 @@ from ..system.resolution import warn_of_band, warn_of_jumps
 
 # Hz: what a structure can be driven at.
 FASTEST = 1e15
+# Share of the displacement under a load that jumps in modes that the default steps of a history follow.
+MOVED = 3e-5
 
 
 def communicator(system: Model | ReducedModel) -> MPI.Comm:
@@ -232,6 +234,18 @@ def _warn_of_reduced(owner: str, reduced: ReducedModel, loads: Loading, highest:
         sudden = loads.sudden
     forces, above = r.load_modes[:, sudden], r.load_flexibility[sudden, sudden]
     warn_of_jumps(owner, r.modal, r.damping, _shares(r.omega, forces, above), loads.duration)
+
+
+def moved_up_to(reduced: ReducedModel, loads: Loading) -> float:
+    """Frequency of the highest mode, Hz, in which more than `MOVED` of the displacement under loads is that
+    jump or have no known band. Collective.
+    """
+    r = reduced
+    with collective(r.comm):  # functions of a user
+        sudden = loads.sudden
+    shares = _shares(r.omega, r.load_modes[:, sudden], r.load_flexibility[sudden, sudden])
+    moved = np.flatnonzero(shares.max(axis=0, initial=0.0) > MOVED)
+    return float(r.frequencies[moved[-1]]) if len(moved) else 0.0
 
 
 def warn_of_unreduced(owner: str, model: Model, loads: Loading, modes: int | None) -> None:
