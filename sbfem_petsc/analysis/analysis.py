@@ -40,9 +40,10 @@ def analysis(
 
         @functools.wraps(function)
         def call(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
-            try:
+            bound = None
+            with contextlib.suppress(TypeError):
                 bound = signature.bind(*args, **kwargs)
-            except TypeError:  # Python says it in a sentence of its own
+            if bound is None:  # Python says it in a sentence of its own
                 return function(*args, **kwargs)
             bound.apply_defaults()
             given = bound.arguments

@@ -14,12 +14,11 @@ from ..dynamics.driven_orbits import Orbits, ParameterRange
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.own_tone import OwnTone, first_circle
 from ..dynamics.period_map import Period
-from ..dynamics.tones import QuasiPeriodic, own_motion
+from ..dynamics.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions
-from .quasi_periodic import require_room, warn_if_unresolved
 
 # Sizes, relative to the state, at which a motion off the branch is looked for.
 SIZES = (0.02, 0.05, 0.1, 0.01, 0.2)
@@ -88,16 +87,8 @@ def _quasi_periodic(
     branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...], samples: int
 ) -> QuasiPeriodic:
     """On an invariant curve whose mean square distance from the periodic motion is given."""
-    period = branch.period
-    require_room(
-        "switch_branch",
-        branch.reduced,
-        branch.reduced.comm,
-        samples=samples,
-        steps=period.steps,
-        orders=len(period.excitation.orders),
-    )
     own = OwnTone(branch.period, branch.parameter, branch.fixed_frequency, samples, branch.reduced.comm)
+    own.require_room("switch_branch")
     problem, found = "", []
     for share in sizes:
         guess, plane = first_circle(own, bifurcation, share)

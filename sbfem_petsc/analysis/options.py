@@ -199,7 +199,7 @@ class SwitchOptions(Options):
     size: float | None = item(
         None, text="distance from the branch relative to the state; default: several are tried", gt=0
     )
-    samples: int = _counted("phases of the motion's own tone; odd", 21, least=3, most=SAMPLES)
+    samples: int = _counted("phases of the motion's own tone; odd", 21, least=3)
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """Phases of an unknown tone are an odd number."""

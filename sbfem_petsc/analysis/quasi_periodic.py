@@ -5,23 +5,22 @@ measured, and motions whose second tone is their own.
 from __future__ import annotations
 
 import math
-import numbers
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from meshing.warnings import StepWarning
 
-from ..capacity import require_compiler, require_memory
+from ..capacity import require_compiler
 from ..checks import Bounds, instance, numbers_of, real
 from ..dynamics.contact_work import MOST, times_more, warn_of_contact_work
-from ..dynamics.curve_system import RESTART
-from ..dynamics.excitation import Excitation, by_formula, parts_of
+from ..dynamics.curve_system import require_room, resampled
+from ..dynamics.excitation import Excitation
 from ..dynamics.loading import communicator, loading, serving
 from ..dynamics.own_tone import Circle, OwnTone
-from ..dynamics.preparation import FAST_STEPS, PeriodSettings, period_memory, prepare
+from ..dynamics.preparation import FAST_STEPS, PeriodSettings, prepare
 from ..dynamics.step_plan import CONTACT_STEP, warn_if_coarse
 from ..dynamics.tones import (
     EXPONENTS,
@@ -30,14 +29,13 @@ from ..dynamics.tones import (
     own_circle,
     own_motion,
     tone_lines,
+    warn_if_unresolved,
 )
-from ..dynamics.torus import RESOLVED, Curve, Torus
+from ..dynamics.torus import Curve, Torus
+from ..dynamics.two_tones import drives, highest, tone
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..parallel import collective
-from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
-from ..signals.signal import Constant, Signal, as_signal
-from ..signals.waves import Harmonic
 from ..system.model import Model
 from .analysis import analysis
 from .options import QuasiPeriodicOptions
@@ -47,8 +45,6 @@ _OTHER = (
     "quasi_periodic: guess belongs to another model or number of modes ({}, not {}); give one of the same "
     "model"
 )
-# Multiples of a tone that a load may have, and the relative distance from one that rounding explains.
-MULTIPLES, SAME = 16, 1e-9
 
 
 @analysis(QuasiPeriodicOptions)
@@ -121,31 +117,17 @@ def quasi_periodic(
         return found
     frequencies = asked
     with collective(comm):
-        loads = loading("quasi_periodic", model, load, _tone)
+        loads = loading("quasi_periodic", model, load, tone)
         swapped = frequencies[1] > frequencies[0]
         ordered = frequencies[::-1] if swapped else frequencies
         driven = drives(loads.signals, ordered)
     if modes is None and guess is not None and isinstance(model, Model):
         modes = guess.states.shape[1] // 2
-    reduced = serving("quasi_periodic", model, loads, modes, _highest(driven, ordered))
+    reduced = serving("quasi_periodic", model, loads, modes, highest(driven, ordered))
     with collective(comm):
-        states = _resampled(guess, samples, reduced)
-    contact, fastest = len(reduced.initial_gap) > 0, _highest(driven, ordered)
+        states = None if guess is None else _of_same(guess, reduced, samples)
     more = 1 if steps is not None else MOST
-    if steps is None:
-        shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * ordered[0]))
-        fast = math.ceil(FAST_STEPS * fastest / ordered[0])
-        steps = max(STEPS, shortest, fast) if contact else STEPS
-    elif contact:
-        warn_if_coarse("quasi_periodic", steps, ordered[0], fastest, period="period of the faster tone")
-    slow = int(driven[1].orders.max())
-    if contact and samples // 2 < 2 * slow:
-        warnings.warn(
-            f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of {ordered[1]:g} Hz, "
-            f"of which the loads have multiple {slow}; at least {4 * slow + 1} are advisable",
-            StepWarning,
-            stacklevel=caller_level(),
-        )
+    steps = _steps(reduced, driven, ordered, samples, steps)
     require_compiler("quasi_periodic", comm)
     orders = max(len(drive.orders) for drive in driven)
 
@@ -188,55 +170,41 @@ def _solved(
         states, count = curve.states, times * count
 
 
-def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
-    """Warn the owner's caller of a curve that its samples do not resolve."""
-    if found.resolved:
-        return
-    missing = (
-        f"{found.tail:.2g} of its change with the {'second' if found.own is not None else 'slower'} tone is "
-        f"in the highest quarter of their harmonics, more than {RESOLVED:g}; lines may be off by as much, "
-        "small ones by more"
-        if found.tail > RESOLVED
-        else "a history from it leaves it, though its exponents are negative"
-    )
-    text = (
-        f"{owner}: {found.samples} samples do not resolve the motion: {missing}: take more, "
-        f"samples={2 * found.samples - found.samples % 2}, or more steps"
-    )
-    if found.own is not None:
-        text += "; if that does not help the tone locks, see periodic(..., periods=n)"
-    warnings.warn(text, StepWarning, stacklevel=caller_level())
+def _of_same(guess: QuasiPeriodic, reduced: ReducedModel, samples: int) -> np.ndarray:
+    """The curve to begin from at the phases wanted, if it is one of the same model."""
+    modes = len(reduced.omega)
+    same = guess.reduced is reduced or (reduced.model is not None and guess.reduced.model is reduced.model)
+    if not same or guess.states.shape[1] != 2 * modes:
+        raise ValueError(_OTHER.format(guess.states.shape[1] // 2, modes))
+    return resampled(guess.states, samples)
 
 
-def require_room(
-    owner: str, reduced: ReducedModel, comm: MPI.Comm, *, samples: int, steps: int, orders: int
-) -> None:
-    """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
-    size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
-    mine = math.ceil(samples / comm.size)  # of this rank
-    # the derivatives and the preconditioner's factors, both of the former iteration too, and work
-    derivatives = 8.0 * mine * size**2 * 7
-    motions = 8.0 * mine * steps * (size + rows)
-    krylov = 8.0 * mine * size * RESTART
-    period = period_memory(reduced, steps, orders)
-    require_memory(
-        owner,
-        comm,
-        derivatives + motions + krylov + period,
-        f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",
-        lambda share: "give fewer samples, steps or modes, or take more ranks on more machines",
-    )
-
-
-def _tone(value) -> Signal:
-    if isinstance(value, numbers.Real) and value == 0:
-        return Constant(0.0)
-    if isinstance(value, numbers.Real):
-        raise TypeError(
-            f"quasi_periodic: load {value!r} does not say to which tone it belongs; give Harmonic({value!r}, "
-            "frequency), or a Constant for a preload"
+def _steps(
+    reduced: ReducedModel,
+    driven: tuple[Excitation, Excitation],
+    frequencies: tuple[float, float],
+    samples: int,
+    steps: int | None,
+) -> int:
+    """Time steps in a period of the faster tone; a warning where they or the samples given are few."""
+    contact, fastest = len(reduced.initial_gap) > 0, highest(driven, frequencies)
+    slow = int(driven[1].orders.max())
+    if contact and samples // 2 < 2 * slow:
+        warnings.warn(
+            f"quasi_periodic: {samples} samples resolve multiples up to {samples // 2} of "
+            f"{frequencies[1]:g} Hz, of which the loads have multiple {slow}; at least {4 * slow + 1} are "
+            "advisable",
+            StepWarning,
+            stacklevel=caller_level(),
         )
-    return as_signal(value)
+    if steps is not None:
+        if contact:
+            warn_if_coarse(
+                "quasi_periodic", steps, frequencies[0], fastest, period="period of the faster tone"
+            )
+        return steps
+    shortest = math.ceil(float(reduced.frequencies.max(initial=0.0)) / (CONTACT_STEP * frequencies[0]))
+    return max(STEPS, shortest, math.ceil(FAST_STEPS * fastest / frequencies[0])) if contact else STEPS
 
 
 def _checked(frequencies, samples: int, guess: QuasiPeriodic | None) -> tuple[float, float] | float:
@@ -312,70 +280,3 @@ def _with_own_tone(
         return own_motion(own, circle, stability)
     except SolveError as error:
         raise on_all_ranks(error) from None
-
-
-def drives(signals: Sequence[Signal], frequencies: tuple[float, float]) -> tuple[Excitation, Excitation]:
-    """Loads at multiples of the faster tone, constants included, and of the slower one.
-
-    Parameters
-    ----------
-    signals : sequence of Signal
-    frequencies : (float, float)
-        Of the faster tone and of the slower one, Hz.
-
-    Raises
-    ------
-    ValueError
-        If a signal belongs to neither tone, or a tone has no load.
-    """
-    parts: tuple[list[list[Signal]], ...] = tuple([[] for _ in signals] for _ in frequencies)
-    for k, signal in enumerate(signals):
-        for part in parts_of(signal):
-            if not isinstance(part, (Constant, Harmonic)):
-                raise ValueError(
-                    f"quasi_periodic: the signal {part!r} is neither a Harmonic nor a Constant; two tones "
-                    "are given as Harmonic signals"
-                )
-            tone = _belongs(part, frequencies) if isinstance(part, Harmonic) else 0
-            parts[tone][k].append(part)
-    first, second = (
-        Excitation(*by_formula(loads, frequency, 1), 1) for loads, frequency in zip(parts, frequencies)
-    )
-    for drive, frequency in zip((first, second), frequencies):
-        if not drive.oscillating.amplitudes.any():
-            raise ValueError(
-                f"quasi_periodic: no load oscillates at {frequency:g} Hz; give Harmonic(amplitude, "
-                f"{frequency:g}), or use periodic for one tone"
-            )
-    return first, second
-
-
-def _belongs(part: Harmonic, frequencies: tuple[float, float]) -> int:
-    """Which tone a harmonic is a multiple of, the lowest multiple first."""
-    for order in range(1, MULTIPLES + 1):
-        for tone, frequency in enumerate(frequencies):
-            if abs(part.frequency - order * frequency) <= SAME * part.frequency:
-                return tone
-    raise ValueError(
-        f"quasi_periodic: {part!r} belongs to neither tone; its frequency must be {frequencies[0]:.12g} Hz "
-        f"or {frequencies[1]:.12g} Hz or a multiple of one of them, up to {MULTIPLES} times"
-    )
-
-
-def _highest(drives: tuple[Excitation, Excitation], frequencies: tuple[float, float]) -> float:
-    return max(float(drive.orders.max(initial=0)) * f for drive, f in zip(drives, frequencies))
-
-
-def _resampled(guess: QuasiPeriodic | None, samples: int, reduced: ReducedModel) -> np.ndarray | None:
-    """The curve to begin from at the phases wanted."""
-    if guess is None:
-        return None
-    modes = len(reduced.omega)
-    same = guess.reduced is reduced or (reduced.model is not None and guess.reduced.model is reduced.model)
-    if not same or guess.states.shape[1] != 2 * modes:
-        raise ValueError(_OTHER.format(guess.states.shape[1] // 2, modes))
-    harmonics = np.fft.rfft(guess.states, axis=0) / guess.samples
-    kept = np.zeros((samples // 2 + 1, 2 * modes), dtype=complex)
-    common = min(len(harmonics), len(kept))
-    kept[:common] = harmonics[:common]
-    return np.fft.irfft(kept * samples, samples, axis=0)

@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import instance
-from ..dynamics.own_tone import OwnTone
 from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
 from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
 from ..errors import SolveError, on_all_ranks
@@ -17,12 +16,9 @@ from ..parallel import collective
 from ..progress import progress_bar
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
-from .quasi_periodic import require_room
 
 # A parameter is the same to this relative difference.
 SAME = 1e-12
-# Samples are doubled so many times at most where they do not resolve the curve.
-DOUBLINGS = 2
 
 
 @analysis(QuasiPeriodicResponseOptions)
@@ -83,7 +79,12 @@ def quasi_periodic_response(
         begin = own.near(known, plane)
         with progress_bar(own.comm, "quasi-periodic response", progress) as report:
             found, reason = follow_circles(
-                _maps(own), begin, stop, points=points, largest_step=largest_step or math.inf, report=report
+                own.finer(what),
+                begin,
+                stop,
+                points=points,
+                largest_step=largest_step or math.inf,
+                report=report,
             )
     except SolveError as error:
         raise on_all_ranks(error) from None
@@ -103,24 +104,3 @@ def quasi_periodic_response(
         reason,
         len(motions) == len(found) and found[-1].value == stop,
     )
-
-
-def _maps(own: OwnTone) -> list[OwnTone]:
-    """The map with its samples, and with more for which there is memory."""
-    found = [own]
-    for _ in range(DOUBLINGS):
-        samples, period = 2 * found[-1].samples - 1, own.period
-        orders = len(period.excitation.orders)
-        try:
-            require_room(
-                "quasi_periodic_response",
-                period.reduced,
-                own.comm,
-                samples=samples,
-                steps=period.steps,
-                orders=orders,
-            )
-        except ValueError:
-            break
-        found.append(replace(own, samples=samples))
-    return found

@@ -8,13 +8,17 @@ the preconditioner's factors are shared by the ranks; what every rank needs of a
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from scipy import linalg
 
+from ..capacity import require_memory
 from ..errors import SolveError, on_all_ranks
 from ..petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
+from ..reduction.reduced_model import ReducedModel
+from .preparation import period_memory
 
 PREFIX = "torus_"
 # Iterations of GMRES before it starts anew, and in all.
@@ -28,6 +32,35 @@ def filtered(states: np.ndarray, factors: np.ndarray) -> np.ndarray:
     are multiplied by factors (N,).
     """
     return np.fft.ifft(factors[:, None] * np.fft.fft(states, axis=0), axis=0).real
+
+
+def resampled(states: np.ndarray, samples: int) -> np.ndarray:
+    """A real curve (N, ...) at so many phases; harmonics that they do not resolve are left out."""
+    harmonics = np.fft.rfft(states, axis=0, norm="forward")
+    kept = np.zeros((samples // 2 + 1, states.shape[1]), dtype=complex)
+    common = min(len(harmonics), len(kept))
+    kept[:common] = harmonics[:common]
+    return np.fft.irfft(kept, samples, axis=0, norm="forward")
+
+
+def require_room(
+    owner: str, reduced: ReducedModel, comm: MPI.Comm, *, samples: int, steps: int, orders: int
+) -> None:
+    """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
+    size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
+    mine = math.ceil(samples / comm.size)  # of this rank
+    # the derivatives and the preconditioner's factors, both of the former iteration too, and work
+    derivatives = 8.0 * mine * size**2 * 7
+    motions = 8.0 * mine * steps * (size + rows)
+    krylov = 8.0 * mine * size * RESTART
+    period = period_memory(reduced, steps, orders)
+    require_memory(
+        owner,
+        comm,
+        derivatives + motions + krylov + period,
+        f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",
+        lambda share: "give fewer samples, steps or modes, or take more ranks on more machines",
+    )
 
 
 class CurveMaps:

@@ -17,7 +17,7 @@ import numpy as np
 from ..errors import PetscFailure, SolveError
 from ..petsc import MPI
 from .bifurcations import Bifurcation
-from .curve_system import Border, CurveMaps, CurveSystem, filtered
+from .curve_system import Border, CurveMaps, CurveSystem, filtered, require_room, resampled
 from .period_map import DrivenPeriod, Period, PeriodMotion
 from .torus import RESOLVED, derivatives, exponents, images, spectral_tail
 
@@ -32,6 +32,8 @@ LINEAR = 1e-10
 DENSE = 2001
 # The parameter's unit is this share of its value.
 UNIT = 0.1
+# Samples are doubled so many times at most where they do not resolve the curve.
+DOUBLINGS = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,11 +118,26 @@ class OwnTone:
 
     def resampled(self, states: np.ndarray) -> np.ndarray:
         """A curve of another odd number of samples at this one's phases."""
-        harmonics = np.fft.rfft(states, axis=0, norm="forward")
-        kept = np.zeros((self.samples // 2 + 1, states.shape[1]), dtype=complex)
-        common = min(len(harmonics), len(kept))
-        kept[:common] = harmonics[:common]
-        return np.fft.irfft(kept, self.samples, axis=0, norm="forward")
+        return resampled(states, self.samples)
+
+    def require_room(self, owner: str) -> None:
+        """Refuse a curve that would take more memory than is free. Collective."""
+        orders, steps = len(self.period.excitation.orders), self.period.steps
+        require_room(owner, self.period.reduced, self.comm, samples=self.samples, steps=steps, orders=orders)
+
+    def finer(self, owner: str) -> list[OwnTone]:
+        """The map with its samples, and with twice and four times as many where there is memory for them.
+        Collective.
+        """
+        found = [self]
+        for _ in range(DOUBLINGS):
+            more = replace(found[-1], samples=2 * found[-1].samples - 1)
+            try:
+                more.require_room(owner)
+            except ValueError:
+                break
+            found.append(more)
+        return found
 
     def _images(self, driven: DrivenPeriod, states: np.ndarray):
         return images(self.comm, lambda _: driven, states)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from meshing.warnings import StepWarning
+
 from ..checks import integer
-from ..errors import at_point
+from ..errors import at_point, caller_level
 from ..petsc import MPI
 from ..reduction.reduced_model import ReducedModel
 from ..system.plausibility import furthest_of_lines
@@ -261,3 +264,23 @@ def own_circle(motion: QuasiPeriodic) -> Circle:
     value = first * own.period.excitation.periods if own.frequency is None else motion.load_factor
     states = motion.states + own.driven(value).linear_state
     return Circle(states, motion.frequencies[1] / first, value)
+
+
+def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
+    """Warn the owner's caller of a curve that its samples do not resolve."""
+    if found.resolved:
+        return
+    missing = (
+        f"{found.tail:.2g} of its change with the {'second' if found.own is not None else 'slower'} tone is "
+        f"in the highest quarter of their harmonics, more than {RESOLVED:g}; lines may be off by as much, "
+        "small ones by more"
+        if found.tail > RESOLVED
+        else "a history from it leaves it, though its exponents are negative"
+    )
+    text = (
+        f"{owner}: {found.samples} samples do not resolve the motion: {missing}: take more, "
+        f"samples={2 * found.samples - found.samples % 2}, or more steps"
+    )
+    if found.own is not None:
+        text += "; if that does not help the tone locks, see periodic(..., periods=n)"
+    warnings.warn(text, StepWarning, stacklevel=caller_level())

@@ -7,9 +7,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from ..analysis.quasi_periodic import drives
 from ..dynamics.excitation import common_periods
 from ..dynamics.preparation import LONGEST
+from ..dynamics.two_tones import drives
 from ..loads import separate
 from ..signals.signal import Signal
 from ..signals.waves import Harmonic

@@ -126,6 +126,13 @@ def test_values():
     assert Sizes.checked("f", {"width": Fraction(1, 2)}).width == 0.5
 
 
+def test_python_refuses_arguments_itself():
+    """In one error, without that of our own look at them."""
+    with pytest.raises(TypeError, match="unexpected keyword argument 'width'") as raised:
+        sb.transient(None, None, 1.0, width=3)
+    assert raised.value.__context__ is None
+
+
 def test_nothing_is_loaded_early():
     """`import sbfem_petsc` loads no pydantic, and a case's options neither MPI nor PETSc."""
     program = (

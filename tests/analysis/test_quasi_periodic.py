@@ -469,7 +469,7 @@ near = sb.quasi_periodic(one_mass(0.5, 0.05), load, (0.25, pump), samples=9, ste
 free = one_mass(50.0, 0.0)
 start = dataclasses.replace(near, reduced=free)
 try:
-    sb.quasi_periodic(free, load, (0.25, pump), samples=9, steps=128, start=start, stability=False)
+    sb.quasi_periodic(free, load, (0.25, pump), samples=9, steps=128, guess=start, stability=False)
     told = "found"
 except sb.SolveError as error:
     told = str(error)

@@ -54,7 +54,7 @@ else:
     reduced_history.CHUNK = unreduced_history.CHUNK = 8
     push = sb.PointForce("A", fy=sb.Harmonic(10.0, 700.0))
     found = sb.transient(model, push, 2e-3, 1e-5, modes=4, reduction="modes" if kind == "history" else None,
-                         file=file, restart=True, progress=tell)
+                         file=file, resume=True, progress=tell)
     last = [*found.displacement("A")[-1], len(found.time)]
 found = MPI.COMM_WORLD.gather(list(map(float, last)))
 if MPI.COMM_WORLD.rank == 0:

@@ -86,7 +86,7 @@ def fails(*_):
     raise on_all_ranks(sb.SolveError("as it must"))
 
 def start_fails(model):
-    sb.transient(model, push, 1e-4, 1e-5, reduction=None, start=(fails, None))
+    sb.transient(model, push, 1e-4, 1e-5, reduction=None, initial=(fails, None))
 
 def set_up_fails(model):
     UnreducedSteps._respond, kept = fails, UnreducedSteps._respond

@@ -59,7 +59,9 @@ FAILING = {
     ),
     "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, progress=one_fails)": "division by zero",
     "sb.transient(structure(), push, 1e-3, 1e-4, reduction=None, progress=one_fails)": "division by zero",
-    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, start=(lambda x, y: one_fails(x), None))": "start",
+    "sb.transient(structure(), push, 1e-3, 1e-4, modes=4, initial=(lambda x, y: one_fails(x), None))": (
+        "initial"
+    ),
     "model = structure(); sb.static(model, push)\nwith model: 1 / 0 if rank else world.barrier()": (
         "division by zero"
     ),
@@ -98,7 +100,7 @@ DIFFERENT = {
     "sb.periodic(model, push, 300.0, reduction=None, steps=64 + rank)": "steps differs",
     "sb.periodic(model, push, 300.0, reduction=None, steps=64, contact=rank == 0)": "contact differs",
     "sb.transient(model, sb.PointForce('A', fy=sb.Custom(waves[rank])), 1e-3, 1e-4, modes=4)": "load differs",
-    "sb.transient(model, push, 1e-3, 1e-4, modes=4, start=(waves[rank], None))": "start differs",
+    "sb.transient(model, push, 1e-3, 1e-4, modes=4, initial=(waves[rank], None))": "initial differs",
     "sb.static(others[rank], push)": "model differs",
     "sb.estimate(lambda mesh, **o: model, size, accuracy=1e-2 * (1 + rank))": "accuracy differs",
     "sb.estimate(lambda mesh, **o: model, sizes[rank])": "quantity differs",
