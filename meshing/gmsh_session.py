@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,11 +15,13 @@ _OPTIONS = (
     "Mesh.RecombinationAlgorithm",
     "Mesh.ElementOrder",
 )
+_ALONE = threading.RLock()  # gmsh has one state for all threads
 
 
 @contextmanager
 def gmsh_session(name: str) -> Iterator[Any]:
     """A gmsh model of our own, removed afterwards; gmsh itself is ended only if it was started here.
+    Threads take turns.
 
     Raises
     ------
@@ -32,6 +35,11 @@ def gmsh_session(name: str) -> Iterator[Any]:
             f"gmsh could not be loaded ({error}); install it with 'pip install gmsh' and the libraries "
             "libGLU, libXcursor, libXft, libXinerama."
         ) from error
+    with _ALONE:
+        yield from _session(gmsh, name)
+
+
+def _session(gmsh: Any, name: str) -> Iterator[Any]:
     started = not gmsh.isInitialized()
     if started:
         # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would

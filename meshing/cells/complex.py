@@ -164,20 +164,6 @@ class CellComplex:
         points = np.array([self.vertices[first], self.vertices[second]]) if curve is None else curve(_FINE)
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
-    def add_arc(self, first: int, second: int, centre: tuple[float, float], radius: float) -> None:
-        """Make the edge between two vertices the shorter arc of a circle through them."""
-        low, high = sorted((first, second))
-        angle_low, angle_high = (
-            np.arctan2(self.vertices[v][1] - centre[1], self.vertices[v][0] - centre[0]) for v in (low, high)
-        )
-        sweep = (angle_high - angle_low + np.pi) % (2 * np.pi) - np.pi
-
-        def curve(parameter: np.ndarray) -> np.ndarray:
-            angle = angle_low + sweep * np.asarray(parameter)
-            return np.stack([centre[0] + radius * np.cos(angle), centre[1] + radius * np.sin(angle)], axis=1)
-
-        self.curves[low, high] = curve
-
     def edge_uses(self) -> dict[tuple[int, int], int]:
         """How many cells use each edge, keyed by its vertices, lower number first."""
         uses: dict[tuple[int, int], int] = {}

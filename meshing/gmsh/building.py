@@ -123,10 +123,6 @@ class Builder:
         # A surface may be oriented downwards as a whole; single cells against the others are inverted.
         downwards = sum(areas) < 0
         for (loop, element, block), points, area in zip(new, corners, areas):
-            if self._model.geometry and block.order == 1:
-                for piece in _sound_pieces(loop, points):
-                    self.cells.add_cell(piece, material=material)
-                continue
             size = np.ptp(points, axis=0).max()
             if (-area if downwards else area) <= _DEGENERATE * size**2:
                 x, y = points.mean(axis=0)
@@ -134,9 +130,13 @@ class Builder:
                     f"the cell near ({x:.6g}, {y:.6g}) m in surface {entity} is inverted or degenerate; mend "
                     "the mesh there"
                 )
-            self.cells.add_cell(loop[::-1] if downwards else loop, material=material)
+            if downwards:
+                loop, points = loop[::-1], points[::-1]
+            made_here = self._model.geometry and block.order == 1
+            for piece in _sound_pieces(loop, points) if made_here else [loop]:
+                self.cells.add_cell(piece, material=material)
             if block.order > 1:
-                self._add_sides(loop, element, block)
+                self._add_sides(loop[::-1] if downwards else loop, element, block)
 
     def _add_whole(self, entity: int, material: int) -> None:
         """A surface that is one S-element: its outline is the cell."""
@@ -295,12 +295,10 @@ class Builder:
 
 
 def _sound_pieces(cell: list[int], points: np.ndarray) -> list[list[int]]:
-    """The cell counter-clockwise; a quadrilateral that is not safely convex in two triangles."""
+    """The cell; a quadrilateral that is not safely convex in two triangles."""
     ahead, behind = np.roll(points, -1, axis=0) - points, np.roll(points, 1, axis=0) - points
     across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
     sine = across / np.hypot(*ahead.T) / np.hypot(*behind.T)
-    if polygon_area(points) < 0:
-        return _sound_pieces(cell[::-1], points[::-1])
     if len(cell) == 3 or sine.min() > _FLATTEST:
         return [cell]
     a, b, c, d = np.roll(cell, -int(sine.argmin())).tolist()

@@ -1,6 +1,7 @@
 """Beams and plates through gmsh: drawn, discretised, read, written and read again."""
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import gmsh
 import numpy as np
@@ -285,3 +286,16 @@ def test_what_gmsh_shows_of_a_mesh(monkeypatch):
     wanted = {name: 3 * len(edges) for name, edges in mesh.edge_sets.items()} | dict.fromkeys(mesh.points, 1)
     assert seen == wanted | {"all": 3 * len(mesh.edges)}
     assert not gmsh.isInitialized()
+
+
+def test_threads_take_turns():
+    """gmsh has one state for all threads."""
+    bodies = [beam(VNotch(0.05 + 0.02 * i, 0.0025, 0.05)) for i in range(6)]
+    bodies += [
+        Plate([(0, 0), (1, 0), (1, 1), (0, 1)], cracks=[CrackLine([(0, 0.5), (y, 0.5)])]) for y in (0.2, 0.4)
+    ]
+    alone = [body.mesh(order=2) for body in bodies]
+    with ThreadPoolExecutor(4) as pool:
+        together = list(pool.map(lambda body: body.mesh(order=2), bodies))
+    for one, other in zip(alone, together):
+        assert np.array_equal(one.nodes, other.nodes)
