@@ -84,9 +84,7 @@ class Loading:
         return [
             k
             for k, s in enumerate(self.signals)
-            if s.highest_frequency is None
-            or (self.rest and s.after(0.0) != 0.0)
-            or any(0.0 <= t < self.duration and s.before(t) != s.after(t) for t in s.breaks)
+            if s.highest_frequency is None or (self.rest and s.after(0.0) != 0.0) or s.jumps(self.duration)
         ]
 
     @property

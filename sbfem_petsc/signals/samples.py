@@ -22,6 +22,9 @@ ENERGY_SHARE = 0.9999
 # What a corner within a step of the default length may do to the value, as a share of the largest one, before
 # a step has to end at it.
 CORNER = 0.01
+# Lines between samples nearer to each other than this share of their mean distance are jumps as far as bands
+# go: steps end at both of their ends, and a line is exact in a step of any length.
+STEEP = 1e-3
 # Farthest time (s) and largest value, whose squares a spectrum still holds.
 LATEST, LARGEST = 1e15, 1e140
 
@@ -102,16 +105,29 @@ class Samples(Signal):
     @cached_property
     def highest_frequency(self) -> float:
         """Frequency below which 99.99 % of the oscillation's energy lies, Hz, and at most half the sampling
-        rate.
+        rate; without lines so steep that they are jumps.
         """
-        count = int(np.clip(round((self.time[-1] - self.time[0]) / np.diff(self.time).min()), 2, 2**20))
+        rest = replace(self, value=self.value - np.cumsum(np.append(0.0, self._steep * np.diff(self.value))))
+        nearest = np.diff(self.time)[~self._steep].min()
+        count = int(np.clip(round((self.time[-1] - self.time[0]) / nearest), 2, 2**20))
         t, step = np.linspace(self.time[0], self.time[-1], count, endpoint=False, retstep=True)
         # Without the line between the ends: their difference would pass for a jump and fill the spectrum.
-        line = self.value[0] + (self.value[-1] - self.value[0]) * (t - t[0]) / (self.time[-1] - self.time[0])
-        energy = np.cumsum(np.abs(rfft(self(t) - line)[1:]) ** 2)
+        line = rest.value[0] + (rest.value[-1] - rest.value[0]) * (t - t[0]) / (self.time[-1] - self.time[0])
+        energy = np.cumsum(np.abs(rfft(rest(t) - line)[1:]) ** 2)
         if not energy[-1] > (1e-14 * np.abs(self.value).max() * count) ** 2:
             return 0.0
         return float((1 + np.searchsorted(energy, ENERGY_SHARE * energy[-1])) / (count * step))
+
+    @cached_property
+    def _steep(self) -> np.ndarray:
+        """(n - 1,): which lines between samples are as good as jumps."""
+        apart = np.diff(self.time)
+        return (apart < STEEP * apart.mean()) & (self.interpolation == "linear")
+
+    def jumps(self, duration: float) -> bool:
+        """Whether the value jumps in 0 <= t < duration, lines as good as jumps included."""
+        begin = self.time[:-1][self._steep & (np.diff(self.value) != 0.0)]
+        return super().jumps(duration) or bool(((begin >= 0.0) & (begin < duration)).any())
 
     @cached_property
     def _spline(self) -> CubicSpline:
@@ -125,6 +141,8 @@ class Samples(Signal):
             turns = np.abs(np.diff(np.diff(self.value) / np.diff(self.time)))
             step = 1.0 / (STEPS_A_PERIOD * self.highest_frequency)
             sharp[1:-1] = 0.125 * turns * step > CORNER * np.abs(self.value).max()
+        sharp[:-1] |= self._steep
+        sharp[1:] |= self._steep
         sharp[[0, -1]] = self.value[[0, -1]] != 0.0
         return tuple(self.time[sharp].tolist())
 

@@ -63,6 +63,10 @@ class Signal:
         """Limits from the right at the times `t` (s), of the same shape."""
         return self._checked_values(t, 1)
 
+    def jumps(self, duration: float) -> bool:
+        """Whether the value jumps in 0 <= t < duration (s)."""
+        return any(0.0 <= t < duration and self.before(t) != self.after(t) for t in self.breaks)
+
     def _checked_values(self, t, side: int) -> np.ndarray:
         return self._values(real_array(type(self).__name__, "t", t, None, "s"), side)[()]
 
@@ -229,6 +233,10 @@ class Sum(Signal):
         bands = [part.highest_frequency for part in self.parts]
         known = [band for band in bands if band is not None]
         return max(known) if len(known) == len(bands) else None
+
+    def jumps(self, duration: float) -> bool:
+        """Whether the value of a part jumps in 0 <= t < duration (s)."""
+        return any(part.jumps(duration) for part in self.parts)
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -11,7 +11,7 @@ from meshing import Beam, VNotch
 from sbfem_petsc.reduction.matrices import reduce_matrices
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
-RATIO = 0.005
+RATIO, TURN = 0.005, 2.0 * np.pi
 
 
 @pytest.fixture(scope="module")
@@ -79,6 +79,32 @@ def test_rise(beam):
     history = sb.transient(beam, push(sb.Step(1.0, time=1.0, rise=1e-3)), 10.0, modes=8)
     assert history.step < 1e-3 / 159
     assert_motion(history, *risen(history.reduced, history.time - 1.0, 1e-3), 3e-5)
+
+
+@pytest.mark.parametrize("rise", [1e-11, 1e-8])
+def test_a_line_as_good_as_a_jump(beam, rise):
+    """Samples that rise within a time that nothing else knows of are a step there, for the motion, the
+    default step and what is told of modes; beside other samples their band is that of the others.
+    """
+    time = 1e-3
+    line = sb.Samples([0.0, time, time + rise, 4e-3], [0.0, 0.0, 1.0, 1.0])
+    one, other = (sb.transient(beam, push(load), 4e-3, modes=8) for load in (line, sb.Step(1.0, time=time)))
+    assert one.step == pytest.approx(other.step, rel=1e-12)
+    found, exact = one.velocity("A"), other.velocity("A")
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=1e2 * rise / time * np.abs(exact).max())
+    told = [sb.Samples(line.time, line.value), sb.Step(1.0, time=time)]
+    for load in told:
+        with pytest.warns(sb.MeshWarning, match="a load jumps, .* above the 8 computed ones"):
+            sb.transient(beam, sb.PointForce("A", fx=load), 4e-3, 1e-4, modes=8)
+    t = np.linspace(0.0, 1.0, 401)
+    wave = np.sin(TURN * 3.0 * t)
+    at = np.searchsorted(t, 0.3001)
+    jumped = sb.Samples(
+        np.insert(t, at, [0.3001, 0.3001 + 1e-9]),
+        np.insert(wave + (t > 0.3001), at, [np.interp(0.3001, t, wave), np.interp(0.3001, t, wave) + 1.0]),
+    )
+    assert jumped.highest_frequency == pytest.approx(sb.Samples(t, wave).highest_frequency, rel=1e-9)
+    assert {0.3001, 0.3001 + 1e-9} <= set(jumped.breaks)
 
 
 @pytest.mark.filterwarnings("ignore:.*highest load frequency:sbfem_petsc.StepWarning")
