@@ -55,13 +55,14 @@ def basins(
     starts : sequence of StartAxis, or (q, v)
         Axes of a grid of states at t = 0, or arrays (..., m) of modal coordinates and their rates.
     orbits : sequence of Orbit
-        Steady states that are known, stable or not, of the same model, load, frequency and steps: with them
-        histories end sooner, and unstable ones stand in the picture. Others are found.
+        Steady states that are known, stable or not, of the same model, load and frequency: with them
+        histories end sooner, and unstable ones stand in the picture. Others are found, and those in other
+        steps found again.
     around : Orbit, optional
         The motion to whose state at t = 0 the axes' values are added: an impulse upon a steady state.
         Default: rest.
     steps, modes : int, optional
-        See `periodic`; steps by default those of the first of `orbits`.
+        See `periodic`; steps by default the most of those of `orbits` and `around`.
     longest : int
         Most periods of the loads after which a steady state may repeat itself.
     tolerance : float
@@ -94,7 +95,7 @@ def basins(
         count = _count(starts)
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
-        steps = len(given[0].time) // given[0].periods
+        steps = max(len(orbit.time) // orbit.periods for orbit in given)
     settings = PeriodSettings(None, steps, modes)
     period = prepare(what, model, load, frequency, settings=settings, guess=given[0] if given else None)
     # the grid and the product it is summed from, flat copies of the parts, their ends

@@ -26,6 +26,8 @@ from .shooting import shoot
 CAPTURED, APART = 1e-3, 0.1
 # Of the state's size: how near to an orbit a history that repeats itself is one with it.
 SAME = 1e-4
+# The same of an orbit in other steps and in those of the map.
+NEAR = 0.05
 # Initial states from which orbits are looked for before the others are followed.
 SCOUTS = 8
 
@@ -50,26 +52,41 @@ class Attraction:
         self._cycles: list[np.ndarray] = []
 
     def add(self, orbit: Orbit) -> None:
-        """Make an orbit known.
+        """Make an orbit known; one in other steps is found again in those of the map.
 
         Raises
         ------
         ValueError
             If it is none of this map.
         """
-        count, state = orbit.periods // self.period.excitation.periods, orbit.state
+        count, rest = divmod(orbit.periods, self.period.excitation.periods)
+        given = None if rest else self._in_steps(orbit, count)
         cycle = []
-        for _ in range(count):
-            cycle.append(state)
-            state = state + self.driven.run(state).residual
-        whole = orbit.periods % self.period.excitation.periods == 0
-        if not whole or np.linalg.norm(state - orbit.state) > SAME * self._size(orbit.state):
+        if given is not None:
+            state = given.state
+            for _ in range(count):
+                cycle.append(state)
+                state = state + self.driven.run(state).residual
+        if given is None or np.linalg.norm(state - given.state) > SAME * self._size(given.state):
             raise ValueError(
-                f"basins: {orbit!r} is no motion of this model under this load at these steps; give orbits "
-                "of the same model, load, frequency and steps"
+                f"basins: {orbit!r} is no motion of this model under this load; give orbits of the same "
+                "model, load and frequency"
             )
-        self.orbits.append(orbit)
+        self.orbits.append(given)
         self._cycles.append(np.array(cycle))
+
+    def _in_steps(self, orbit: Orbit, count: int) -> Orbit | None:
+        """An orbit over so many periods of the map in its steps; None if there is none nearby."""
+        if len(orbit.time) == count * self.period.steps:
+            return orbit
+        period = self._repeated(count)
+        try:
+            fixed = shoot(period, orbit.state, self.frequency)
+        except SolveError:
+            return None
+        if np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
+            return None
+        return make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), orbit.path)
 
     def follow(
         self, starts: np.ndarray, report: Callable[[float], None] | None = None

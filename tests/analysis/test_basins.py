@@ -238,6 +238,17 @@ def test_units_of_a_picture(orbits):
         np.testing.assert_allclose(drawn.lines[0].get_xydata()[0], place, rtol=1e-9)
 
 
+def test_orbits_in_other_steps(orbits):
+    """Are found again in the most steps of those given, which default steps are halved to for each alone."""
+    system, frequency = orbits[0].reduced, OMEGA / TURN
+    finer = sb.periodic(system, FORCE, frequency, steps=2 * STEPS, guess=orbits[2])
+    found = sb.basins(system, FORCE, frequency, [sb.StartAxis([0.0])], orbits=[orbits[0], finer])
+    assert [len(orbit.time) for orbit in found.orbits[:2]] == [2 * STEPS] * 2
+    own = sb.periodic(system, FORCE, frequency, steps=2 * STEPS, guess=orbits[0])
+    np.testing.assert_allclose(found.orbits[0].state, own.state, rtol=1e-8)
+    assert found.orbits[1] is finer
+
+
 def test_bad_input(orbits):
     low, system = orbits[0], orbits[0].reduced
     axis = sb.StartAxis([0.0, 1.0])
@@ -248,7 +259,7 @@ def test_bad_input(orbits):
         ({"starts": [sb.StartAxis([0.0], point="A", direction="x")]}, ValueError, "does not move point"),
         ({"starts": (np.zeros((3, 2)), np.zeros((3, 2)))}, ValueError, "starts has the shapes"),
         ({"starts": 3}, TypeError, "starts = 3"),
-        ({"orbits": [orbits[2]], "steps": 100}, ValueError, "is no motion of this model"),
+        ({"orbits": [low], "load": 2.0 * FORCE}, ValueError, "is no motion of this model"),
         ({"orbits": [low], "frequency": 0.2}, ValueError, "not at 0.2 Hz"),
         ({"around": other}, ValueError, "belongs to another model"),
         ({"load": 0.0}, ValueError, "no load oscillates"),
