@@ -10,7 +10,7 @@ import shapely
 from scipy import sparse
 from scipy.sparse.linalg import spsolve
 
-from meshing.cells.complex import CellComplex, CrackFaces, edge_key
+from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
 
 
 def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
@@ -48,12 +48,41 @@ def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
 
 
 def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[int, np.ndarray]) -> None:
-    if len(faces.paths) != 1 or faces.paths[0].start is None:
-        raise ValueError(
-            f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees, but it has no tip to open "
-            "from; give 0."
-        )
-    path = faces.paths[0]
+    """Moves of the vertices on a crack's faces, and what it says of its length and opening."""
+    path, start = _path_to_open(cells, faces, angle)
+    rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
+    line = np.array([cells.vertices[v] for v in rights])
+    steps = np.diff(line, axis=0)
+    length = math.dist(start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
+    arc = length
+    faces.length = float(arc[-1])  # that of the closed line
+    if path.end is not None:
+        faces.length += math.dist(path.end.position, line[-1])
+        arc = np.minimum(arc, arc[-1] + math.dist(path.end.position, line[-1]) - arc)
+    unit = steps / np.hypot(*steps.T)[:, None]
+    for side, sign in ((rights, 1.0), (lefts, -1.0)):
+        mouth = None
+        if path.end is None:
+            mouth = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
+        moves = _moves_of_face(sign * math.tan(angle / 2) * arc, length, unit, mouth)
+        moved.update(zip(side, moves))
+    for tip in (path.start, path.end):
+        if tip is not None:
+            tip.opening = angle
+
+
+def _path_to_open(cells: CellComplex, faces: CrackFaces, angle: float) -> tuple[FacePath, TipCell]:
+    """The only path of a crack's faces, and the tip from which it opens.
+
+    Raises
+    ------
+    ValueError
+        It has no tip or several paths, or meets another crack.
+    """
+    opening = f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees"
+    path = faces.paths[0] if len(faces.paths) == 1 else None
+    if path is None or path.start is None:
+        raise ValueError(f"{opening}, but it has no tip to open from; give 0.")
     others = {
         vertex
         for crack in cells.cracks
@@ -67,43 +96,45 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
         for vertex in [*broken, *(v for edge in face for v in edge if v in others)]:
             x, y = cells.vertices[vertex]
             raise ValueError(
-                f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees, but it meets a crack at "
-                f"({x:.6g}, {y:.6g}) m; cracks that meet start closed, give 0."
+                f"{opening}, but it meets a crack at ({x:.6g}, {y:.6g}) m; cracks that meet start closed, give "
+                "0."
             )
-    assert path.start is not None  # checked: a path that opens begins at a tip
-    rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
-    line = np.array([cells.vertices[v] for v in rights])
-    steps = np.diff(line, axis=0)
-    length = math.dist(path.start.position, line[0]) + np.concatenate([[0.0], np.cumsum(np.hypot(*steps.T))])
-    arc = length
-    faces.length = float(arc[-1])  # that of the closed line
-    if path.end is not None:
-        faces.length += math.dist(path.end.position, line[-1])
-        arc = np.minimum(arc, arc[-1] + math.dist(path.end.position, line[-1]) - arc)
-    unit = steps / np.hypot(*steps.T)[:, None]
+    return path, path.start
+
+
+def _moves_of_face(
+    shifts: np.ndarray, length: np.ndarray, unit: np.ndarray, mouth: np.ndarray | None
+) -> np.ndarray:
+    """Moves of the vertices of one face, (n, 2).
+
+    Parameters
+    ----------
+    shifts : (n,) array
+        Along the normal, m.
+    length : (n,) array
+        Way from the tip, m.
+    unit : (n - 1, 2) array
+        Directions of the edges.
+    mouth : (2,) array, optional
+        Move of the last vertex where it is not along the normal, m.
+    """
     normal = np.stack([unit[:, 1], -unit[:, 0]], axis=1)
     turned = np.flatnonzero((normal[1:] * normal[:-1]).sum(axis=1) < 1 - 1e-12) + 1
-    corners = [0, *turned.tolist(), len(line) - 1]
-    for side, sign in ((rights, 1.0), (lefts, -1.0)):
-        shifts = sign * math.tan(angle / 2) * arc
-        # On the bisector of a kink, so that both sides keep their distance; at a mouth along the edge.
-        at = {
-            k: shifts[k] * (normal[k - 1] + normal[k]) / (1.0 + normal[k - 1] @ normal[k])
-            for k in corners[1:-1]
-        }
-        at |= {0: shifts[0] * normal[0], corners[-1]: shifts[-1] * normal[-1]}
-        if path.end is None:
-            at[corners[-1]] = _along_edge(cells, side[-1], sign * arc[-1], unit[-1], angle)
-        for first, last in zip(corners, corners[1:]):
-            # Along the line more and more from a tip, so that nothing is passed by what moves beside a kink.
-            low, high = (0.0 if first == 0 else length[first]), length[last]
-            start, stop = (at[k] - shifts[k] * normal[first] for k in (first, last))
-            for place in range(first, last + 1):
-                share = (length[place] - low) / (high - low)
-                moved[side[place]] = shifts[place] * normal[first] + (1.0 - share) * start + share * stop
-    for tip in (path.start, path.end):
-        if tip is not None:
-            tip.opening = angle
+    corners = [0, *turned.tolist(), len(shifts) - 1]
+    # On the bisector of a kink, so that both sides keep their distance; at a mouth along the edge.
+    at = {
+        k: shifts[k] * (normal[k - 1] + normal[k]) / (1.0 + normal[k - 1] @ normal[k]) for k in corners[1:-1]
+    }
+    at |= {0: shifts[0] * normal[0], corners[-1]: shifts[-1] * normal[-1] if mouth is None else mouth}
+    moves = np.zeros((len(shifts), 2))
+    for first, last in zip(corners, corners[1:]):
+        # Along the line more and more from a tip, so that nothing is passed by what moves beside a kink.
+        low, high = (0.0 if first == 0 else length[first]), length[last]
+        start, stop = (at[k] - shifts[k] * normal[first] for k in (first, last))
+        for place in range(first, last + 1):
+            share = (length[place] - low) / (high - low)
+            moves[place] = shifts[place] * normal[first] + (1.0 - share) * start + share * stop
+    return moves
 
 
 def _along_edge(

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import NamedTuple
 
 from scipy.cluster.hierarchy import DisjointSet
 
 from meshing.cells.complex import CellComplex, edge_key, reversed_curve
 
 Edge = tuple[int, int]
+Corner = tuple[int, int]  # a cell, and a place in its list of vertices
 
 
 def split(cells: CellComplex, lines: Iterable[Edge]) -> dict[Edge, tuple[Edge, Edge]]:
@@ -30,49 +32,87 @@ def split(cells: CellComplex, lines: Iterable[Edge]) -> dict[Edge, tuple[Edge, E
         For each edge of `lines` the edge at its right and the one at its left, in its direction.
     """
     lines = list(lines)
-    walls = {edge_key(edge) for edge in lines}
     touched = {vertex for edge in lines for vertex in edge}
-    # A corner is a place in a cell's list of vertices. An open cell ends in two corners, which may be one
-    # vertex.
+    users = _uses(cells, touched)
+    corners = _sectors(cells, users, touched, {edge_key(edge) for edge in lines})
+    # The cell that runs through an edge in its direction lies at its left.
+    kept: dict[int, Corner] = {}
+    for edge in lines:
+        for use in users[edge_key(edge)]:
+            if use.edge == edge:
+                kept.setdefault(edge[0], use.start)
+                kept.setdefault(edge[1], use.stop)
+    before = [cell.edges() for cell in cells.cells]
+    _renumber(cells, corners, {corners[corner]: vertex for vertex, corner in kept.items()}, touched)
+    _carry_over(cells, before)
+    sides = {}
+    for edge in lines:
+        found: dict[bool, Edge] = {}
+        for use in users[edge_key(edge)]:
+            first, last = (cells.cells[number].vertices[place] for number, place in (use.start, use.stop))
+            found[use.edge == edge] = (first, last) if use.edge == edge else (last, first)
+        sides[edge] = (found[False], found[True])
+    return sides
+
+
+class _Use(NamedTuple):
+    """An edge as a cell runs through it, between two of the cell's corners."""
+
+    edge: Edge
+    start: Corner
+    stop: Corner
+
+
+def _uses(cells: CellComplex, touched: set[int]) -> dict[Edge, list[_Use]]:
+    """Of the edges at some vertices."""
+    users: dict[Edge, list[_Use]] = {}
+    for number, cell in enumerate(cells.cells):
+        count = len(cell.vertices)
+        for place, edge in enumerate(cell.edges()):
+            if edge[0] in touched or edge[1] in touched:
+                use = _Use(edge, (number, place), (number, (place + 1) % count))
+                users.setdefault(edge_key(edge), []).append(use)
+    return users
+
+
+def _sectors(
+    cells: CellComplex, users: dict[Edge, list[_Use]], touched: set[int], walls: set[Edge]
+) -> DisjointSet:
+    """Corners at the vertices of the lines, one set for each sector between walls. An open cell ends in two
+    corners, which may be one vertex.
+    """
     corners = DisjointSet(
         (number, place)
         for number, cell in enumerate(cells.cells)
         for place, vertex in enumerate(cell.vertices)
         if vertex in touched
     )
-    users: dict[Edge, list[tuple[Edge, int, int, int]]] = {}
-    for number, cell in enumerate(cells.cells):
-        count = len(cell.vertices)
-        for place, edge in enumerate(cell.edges()):
-            if edge[0] in touched or edge[1] in touched:
-                users.setdefault(edge_key(edge), []).append((edge, number, place, (place + 1) % count))
     for key, uses in users.items():
-        if key in walls or len(uses) != 2:
-            continue
-        (edge, one, start, stop), (other_edge, other, other_start, other_stop) = uses
-        if edge == other_edge:
-            continue  # refused when the mesh is checked
-        if edge[0] in touched:
-            corners.merge((one, start), (other, other_stop))
-        if edge[1] in touched:
-            corners.merge((one, stop), (other, other_start))
-    # The cell that runs through an edge in its direction lies at its left.
-    kept: dict[int, tuple[int, int]] = {}
-    for edge in lines:
-        for directed, number, place, following in users[edge_key(edge)]:
-            if directed == edge:
-                kept.setdefault(edge[0], (number, place))
-                kept.setdefault(edge[1], (number, following))
-    vertex_of = {corners[corner]: vertex for vertex, corner in kept.items()}
-    before = [cell.edges() for cell in cells.cells]
+        if key in walls or len(uses) != 2 or uses[0].edge == uses[1].edge:
+            continue  # edges used twice in one direction are refused when the mesh is checked
+        one, other = uses
+        if one.edge[0] in touched:
+            corners.merge(one.start, other.stop)
+        if one.edge[1] in touched:
+            corners.merge(one.stop, other.start)
+    return corners
+
+
+def _renumber(
+    cells: CellComplex, corners: DisjointSet, vertex_of: dict[Corner, int], touched: set[int]
+) -> None:
+    """Give each sector its vertex, a new one where it has none."""
     for number, cell in enumerate(cells.cells):
         for place, vertex in enumerate(cell.vertices):
-            if vertex not in touched:
-                continue
-            sector = corners[number, place]
-            if sector not in vertex_of:
-                vertex_of[sector] = cells.add_vertex(*cells.vertices[vertex])
-            cell.vertices[place] = vertex_of[sector]
+            if vertex in touched:
+                sector = corners[number, place]
+                if sector not in vertex_of:
+                    vertex_of[sector] = cells.add_vertex(*cells.vertices[vertex])
+                cell.vertices[place] = vertex_of[sector]
+
+
+def _carry_over(cells: CellComplex, before: list[list[Edge]]) -> None:
+    """Sets and curves to the edges that the cells have now, from those they had before."""
     now: dict[Edge, dict[Edge, bool]] = {}
     for cell, old_edges in zip(cells.cells, before):
         for old, new in zip(old_edges, cell.edges()):
@@ -87,12 +127,3 @@ def split(cells: CellComplex, lines: Iterable[Edge]) -> dict[Edge, tuple[Edge, E
         for old, curve in cells.curves.items()
         for new, turned in now.get(old, {}).items()
     }
-    sides = {}
-    for edge in lines:
-        found: dict[bool, Edge] = {}
-        for directed, number, place, following in users[edge_key(edge)]:
-            vertices = cells.cells[number].vertices
-            new = (vertices[place], vertices[following])
-            found[directed == edge] = new if directed == edge else new[::-1]
-        sides[edge] = (found[False], found[True])
-    return sides
