@@ -149,6 +149,23 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
     """Two existing faces: of a notch, whose tip is the end they share, or of two bodies that share none;
     which is the right one of a notch follows from the cells.
     """
+    paths = _faces(right, left, where)
+    outwards = _outwards(cells, paths, name, where)
+    if not set(paths[0]) & set(paths[1]):
+        # along the left face the material is at the left, along the right one at the right
+        one = paths[0][::-1] if outwards[0] else paths[0]
+        other = paths[1] if outwards[1] else paths[1][::-1]
+        return Line(*match_faces(cells, one, other, where), False, joined=False)
+    if outwards[0] == outwards[1]:
+        raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
+    if outwards[0]:
+        paths.reverse()
+    _check_match(cells, paths[0], paths[1], where)
+    return Line(paths[0], paths[1], False)
+
+
+def _faces(right: list[Edge], left: list[Edge], where: str) -> list[list[int]]:
+    """Vertices of the two faces in order, from the tip if they share one."""
     paths = []
     for side, edges in (("right", right), ("left", left)):
         found = _paths(edges)
@@ -168,8 +185,12 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
     if shared:
         tip = shared.pop()
         paths = [path if path[0] == tip else path[::-1] for path in paths]
+    return paths
+
+
+def _outwards(cells: CellComplex, paths: list[list[int]], name: str, where: str) -> list[bool]:
+    """Whether the material is at the left of somebody who walks along each face."""
     directed = {edge for cell in cells.cells for edge in cell.edges()}
-    # Outwards along the left face the material is at the left.
     outwards = [[edge in directed for edge in edges_of(path)] for path in paths]
     inwards = [[edge[::-1] in directed for edge in edges_of(path)] for path in paths]
     if any(o and i for out, back in zip(outwards, inwards) for o, i in zip(out, back)):
@@ -180,16 +201,7 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
     sides = [(all(out), all(back)) for out, back in zip(outwards, inwards)]
     if not all(out != back for out, back in sides):
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
-    if not common:
-        # along the left face the material is at the left, along the right one at the right
-        one, other = (path if side[k] else path[::-1] for path, side, k in zip(paths, sides, (1, 0)))
-        return Line(*match_faces(cells, one, other, where), False, joined=False)
-    if sides[0][0] == sides[1][0]:
-        raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
-    if sides[0][0]:
-        paths.reverse()
-    _check_match(cells, paths[0], paths[1], where)
-    return Line(paths[0], paths[1], False)
+    return [out for out, _ in sides]
 
 
 def _check_match(cells: CellComplex, right: list[int], left: list[int], where: str) -> None:

@@ -96,8 +96,8 @@ def _path_to_open(cells: CellComplex, faces: CrackFaces, angle: float) -> tuple[
         for vertex in [*broken, *(v for edge in face for v in edge if v in others)]:
             x, y = cells.vertices[vertex]
             raise ValueError(
-                f"{opening}, but it meets a crack at ({x:.6g}, {y:.6g}) m; cracks that meet start closed, give "
-                "0."
+                f"{opening}, but it meets a crack at ({x:.6g}, {y:.6g}) m; cracks that meet start closed, "
+                "give 0."
             )
     return path, path.start
 

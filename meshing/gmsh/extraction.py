@@ -5,8 +5,10 @@ The answer of `extract` is what `meshing.gmsh.model` reads: facts in a dictionar
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -65,7 +67,7 @@ def extract(
     script = suffix in SCRIPTS
     geometry = script or suffix in CAD
     guard = Guard(order, most_unknowns)
-    try:
+    with _errors_refused(script):
         gmsh.merge(file)
         if script:
             check_whole(gmsh.logger.get())
@@ -80,6 +82,22 @@ def extract(
         groups = _numbered_entities(gmsh) if suffix in CAD else physical_groups(gmsh)
         if geometry:
             _mesh(gmsh, whole_surfaces(groups), size, guard)
+    told, arrays = describe(gmsh, groups, order, geometry)
+    told |= {"unnamed": suffix in CAD, "empty": [] if suffix in CAD else _empty_groups(gmsh)}
+    told |= _said(gmsh, script)
+    cells = {3: 0, 4: 0}
+    for number, (dimension, *_, corners) in enumerate(told["blocks"]):
+        if dimension == 2 and corners in cells:
+            cells[corners] += len(arrays[f"block{number}"])
+    guard.check_cells(cells[3], cells[4])
+    return told, arrays
+
+
+@contextlib.contextmanager
+def _errors_refused(script: bool) -> Iterator[None]:
+    """gmsh's errors as refusals."""
+    try:
+        yield
     except (Refusal, MemoryError, UnicodeDecodeError):
         raise
     except Exception as error:  # gmsh raises nothing more precise
@@ -90,24 +108,21 @@ def extract(
                 "or a larger memory_limit."
             ) from error
         raise refused(said, script) from error
-    told, arrays = describe(gmsh, groups, order, geometry)
-    told |= {
-        "unnamed": suffix in CAD,
-        "empty": [] if suffix in CAD else _empty_groups(gmsh),
-        "log": [line for line in gmsh.logger.get() if line.startswith("Warning")],
-    }
+
+
+def _said(gmsh, script: bool) -> dict[str, Any]:
+    """What gmsh's log and options tell."""
+    log = gmsh.logger.get()
+    warnings = [line for line in log if line.startswith("Warning")]
     verbosity = gmsh.option.getNumber("General.Verbosity")
     if verbosity < _TELLS_FILES:
-        told["log"].append(f"Warning: General.Verbosity = {verbosity:g} hides errors and what a script reads")
-    own_unit = gmsh.option.getString("Geometry.OCCTargetUnit") != "M"
-    told["merged_step"] = step_read(gmsh.logger.get()) if script and not own_unit else None
-    told["skipped"] = _skipped_entities(gmsh, told["log"])
-    cells = {3: 0, 4: 0}
-    for number, (dimension, *_, corners) in enumerate(told["blocks"]):
-        if dimension == 2 and corners in cells:
-            cells[corners] += len(arrays[f"block{number}"])
-    guard.check_cells(cells[3], cells[4])
-    return told, arrays
+        warnings.append(f"Warning: General.Verbosity = {verbosity:g} hides errors and what a script reads")
+    in_metres = script and gmsh.option.getString("Geometry.OCCTargetUnit") == "M"
+    return {
+        "log": warnings,
+        "skipped": _skipped_entities(gmsh, warnings),
+        "merged_step": step_read(log) if in_metres else None,
+    }
 
 
 def _refuse_programs(gmsh, trusted: bool) -> None:

@@ -10,9 +10,7 @@ from meshing.whole_file import read_whole
 SCRIPTS = (".geo", ".geo_unrolled")
 STEP, IGES = (".step", ".stp"), (".iges", ".igs")
 CAD = (*STEP, ".brep", *IGES)  # these formats carry no physical groups
-MESHES = (".msh",)
 FOREIGN = {".inp": "meshing.gmsh.abaqus", ".vtu": "meshing.gmsh.vtk", ".vtk": "meshing.gmsh.vtk"}
-KNOWN = (*MESHES, *SCRIPTS, *CAD, *FOREIGN)
 _HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
@@ -39,58 +37,60 @@ def checked_content(path: Path) -> bytes:
         )
     if not content.strip():
         raise ValueError(f"{path}: it is empty.")
-    _check_content(path, suffix, content)
+    _CHECKS[suffix](path, content)
     return content
 
 
-def _check_content(path: Path, suffix: str, content: bytes) -> None:
-    if suffix in SCRIPTS:
-        if content.startswith((b"$", b"ISO-10303-21")):
-            raise ValueError(
-                f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
-                "format."
-            )
-    elif suffix in MESHES:
-        _check_msh(path, content)
-    elif suffix in STEP:
-        _expect(
-            path, content.lstrip().startswith(b"ISO-10303-21"), "a STEP file (it begins with ISO-10303-21)"
+def _check_script(path: Path, content: bytes) -> None:
+    if content.startswith((b"$", b"ISO-10303-21")):
+        raise ValueError(
+            f"{path}: its content is a mesh or a CAD file, not a gmsh script; give it the ending of its "
+            "format."
         )
-        _complete(path, content.rstrip().endswith(b"END-ISO-10303-21;"), "END-ISO-10303-21;")
-    elif suffix == ".brep":
-        _expect(
-            path,
-            re.search(rb"CASCADE Topology V[0-9]", content[:400]) is not None and b"\0" not in content,
-            "an OpenCASCADE BREP file (it begins with CASCADE Topology)",
+
+
+def _check_step(path: Path, content: bytes) -> None:
+    begins = content.lstrip().startswith(b"ISO-10303-21")
+    _expect(path, begins, "a STEP file (it begins with ISO-10303-21)")
+    _complete(path, content.rstrip().endswith(b"END-ISO-10303-21;"), "END-ISO-10303-21;")
+
+
+def _check_brep(path: Path, content: bytes) -> None:
+    begins = re.search(rb"CASCADE Topology V[0-9]", content[:400]) is not None and b"\0" not in content
+    _expect(path, begins, "an OpenCASCADE BREP file (it begins with CASCADE Topology)")
+    sections = (b"\nLocations ", b"\nCurve2ds ", b"\nCurves ", b"\nSurfaces ", b"\nTShapes ")
+    ends = re.search(rb"\n[+-]?[0-9]+ [0-9]+ *\s*$", content)
+    _complete(path, all(word in content for word in sections) and ends is not None, "the shape's number")
+
+
+def _check_iges(path: Path, content: bytes) -> None:
+    lines = [line for line in content.splitlines() if line.strip()]
+    _expect(path, lines[0][72:73] in (b"S", b"F"), "an IGES file (column 73 of its first line is S)")
+    _complete(path, lines[-1][72:73] == b"T", "a line with T in column 73")
+
+
+def _check_inp(path: Path, content: bytes) -> None:
+    _expect(path, content.lstrip().startswith(b"*") and b"\0" not in content, "an Abaqus input file")
+    include = re.search(rb"(?im)^\s*\*\s*include\b", content)
+    if include:
+        line = content.count(b"\n", 0, include.start()) + 1
+        raise ValueError(
+            f"{path}: *INCLUDE in line {line} reads another file, which is not done here; put all in one "
+            "file."
         )
-        sections = (b"\nLocations ", b"\nCurve2ds ", b"\nCurves ", b"\nSurfaces ", b"\nTShapes ")
-        ends = re.search(rb"\n[+-]?[0-9]+ [0-9]+ *\s*$", content)
-        _complete(path, all(word in content for word in sections) and ends is not None, "the shape's number")
-    elif suffix in IGES:
-        lines = content.splitlines()
-        _expect(path, lines[0][72:73] in (b"S", b"F"), "an IGES file (column 73 of its first line is S)")
-        last = [line for line in lines if line.strip()][-1]
-        _complete(path, last[72:73] == b"T", "a line with T in column 73")
-    elif suffix == ".inp":
-        first = next((s for s in (line.strip() for line in content.splitlines()) if s), b"")
-        _expect(path, first.startswith(b"*") and b"\0" not in content, "an Abaqus input file")
-        include = re.search(rb"(?im)^\s*\*\s*include\b", content)
-        if include:
-            line = content.count(b"\n", 0, include.start()) + 1
-            raise ValueError(
-                f"{path}: *INCLUDE in line {line} reads another file, which is not done here; put all in one "
-                "file."
-            )
-    elif suffix == ".vtu":
-        head = content[:2000].lstrip()
-        _expect(path, head.startswith(b"<") and b"<VTKFile" in head, "a VTK XML file")
-        if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
-            raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
-        _complete(path, content.rstrip().endswith(b"</VTKFile>"), "</VTKFile>")
-    elif suffix == ".vtk":
-        _expect(
-            path, content.startswith(b"# vtk DataFile"), "a legacy VTK file (it begins with # vtk DataFile)"
-        )
+
+
+def _check_vtu(path: Path, content: bytes) -> None:
+    head = content[:2000].lstrip()
+    _expect(path, head.startswith(b"<") and b"<VTKFile" in head, "a VTK XML file")
+    if b"<!DOCTYPE" in content or b"<!ENTITY" in content:
+        raise ValueError(f"{path}: it declares entities, which VTK files do not; save it again.")
+    _complete(path, content.rstrip().endswith(b"</VTKFile>"), "</VTKFile>")
+
+
+def _check_vtk(path: Path, content: bytes) -> None:
+    begins = content.startswith(b"# vtk DataFile")
+    _expect(path, begins, "a legacy VTK file (it begins with # vtk DataFile)")
 
 
 def _expect(path: Path, holds: bool, what: str) -> None:
@@ -126,3 +126,16 @@ def _check_msh(path: Path, content: bytes) -> None:
                 f"{path}: it has no section {section.decode()} and so no mesh; mesh the model before saving "
                 "it."
             )
+
+
+_CHECKS = {
+    ".msh": _check_msh,
+    **dict.fromkeys(SCRIPTS, _check_script),
+    **dict.fromkeys(STEP, _check_step),
+    ".brep": _check_brep,
+    **dict.fromkeys(IGES, _check_iges),
+    ".inp": _check_inp,
+    ".vtu": _check_vtu,
+    ".vtk": _check_vtk,
+}
+KNOWN = tuple(_CHECKS)
