@@ -165,6 +165,8 @@ def transient(
         require_room(comm, steps, problem.row, file, in_memory=in_memory, former=former)
         report = stack.enter_context(progress_bar(comm, "transient", progress))
         integrator = problem.integrator(steps, stack)
+        if isinstance(problem, _Unreduced):
+            warn_of_unreduced("transient", problem.model, loads, problem.damped)
         if record is not None:
             integrator.begin(record, loads.signals)
         history = integrate(integrator, steps, record, report)
@@ -227,7 +229,6 @@ class _Unreduced:
         limited = (touching or loads.jumps) and not given
         needed = model.damping or limited
         damped = (modes or default_modes(model, loads.highest_frequency)) if needed else 0
-        warn_of_unreduced("transient", model, loads, damped)
         highest = float(model.modes(damped).frequencies[-1]) if limited else 0.0
         return cls(model, loads, initial, highest, row_size(unreduced_columns(model)), damped)
 

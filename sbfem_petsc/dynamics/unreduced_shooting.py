@@ -77,8 +77,8 @@ def unreduced_periodic(model: Model, load, frequency: float, *, settings: Period
     count = (settings.steps or STEPS) * excitation.periods | 1
     excitation = excitation.below(0.5 * count)
     modes = settings.modes or MODES
-    warn_of_unreduced("periodic", model, loads, modes)
     _require_room(model, count, modes)
+    warn_of_unreduced("periodic", model, loads, modes)
     found = lowest_modes(model, modes, auxiliary_tolerance=0.0)
     pencil = Pencil(model, 1.0, 0.0)
     try:
