@@ -37,6 +37,7 @@ _HOME = {
     "Support": "supports",
     "Unilateral": "contact.law",
     "Tied": "contact.law",
+    "Clearance": "contact.law",
     "SolveError": "errors",
     "UnknownName": "errors",
     "LoadWarning": "meshing.warnings",

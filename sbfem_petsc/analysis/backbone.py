@@ -254,7 +254,7 @@ def backbone(
         first = first_motion(system, start)
     except SolveError as error:
         raise on_all_ranks(error) from None
-    if not reduction.initial_gap.any():
+    if reduction.homogeneous:
         motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
     else:
         branch = FreeBranch(
@@ -301,7 +301,7 @@ def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: fl
     r = system.reduced
     # frequency and damping ratios, and what half the step changes of them
     found = np.array([_numbers(p) for p in motions])
-    own, changed, alike = found[:, 0].copy(), np.full_like(found, np.nan), not r.initial_gap.any()
+    own, changed, alike = found[:, 0].copy(), np.full_like(found, np.nan), r.homogeneous
     if wanted.refine:
         finer = FreeSystem(r, system.mode, 2 * system.steps)
         for n, p in enumerate(motions):

@@ -26,7 +26,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
@@ -128,6 +128,34 @@ class Tied(ContactLaw):
         return _NEVER, State(0.0, -math.inf, math.inf), _NEVER
 
 
+@dataclass(frozen=True)
+class Clearance(ContactLaw):
+    """Faces between two stops: free while their gap is between zero and a width, pressed on each other below,
+    held back above, where the force is tension.
+
+    The gap is the distance of the faces, that of the undeformed ones included: faces that stand further apart
+    than the width are pulled together at rest.
+
+    Attributes
+    ----------
+    compliance : float
+        m^3/N; an elastic layer, the same at either side, if it is not zero.
+    width : float
+        m.
+    """
+
+    width: float = field(kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        real(type(self).__name__, "width", self.width, "m", within=Bounds(least=0.0))
+
+    @property
+    def states(self) -> tuple[State, State, State]:
+        """Free from zero to the width."""
+        return State(0.0, 0.0, self.width), _PRESSED, State(self.width, -math.inf, 0.0)
+
+
 class Table(NamedTuple):
     """Places and bounds of the states of some contact rows, as `State` has them, for compiled kernels.
 
@@ -193,6 +221,11 @@ class RowLaws:
         """(c,): rows of one state alone, which are never free."""
         return self.table.least[FREE] > self.table.most[FREE]
 
+    @property
+    def homogeneous(self) -> bool:
+        """Whether no length is told in the table, so that forces go with the gaps."""
+        return not any(values[np.isfinite(values)].any() for values in self.table)
+
     def rest(self, gap: np.ndarray) -> np.ndarray:
         """Gaps at rest, from the distances of the undeformed faces, from which rows that are never free count
         theirs.
@@ -241,6 +274,11 @@ class RowLaws:
         """How far free rows, or one, are from being held, m, negative beyond; -inf where never free."""
         return np.minimum(gap - self.table.least[FREE, row], self.table.most[FREE, row] - gap)
 
+    def reach(self, gap: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        """How far free rows may move to the side of a direction before they are held, m; 0 where they are."""
+        least, most = self.table.least[FREE], self.table.most[FREE]
+        return np.maximum(np.where(direction < 0.0, gap - least, most - gap), 0.0)
+
     def apart(self, gap: np.ndarray, force: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """How far some rows with gaps (k,) are from where forces (k,) of these signs hold them, m."""
         pressed, pulled = self.table.place[PRESSED, rows], self.table.place[PULLED, rows]
@@ -277,7 +315,8 @@ def row_laws(laws: ContactLaw | Sequence[ContactLaw] | None, count: int, owner: 
 
 
 # Solvers read of a law what stands in `RowLaws` alone: any other class would be one of these under its name.
-KNOWN = (Unilateral, Tied)
+KNOWN = (Unilateral, Tied, Clearance)
+_GIVE = "Unilateral(), Tied() or Clearance(width=...)"
 
 
 def check_law(owner: str, name: str, law) -> None:
@@ -287,6 +326,6 @@ def check_law(owner: str, name: str, law) -> None:
     if isinstance(law, ContactLaw) and type(law) is not ContactLaw:
         raise TypeError(
             f"{owner}: {name} is a law of its own class, {type(law).__name__}, of which no solver asks its "
-            "force; give Unilateral() or Tied()"
+            f"force; give {_GIVE}"
         )
-    raise TypeError(f"{owner}: {name} = {shown(law)} must be a contact law, Unilateral() or Tied()")
+    raise TypeError(f"{owner}: {name} = {shown(law)} must be a contact law, {_GIVE}")

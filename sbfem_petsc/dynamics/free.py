@@ -125,15 +125,16 @@ class FreeSystem:
         return state
 
     def open_side(self) -> tuple[float, float]:
-        """Sign of the followed mode that leaves the faces apart, and the energy at which the other one brings
-        the first pair together, inf if none.
+        """Sign of the followed mode that leaves the faces free, and the energy at which the other one brings
+        the first pair into contact, inf if none.
         """
         r = self.reduced
         moved = r.gap.modes[:, self.mode] / self.weights[self.mode]
 
         def reach(direction: np.ndarray) -> float:
-            closing = direction < -1e-9 * np.abs(moved).max(initial=0.0)
-            return float((r.initial_gap[closing] / -direction[closing]).min(initial=math.inf))
+            moves = np.abs(direction) > 1e-9 * np.abs(moved).max(initial=0.0)
+            room = r.contact_laws.reach(r.initial_gap, direction)[moves] / np.abs(direction[moves])
+            return float(room.min(initial=math.inf))
 
         up, down = reach(moved), reach(-moved)
         if up == down:

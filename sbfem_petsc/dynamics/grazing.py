@@ -53,11 +53,12 @@ class OpenRowFamily(Family):
         self._contact = np.delete(gap.contact[row], row)
 
     def gap(self, driven: DrivenPeriod, motion: PeriodMotion, value: float) -> np.ndarray:
-        """(n + 1,): gap of the row over the period, m."""
+        """(n + 1,): how far the row is from being held over the period, m."""
         p, factor = driven.period, value if self.parameter == "gap" else 1.0
         linear = p.over_time(driven.amplitudes @ self._modes) + driven.loads @ self._loads
         shut = motion.states @ self._modes + motion.forces @ self._contact
-        return linear + shut + factor * float(self.whole.reduced.initial_gap[self.row])
+        gap = linear + shut + factor * float(self.whole.reduced.initial_gap[self.row])
+        return self.whole.laws.room(gap, self.row)
 
 
 def least(values: np.ndarray) -> float:

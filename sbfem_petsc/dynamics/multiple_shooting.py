@@ -88,7 +88,7 @@ class Segments:
     @property
     def touching(self) -> np.ndarray:
         """(pairs,) bool: pairs that touch at any time of the period."""
-        return np.any([(motion.forces > 0.0).any(axis=0) for motion in self.motions], axis=0)
+        return np.any([(motion.forces != 0.0).any(axis=0) for motion in self.motions], axis=0)
 
     def derivatives(self, located: bool) -> np.ndarray:
         """(count, 2 m, 2 m): dx(end) / dx(begin) of each segment."""

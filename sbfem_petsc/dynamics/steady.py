@@ -227,7 +227,7 @@ class _Attempts:
         if (
             ramp <= 0.0
             or not (period.excitation.orders == 0).any()
-            and not period.reduced.initial_gap[: period.pairs].any()
+            and (period.reduced.homogeneous or not period.pairs)
         ):
             return None
         first = self._newton(period, period.at(frequency, ramp).linear_state, frequency, ramp)

@@ -88,6 +88,11 @@ class ReducedModel:
         own = self.frequencies, self.damping, self.gap, self.initial_gap, self.load_modes, self.contact_laws
         return self.model, self.loads, self.load_flexibility, self.points.names, own
 
+    @property
+    def homogeneous(self) -> bool:
+        """Whether motions of any size are alike: neither gaps nor laws of contact have a length."""
+        return not self.initial_gap.any() and self.contact_laws.homogeneous
+
     @functools.cached_property
     def omega(self) -> np.ndarray:
         """(m,): rad/s."""

@@ -55,8 +55,8 @@ class Model(Structure):
         a (1/s) and b (s) of a damping matrix a M + b K, which adds a / (2 omega) + b omega / 2 to the ratio
         of a mode; see `rayleigh_factors`.
     contact_laws : ContactLaw or dict of str to ContactLaw, optional
-        One for all cracks, or by the names of cracks, such as ``{"crack2": Tied()}``. Default, and of cracks
-        that are not named: `Unilateral`.
+        One for all cracks, or by the names of cracks, such as ``{"crack2": Tied()}``: `Unilateral`, `Tied`
+        or `Clearance`. Default, and of cracks that are not named: `Unilateral`.
     thickness : float
         m.
     supports : sequence of Support

@@ -5,14 +5,13 @@ complementarity conditions themselves: with a positive definite flexibility one 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.complementarity import solve_complementarity
-from sbfem_petsc.contact.law import FREE, PRESSED, PULLED, ContactLaw, RowLaws, State
+from sbfem_petsc.contact.law import FREE, PRESSED, PULLED, RowLaws
 from sbfem_petsc.contact.pivoting import PATIENCE, contact_forces, empty_factor
 
 STEPS = 70
@@ -73,17 +72,6 @@ def missed(w: np.ndarray, gap: np.ndarray, force: np.ndarray, state: np.ndarray,
     return float(np.max(off / np.where(scale > 0.0, scale, 1.0), initial=0.0))
 
 
-@dataclass(frozen=True)
-class Slack(ContactLaw):
-    """Pressed at zero, pulled at some gap."""
-
-    gap: float = 0.0
-
-    @property
-    def states(self):
-        return State(0.0, 0.0, self.gap), State(0.0, 0.0, np.inf), State(self.gap, -np.inf, 0.0)
-
-
 KINDS = ("plain", "coupled", "nearly singular", "neighbours", "other units")
 
 
@@ -100,7 +88,7 @@ def sequences(kind: str) -> Iterator[tuple[np.ndarray, RowLaws, Iterator[np.ndar
         laws = [
             sb.Tied()
             if tied
-            else Slack(gap=size * max(share - 0.6, 0.0))
+            else sb.Clearance(width=size * max(share - 0.6, 0.0))
             if seed % 4 > 1 and share > 0.5
             else sb.Unilateral()
             for tied, share, size in zip(chosen, which, unit)

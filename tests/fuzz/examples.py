@@ -166,6 +166,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "Support": [lambda: {"where": "left", "x": True, "y": 1.0}],
     "Unilateral": [lambda: {"compliance": 0.0}],
     "Tied": [lambda: {"compliance": 0.0}],
+    "Clearance": [lambda: {"compliance": 0.0, "width": 1e-5}],
     "Model": [
         lambda: {
             "mesh": mesh(),
