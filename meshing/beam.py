@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.complex import CellComplex
-from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_opening import open_cracks
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
@@ -104,15 +103,7 @@ class Beam(BeamShape):
         options = BeamOptions.checked(self, given)
         check_extent("beam", self.length, self.height)
         drawn = cells_of(beam_drawing(self, options), options.order, "beam")
-        meshing = CrackMeshing(
-            True,
-            options.tip_size,
-            options.grading,
-            options.face_size,
-            options.face_edges,
-            options.layout == "vertex",
-            drawn.tip_sizes,
-        )
+        meshing = replace(options.cracks, tip_sizes=drawn.tip_sizes)
         add_cracks(drawn.cells, drawn.crack_lines, meshing, "beam")
         names = self.crack_names()[len(self.notches) :]
         open_cracks(drawn.cells, {name: crack.opening for name, crack in zip(names, self.cracks)})

@@ -45,7 +45,7 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     for block in blocks:
         if Fan.suits(beam, block):
             points = list(options.points.values())
-            Fan(beam, block).draw(drawing, points, options.tip_size, options.grading)
+            Fan(beam, block).draw(drawing, points, options.cracks.tip_size, options.cracks.grading)
         else:
             _fill_block(drawing, beam, block, min(_EDGE * beam.height, options.size))
     drawing.weld(near)
@@ -140,7 +140,7 @@ def _grade(drawing: Drawing, vertex: int, options: BeamOptions) -> None:
     fan = rings.fan(vertex, first, last)
     assert fan is not None
     innermost = options.corner_size * math.sqrt(2)
-    rings.refine(vertex, [first, last], fan, innermost=innermost, grading=options.grading, tip=False)
+    rings.refine(vertex, [first, last], fan, innermost=innermost, grading=options.cracks.grading, tip=False)
 
 
 def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) -> None:

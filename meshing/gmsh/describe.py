@@ -14,6 +14,7 @@ KIND = ("point", "curve", "surface", "volume")
 NO_SIZE = 1e21  # gmsh's "no size given" is 1e22
 
 Groups = list[list[Any]]  # [dimension, name, entities] of each physical group
+Block = tuple[list[Any], np.ndarray]  # [dimension, entity, type, order, corners] and nodes of elements
 
 
 def physical_groups(gmsh: Any) -> Groups:
@@ -55,28 +56,19 @@ def describe(
     arrays : dict of str to array
     """
     tags, positions, _ = gmsh.model.mesh.getNodes()
-    arrays = {"node_tags": np.asarray(tags, np.int64), "node_positions": np.reshape(positions, (-1, 3))}
     points = _point_nodes(gmsh)
     curves, surfaces = ([tag for _, tag in gmsh.model.getEntities(d)] for d in (1, 2))
-    lines = _lines(gmsh, curves, {node for nodes in points.values() for node in nodes}) if geometry else None
     whole = whole_surfaces(groups)
-    blocks: list[list[Any]] = []
-    if lines is not None:
-        for tag, line in zip(curves, lines):
-            arrays[f"block{len(blocks)}"] = line[None]
-            blocks.append([1, tag, "Line 2", 1, 2])
-    entities = [] if lines is not None else [(1, tag) for tag in curves]
-    for dimension, entity in entities + [
-        (2, tag) for tag in surfaces if not geometry or tag not in set(whole)
-    ]:
-        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity)):
-            name, _, element_order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
-            arrays[f"block{len(blocks)}"] = np.asarray(nodes, np.int64).reshape(-1, count)
-            blocks.append([dimension, entity, name, element_order, corners])
+    meshed = [tag for tag in surfaces if tag not in set(whole)] if geometry else surfaces
+    ends = {node for nodes in points.values() for node in nodes}
+    blocks = _line_blocks(gmsh, curves, ends) if geometry else None
+    blocks = (_blocks(gmsh, 1, curves) if blocks is None else blocks) + _blocks(gmsh, 2, meshed)
+    arrays = {f"block{number}": nodes for number, (_, nodes) in enumerate(blocks)}
+    arrays |= {"node_tags": np.asarray(tags, np.int64), "node_positions": np.reshape(positions, (-1, 3))}
     told: dict[str, Any] = {
         "geometry": geometry,
         "groups": groups,
-        "blocks": blocks,
+        "blocks": [facts for facts, _ in blocks],
         "points": {str(tag): nodes for tag, nodes in points.items()},
         "whole": whole,
         "outlines": [],
@@ -90,6 +82,17 @@ def describe(
     return told, arrays
 
 
+def _blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block]:
+    """Elements of each type in each entity."""
+    blocks: list[Block] = []
+    for entity in entities:
+        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity)):
+            name, _, order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
+            table = np.asarray(nodes, np.int64).reshape(-1, count)
+            blocks.append(([dimension, entity, name, order, corners], table))
+    return blocks
+
+
 def _point_nodes(gmsh: Any) -> dict[int, list[int]]:
     """Node tags of each point."""
     tags = [tag for _, tag in gmsh.model.getEntities(0)]
@@ -101,13 +104,13 @@ def _point_nodes(gmsh: Any) -> dict[int, list[int]]:
     return {tag: gmsh.model.mesh.getNodes(0, tag)[0].tolist() for tag in tags}
 
 
-def _lines(gmsh: Any, curves: list[int], ends: set[int]) -> np.ndarray | None:
-    """(n, 2): the nodes of each curve, at once, where all curves are one straight element each; else None."""
+def _line_blocks(gmsh: Any, curves: list[int], ends: set[int]) -> list[Block] | None:
+    """Blocks of curves that are one straight element each, all at once; None where there are others."""
     kinds, _, nodes = gmsh.model.mesh.getElements(1)
-    if list(kinds) != [1] or len(nodes[0]) != 2 * len(curves):
+    if list(kinds) != [1] or len(nodes[0]) != 2 * len(curves) or not ends >= set(nodes[0].tolist()):
         return None
-    lines = np.reshape(nodes[0], (-1, 2)).astype(np.int64)
-    return lines if ends >= set(lines.ravel().tolist()) else None
+    lines = np.reshape(nodes[0], (-1, 1, 2)).astype(np.int64)
+    return [([1, tag, "Line 2", 1, 2], line) for tag, line in zip(curves, lines)]
 
 
 def _curves_around(gmsh: Any, surface: int) -> list[int]:

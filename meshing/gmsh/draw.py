@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshing.cells.complex import edge_key
-from meshing.geometry.drawing import Drawing, around
+from meshing.geometry.drawing import Drawing, Filled, around
 from meshing.gmsh.describe import MATERIAL, WHOLE
 
 # Growth of cells with the distance from a rosette: K and T of cracks 400 to 1600 times smaller than a plate
@@ -42,32 +42,28 @@ class _Pen:
 
     def draw(self) -> None:
         drawing = self.drawing
-        for edges in drawing.groups.values():  # first, in the cracks' direction
-            for edge in edges:
-                self.curve(*edge)
+        named = drawing.groups | drawing.edge_sets  # cracks first: their curves run as they do
+        curves = {name: [abs(self.curve(*edge)) for edge in edges] for name, edges in named.items()}
+        points = {name: [self.point(v)] for name, v in drawing.points.items()}
         whole = [self.surface([cell.vertices]) for cell in drawing.cells]
         filled = [self.surface(surface.loops) for surface in drawing.filled]
-        inner = [[abs(self.curve(*edge)) for edge in surface.segments] for surface in drawing.filled]
-        for surface in drawing.filled:
-            for v in surface.points:
-                self.point(v)
-        named = drawing.edge_sets | drawing.groups
-        curves = {name: [abs(self.curve(*edge)) for edge in edges] for name, edges in named.items() if edges}
-        points = {name: self.point(v) for name, v in drawing.points.items()}
+        inside = [self.inside(surface) for surface in drawing.filled]
         self.geo.synchronize()
-        for tag, surface, lines in zip(filled, drawing.filled, inner):
-            known = {v for edge in [*surface.edges(), *surface.segments] for v in edge}
-            self.model.mesh.embed(0, [self.points[v] for v in surface.points if v not in known], 2, tag)
-            self.model.mesh.embed(1, lines, 2, tag)
+        for tag, embedded in zip(filled, inside):
+            for dimension, tags in enumerate(embedded):
+                self.model.mesh.embed(dimension, tags, 2, tag)
             self.model.mesh.setRecombine(2, tag)
         self.limit_growth()
-        for name, tags in ((WHOLE + MATERIAL, whole), (MATERIAL, filled)):
-            if tags:
-                self.model.addPhysicalGroup(2, tags, name=name)
-        for name, tags in curves.items():
-            self.model.addPhysicalGroup(1, tags, name=name)
-        for name, tag in points.items():
-            self.model.addPhysicalGroup(0, [tag], name=name)
+        for dimension, groups in enumerate((points, curves, {WHOLE + MATERIAL: whole, MATERIAL: filled})):
+            for name, tags in groups.items():
+                if tags:
+                    self.model.addPhysicalGroup(dimension, tags, name=name)
+
+    def inside(self, surface: Filled) -> tuple[list[int], list[int]]:
+        """Points and curves inside a filled surface."""
+        lines = [abs(self.curve(*edge)) for edge in surface.segments]
+        known = {v for edge in [*surface.edges(), *surface.segments] for v in edge}
+        return [self.point(v) for v in surface.points if v not in known], lines
 
     def _sizes(self) -> dict[int, float]:
         """Sizes of points: of tips, and inside filled surfaces the mean length of the edges there."""
