@@ -35,7 +35,7 @@ def main():
     model = build(comm, 0.0, order=own.order)
     reduced = sb.reduce(model, sb.PointForce("A", fy=1.0), modes=own.modes)
     free = sb.backbone(
-        reduced, own.mode, *own.energies, steps=own.steps, largest_step=0.1, refine=False, stability=False
+        reduced, own.mode, *own.energies, steps=own.steps, largest_change=0.1, refine=False, stability=False
     )
     out.print(f"\n{reduced}\n{free}\n")
     curves = {}

@@ -169,7 +169,7 @@ def backbone(
     modes: int | None = None,
     steps: int | None = None,
     points: int = 200,
-    largest_step: float = 0.4,
+    largest_change: float = 0.4,
     interactions: bool = False,
     refine: bool = True,
     stability: bool = True,
@@ -195,7 +195,7 @@ def backbone(
         is told and taken off (`refine`).
     points : int
         Points at most.
-    largest_step : float
+    largest_change : float
         Largest change of the state from a point to the next, relative.
     interactions : bool
         Follow the narrow tongues along which the branch turns back in energy where a multiple of its
@@ -214,39 +214,14 @@ def backbone(
         If no motion is found at `start`, or the branch ends between the energies; the points so far are its
         attribute `backbone`.
     """
-    with collective(communicator(model)):
-        if isinstance(model, ReducedModel) and modes is not None:
-            raise ValueError(
-                f"backbone: modes = {modes} has no meaning beside a reduced model; reduce it to so many"
-            )
-        if isinstance(model, Model) and (modes or 3 * mode + MODES) > model.boundary_unknowns // 2:
-            raise ValueError(
-                f"backbone: {modes or 3 * mode + MODES} modes are more than half of the "
-                f"{model.boundary_unknowns} unknowns; give fewer modes, or refine the mesh"
-            )
-    reduction = model if isinstance(model, ReducedModel) else reduced(model, (), modes or 3 * mode + MODES)
-    with collective(communicator(model)):
-        if mode > len(reduction.omega) or reduction.omega[mode - 1] == 0.0:
-            raise ValueError(
-                f"backbone: mode = {mode} must be an elastic one of the {len(reduction.omega)} modes kept"
-            )
+    reduction = _reduction(model, mode, modes)
     if not damping:
         reduction = replace(reduction, damping=np.zeros(len(reduction.omega)))
     own = float(reduction.frequencies[mode - 1])
     if steps is None:
         steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
     require_compiler("backbone", communicator(model))
-    motion = 8.0 * steps * (2 * len(reduction.omega) + 2 * len(reduction.initial_gap))
-    few, period = min(points, FEW), period_memory(reduction, steps, 1)
-    require_memory(
-        "backbone",
-        communicator(model),
-        few * motion + period,
-        f"{few} motions of {steps:,d} steps and {len(reduction.omega)} modes",
-        lambda share: "give fewer steps or modes",
-    )
-    # few branches take as many points as they may
-    most = min(points, max(few, room(communicator(model), motion, period)))
+    most = _room_for(reduction, steps, points)
     more = "raise points" if most == points else "there is no memory for more points"
     system = FreeSystem(reduction, mode - 1, steps)
     passed: tuple[tuple[float, float], ...] = ()
@@ -261,7 +236,7 @@ def backbone(
             system,
             first,
             (min(start, stop), max(start, stop)),
-            Pace(1 if stop > start else -1, most, largest_step, interactions),
+            Pace(1 if stop > start else -1, most, largest_change, interactions),
         )
         for _ in branch:
             pass
@@ -277,6 +252,42 @@ def backbone(
         failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)
     return result
+
+
+def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> ReducedModel:
+    """The reduced model whose motions are followed from one of its elastic modes. Collective."""
+    kept = modes or 3 * mode + MODES
+    with collective(communicator(model)):
+        if isinstance(model, ReducedModel) and modes is not None:
+            raise ValueError(
+                f"backbone: modes = {modes} has no meaning beside a reduced model; reduce it to so many"
+            )
+        if isinstance(model, Model) and kept > model.boundary_unknowns // 2:
+            raise ValueError(
+                f"backbone: {kept} modes are more than half of the {model.boundary_unknowns} unknowns; give "
+                "fewer modes, or refine the mesh"
+            )
+    found = model if isinstance(model, ReducedModel) else reduced(model, (), kept)
+    with collective(communicator(model)):
+        if mode > len(found.omega) or found.omega[mode - 1] == 0.0:
+            raise ValueError(
+                f"backbone: mode = {mode} must be an elastic one of the {len(found.omega)} modes kept"
+            )
+    return found
+
+
+def _room_for(reduction: ReducedModel, steps: int, points: int) -> int:
+    """Points that there is memory for: few branches take as many as they may. Collective."""
+    motion = 8.0 * steps * (2 * len(reduction.omega) + 2 * len(reduction.initial_gap))
+    few, period = min(points, FEW), period_memory(reduction, steps, 1)
+    require_memory(
+        "backbone",
+        reduction.comm,
+        few * motion + period,
+        f"{few} motions of {steps:,d} steps and {len(reduction.omega)} modes",
+        lambda share: "give fewer steps or modes",
+    )
+    return min(points, max(few, room(reduction.comm, motion, period)))
 
 
 def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> list[FreeMotion]:

@@ -16,6 +16,7 @@ HIGHEST, SLOWEST, FASTEST = 1e30, 1e-12, 1e15
 MOST, SAMPLES, LONGEST = 10**7, 10**5, 10**9
 _STEPS = "time steps a forcing period; default: 512 or more"
 _MODES = "modes; default: all up to 8 times the loads' highest frequency, at least 80"
+_LONGEST = "most forcing periods in one period of a motion, or in the common period of its tones"
 _CONTACT = "false: crack faces may overlap"
 
 
@@ -27,9 +28,9 @@ def _counted(text: str, default: int | None = None, least: int = 1, most: int = 
     return item(default, text=text, ge=least, le=most)
 
 
-def _accuracy() -> Any:
+def _accuracy(default: float | None = None) -> Any:
     text = "relative error asked for: finer meshes are made until two of them agree"
-    return item(None, text=text, ge=1e-13, le=0.1)
+    return item(default, text=text, ge=1e-13, le=0.1)
 
 
 def _largest_step(what: str, unit: str = "") -> Any:
@@ -87,7 +88,7 @@ class LoadHistoryOptions(Options):
 class TransientOptions(Options):
     """Options of `transient`."""
 
-    duration: float = item(text="end of the history", unit="s", gt=0)
+    duration: float = item(text="length of the history", unit="s", gt=0)
     step: float | None = item(
         None,
         text="time step; default: 1/320 of the loads' shortest period, with contact at most 0.8 of the "
@@ -133,7 +134,7 @@ class PeriodicOptions(Integration):
     stability: bool | None = item(
         None, text="compute the Floquet multipliers; default: of a reduced model, of which alone they can be"
     )
-    longest: int = _counted("most forcing periods in a common period of tones", 64)
+    longest: int = _counted(_LONGEST, 64)
     tolerance: float | None = item(
         None, text="double the steps until displacements change by less (relative)", gt=0, lt=1
     )
@@ -253,7 +254,7 @@ class SweptOptions(Options):
 
     start: float = _frequency("first frequency")
     stop: float = _frequency("last frequency")
-    duration: float = item(text="of the sweep, one way", unit="s", gt=0)
+    duration: float = item(text="length of the sweep, one way", unit="s", gt=0)
     steps: int | None = _counted(
         "time steps a period of the higher frequency; default: 320 or more", least=48
     )
@@ -273,7 +274,7 @@ class BasinsOptions(Integration):
     """Options of `basins`."""
 
     frequency: float = _frequency("forcing frequency")
-    longest: int = _counted("most periods after which a motion may repeat itself", 8, most=1000)
+    longest: int = _counted(_LONGEST, 8, most=1000)
     tolerance: float = item(
         1e-7, text="relative change of the state below which it has settled", ge=1e-13, le=1e-2
     )
@@ -317,7 +318,7 @@ class BackboneOptions(Options):
     modes: int | None = _counted("modes; default: three for each up to the followed one, and 20")
     steps: int | None = _counted("time steps a period; default: 1024 or more", least=48)
     points: int = _counted("points at most", 200, least=2)
-    largest_step: float = item(
+    largest_change: float = item(
         0.4, text="largest change of the state from a point to the next, relative", gt=0
     )
     interactions: bool = item(
@@ -337,5 +338,5 @@ class BackboneOptions(Options):
 class EstimateOptions(Options):
     """Options of `estimate`."""
 
-    accuracy: float = item(1e-4, text="relative error asked for", ge=1e-13, le=0.1)
+    accuracy: float = _accuracy(1e-4)
     levels: int = item(6, text="most levels", ge=2, le=8)

@@ -1,10 +1,11 @@
-"""Reference of the case file and its JSON Schema, both made from the tables themselves.
+"""Reference of the case file, its JSON Schema, and words of the analyses, made from the classes themselves.
 
-python -m sbfem_petsc.study.documentation     writes docs/case_file.md and docs/case_file.schema.json
+python -m sbfem_petsc.study.documentation     writes docs/case_file.md, its schema and docs/words.md
 """
 
 from __future__ import annotations
 
+import inspect
 import json
 import pathlib
 import types
@@ -15,6 +16,9 @@ from typing import Annotated, Any
 from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
+import sbfem_petsc as sb
+
+from ..options import unit_of
 from .analysis_tables import ANALYSES, Noise, Output, Range, StartAxisTable, SweepTable
 from .case import CaseTables
 from .geometry_tables import (
@@ -82,6 +86,44 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
         (SweepTable, Range, Noise),
     ),
 )
+
+
+_WORDS = """# Words of the analyses
+
+One word means one thing in all analyses, in Python and in a case file; where it is about another quantity it
+has a line for each. This page is generated from the classes of options (`sbfem_petsc/analysis/options.py`),
+which check them.
+
+"""
+# Arguments that are no options: of a call, not of what is computed.
+_ARGUMENTS = {
+    "guess": "a motion that an iteration or a curve begins from",
+    "initial": "the state of a history at t = 0",
+    "file": "HDF5 file that is kept up to date while it runs",
+    "resume": "true: go on from `file` if it exists",
+    "progress": 'a function that is told the fraction done, "auto": a bar, or nothing',
+    "reduction": "nothing: the unreduced model",
+}
+
+
+def words() -> str:
+    """The page of words: what each means, and in which functions it stands."""
+    found: dict[str, dict[tuple[str, str], list[str]]] = {}
+    for name in sorted(sb.__all__):
+        function = getattr(sb, name)
+        if not hasattr(function, "options"):
+            continue
+        fields, given = function.options.model_fields, inspect.signature(function).parameters
+        meanings = {option: (str(field.description), unit_of(field)) for option, field in fields.items()}
+        meanings |= {word: (text, "") for word, text in _ARGUMENTS.items() if word in given}
+        for word, meaning in meanings.items():
+            found.setdefault(word, {}).setdefault(meaning, []).append(name)
+    lines = ["| word | meaning | unit | in |", "|---|---|---|---|"]
+    for word, under in sorted(found.items()):
+        for (text, unit), names in under.items():
+            listed = ", ".join(f"`{name}`" for name in names)
+            lines.append(f"| `{word}` | {text} | {unit} | {listed} |")
+    return _WORDS + "\n".join(lines) + "\n"
 
 
 def markdown() -> str:
@@ -201,8 +243,9 @@ def _kinds(annotation: Any) -> Iterator[str]:
 
 
 def main() -> None:
-    """Write both files into the folder docs of the working directory."""
+    """Write the files into the folder docs of the working directory."""
     folder = pathlib.Path("docs")
+    (folder / "words.md").write_text(words(), encoding="utf-8")
     (folder / "case_file.md").write_text(markdown(), encoding="utf-8")
     (folder / "case_file.schema.json").write_text(schema(), encoding="utf-8")
 

@@ -72,7 +72,7 @@ def main(name: str) -> None:
             subject, force, 150.0, 170.0, points=150, largest_step=0.15, steps=2048
         ),
         "backbone": lambda: sb.backbone(
-            subject, 1, 1e-6, 1e-2, points=60, largest_step=0.05, steps=8192, refine=False, stability=False
+            subject, 1, 1e-6, 1e-2, points=60, largest_change=0.05, steps=8192, refine=False, stability=False
         ),
     }[name]
     small = None if structural else beam(6)

@@ -182,7 +182,7 @@ def test_resonance_peak_is_on_it():
     """
     curve = sb.frequency_response(one_mass(0.02), 0.02, 0.5, 0.8, steps=1024, stability=False)
     top = int(np.argmax(curve.amplitude("x")))
-    found = sb.backbone(one_mass(), 1, 4e-4, 1.0, largest_step=0.1, stability=False)
+    found = sb.backbone(one_mass(), 1, 4e-4, 1.0, largest_change=0.1, stability=False)
     expected = np.interp(curve.amplitude("x")[top], found.amplitude("x"), found.frequency)
     assert expected > 0.6 and curve.frequency[top] == pytest.approx(expected, rel=2e-3)
 
@@ -194,7 +194,7 @@ def test_forced_peaks_of_the_paper_come_to_it_as_damping_falls():
     """
     reduced = sb.reduce(coarse_beam(0.002), sb.PointForce("A", fy=1.0), modes=50)
     options = {"refine": False, "stability": False, "steps": 512}
-    free = sb.backbone(reduced, 17, 0.06, 0.14, largest_step=0.05, **options)
+    free = sb.backbone(reduced, 17, 0.06, 0.14, largest_change=0.05, **options)
     frequency_of = PchipInterpolator(free.amplitude("A"), free.frequency)
     distance = []
     for ratio in (0.008, 0.004):
@@ -239,7 +239,7 @@ def test_an_internal_resonance_is_followed():
         sensors={"1": 0, "2": 1},
         compliance=np.array([1.0 / stop]),
     )
-    found = sb.backbone(r, 1, 0.4, 8.0, largest_step=0.05, refine=False, steps=1024)
+    found = sb.backbone(r, 1, 0.4, 8.0, largest_change=0.05, refine=False, steps=1024)
     resonance = 0.5 * r.frequencies[1]
     assert found.complete and r.frequencies[0] < 0.97 * resonance
     assert np.abs(found.frequency[-10:] / resonance - 1.0).max() < 1e-3
@@ -404,7 +404,7 @@ def test_nothing_is_passed_over_where_nothing_touches(damped):
 def turning():
     """The branch of mode 1 of the two masses up to 100 J, and its displacements at rest."""
     r = two_masses()
-    found = sb.backbone(r, 1, 0.5, 100.0, interactions=True, largest_step=0.1, points=400, refine=False)
+    found = sb.backbone(r, 1, 0.5, 100.0, interactions=True, largest_change=0.1, points=400, refine=False)
     return found, found.states[:, :2] / r.omega @ r.points.modes[:, 1].T
 
 

@@ -151,6 +151,7 @@ def test_documentation_in_sync():
     """docs/case_file.md and its schema are what the tables say; python -m sbfem_petsc.study.documentation."""
     docs = pathlib.Path(ROOT) / "docs"
     assert (docs / "case_file.md").read_text() == documentation.markdown()
+    assert (docs / "words.md").read_text() == documentation.words()
     assert (docs / "case_file.schema.json").read_text() == documentation.schema()
 
 

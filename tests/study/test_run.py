@@ -18,6 +18,7 @@ from meshing import Beam, VNotch
 from meshing.folder_index import INDEX
 from sbfem_petsc.study import revive
 from sbfem_petsc.study.case import case_from_text, read_case
+from sbfem_petsc.study.problems import CaseError
 from sbfem_petsc.study.run import read_run, run_case
 from sbfem_petsc.study.solve import Structure
 from tests.parallel import on_ranks
@@ -486,9 +487,21 @@ def test_keys_of_a_backbone():
     structure, table, given = SimpleNamespace(model=None), case.tables.analyses["bone"], {}
     Structure._backbone(structure, case, table, lambda *_, **options: given.update(options), None, None)
     options = inspect.signature(sb.backbone).parameters
-    assert set(given) == set(options) - {"model", "mode", "start", "stop"}
-    assert given.pop("interactions") is True
+    assert set(given) == set(options) - {"model"}
+    assert [given.pop(name) for name in ("mode", "start", "stop", "interactions")] == [1, 1e-6, 1e-3, True]
     assert all(value == options[name].default for name, value in given.items())
+
+
+@pytest.mark.slow
+def test_a_steady_state_of_the_unreduced_model():
+    """It has no multipliers, and is not asked for them unless the case does."""
+    text = CASE.replace("damping = 0.01", "damping = 0.01\nrayleigh = [0.0, 1e-6]")
+    text = text.replace("steps = 256", "steps = 64\nreduced = false")
+    case = case_from_text(text)
+    found = Structure(case, MPI.COMM_SELF).solve(case, "steady")
+    assert found.reduced is None and not len(found.multipliers) and len(found.time) == 65
+    with pytest.raises(CaseError, match="steady.stability = true is for the reduced model"):
+        case_from_text(text.replace("reduced = false", "reduced = false\nstability = true"))
 
 
 @pytest.mark.long
