@@ -33,6 +33,9 @@ BACK = 0.999
 # ... and of a branch that bends there a point this near, of its distance from the last one, to the parabola
 # through the last three.
 ALONG = 0.05
+# Beyond a corner a point whose tangent leads back by so much, as the determinant tells, is one that the
+# branch comes from.
+FROM_THERE = 0.9
 # A tangent that points back so straight is that of a smooth branch at which the determinant has changed its
 # sign, and not of the far side of a corner.
 STRAIGHT = 0.999
@@ -339,6 +342,8 @@ class Follower:
         turn = math.acos(min(max(straight, -1.0), 1.0))
         if length > CORNER and turn > TOO_SHARP:
             return None
+        if behind is not None and self.metric.dot(onward, chord) < -FROM_THERE:
+            return None
         if self.line.sign is not None and self.metric.dot(onward, chord) < -STRAIGHT:
             # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the
             # branch may well lead back, but beside the chord
@@ -361,9 +366,9 @@ class Follower:
                 return None
             length = (target - last.value) / pace
         flat = last.u + length * heading * metric.units
-        begin = flat
-        if bent and not landed:
-            begin = problem.projected(flat + self._bend(heading, length) * metric.units)
+        bend = self._bend(heading, length) if bent else 0.0 * heading
+        begin = problem.projected(flat + bend * metric.units)
+        if not landed:
             target = within.nearest(problem.value(begin)[0])
         begin = problem.placed(begin, target)
         most = TOO_MANY if length > CORNER else math.inf

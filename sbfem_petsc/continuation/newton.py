@@ -119,7 +119,7 @@ class _Newton:
         while here.norm > problem.closed:
             if self.effort > self.most:
                 raise TooManyIterations(f"Newton's method takes more than {self.most:g} iterations")
-            if self.iterations == ITERATIONS:
+            if self.effort >= ITERATIONS:
                 raise self._failed(here.norm)
             whole = -self._inverse(here).solve(here.right)
             size = self._size(whole)
@@ -152,7 +152,10 @@ class _Newton:
         return self.problem.sum(float(scaled @ scaled)) ** 0.5
 
     def _backtracked(self, here: _Iterate, whole: np.ndarray) -> tuple[float, _Iterate | None]:
-        """The first share of a step after which less is missed, and the iterate there."""
+        """The first share of a step after which less is missed than at one of the last few iterates, and the
+        iterate there.
+        """
+        bound = max(self.residuals[-self.problem.patience :])
         for share in SHARES:
             try:
                 tried = _Iterate(self.problem, here.u + share * whole, self.condition, here.scale)
@@ -160,7 +163,7 @@ class _Newton:
                 raise
             except SolveError:
                 continue
-            if tried.norm < here.norm:
+            if tried.norm < bound:
                 return share, tried
         return 0.0, None
 

@@ -85,6 +85,8 @@ class Problem(Protocol):
         Norm of the residual over its scale at which a solution is taken ...
     settled : float
         ... and change of the unknowns in their units after which it is.
+    patience : int
+        Newton's steps are taken that leave less to miss than at one of so many last iterates.
     corners : bool
         Whether branches may have corners, beyond which the linearised equations are others.
     narrow : float
@@ -99,6 +101,7 @@ class Problem(Protocol):
 
     closed: float
     settled: float
+    patience: int
     corners: bool
     narrow: float
     begins: np.ndarray | None
@@ -151,7 +154,7 @@ class Problem(Protocol):
 class BaseProblem:
     """Answers that most problems give."""
 
-    closed, settled, corners, narrow = 1e-11, 1e-9, False, 0.0
+    closed, settled, patience, corners, narrow = 1e-11, 1e-9, 1, False, 0.0
     begins: np.ndarray | None = None
     isolated = "solutions are not isolated at {:.8g}"
     advice = "take more steps"

@@ -33,6 +33,8 @@ class SegmentedOrbits(Orbits):
         Segments of equal numbers of steps, of which the period has a multiple of it.
     """
 
+    patience = 5  # where pairs switch, a step may lead up before it leads down
+
     def __init__(self, period: Period, parameter: ParameterRange, count: int):
         super().__init__(period, parameter)
         self.count, self.short = count, period.of(period.steps // count)

@@ -161,6 +161,13 @@ def test_several_contact_rows_and_modes():
     assert near.iterations > 1 and np.abs(near.state - again.state).max() < 1e-8 * np.abs(again.state).max()
 
 
+def test_from_the_linear_response():
+    """Where pairs switch, Newton's steps lead up before they lead down: the motion of single shooting."""
+    single = sb.periodic(two_masses(), [1.0], 0.6 / TURN, steps=512)
+    found = sb.periodic(two_masses(), [1.0], 0.6 / TURN, steps=512, segments=4)
+    assert np.abs(found.state - single.state).max() < 1e-8 * np.abs(single.state).max()
+
+
 def test_a_start_of_several_periods():
     """A motion of two forcing periods is cut into segments where it stands: nothing is left to do."""
     one = sb.periodic(one_mass(0.0, 0.02, stiffness=50.0), 1.0, 0.41, steps=512, periods=2)
