@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from ..capacity import require_memory
-from ..checks import instance, integer, real_array, shown
+from ..checks import instance, shown
 from ..dynamics.attraction import Attraction, Patience
-from ..dynamics.basins import Basins, StartAxis, grid_of, start_direction
+from ..dynamics.basins import Basins, StartAxis, count_of, initial_states, state_of
 from ..dynamics.loading import communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.preparation import PeriodSettings, check_guess, prepare
@@ -92,7 +91,7 @@ def basins(
         ranks = own if comm is None else checked_communicator(what, comm)
     with collective(ranks):
         orbits = _checked_orbits(orbits, around, frequency)
-        count = _count(starts)
+        count = count_of(starts)
     given = [*orbits, *([] if around is None else [around])]
     if given and steps is None:
         steps = max(len(orbit.time) // orbit.periods for orbit in given)
@@ -109,13 +108,13 @@ def basins(
     with collective(ranks):
         for orbit in given:
             check_guess(what, orbit, period.reduced)
-        origin = np.zeros(2 * period.modes) if around is None else _state(around, period.modes)
-        axes, states = _states(starts, period.reduced, period.weights, origin)
+        origin = np.zeros(2 * period.modes) if around is None else state_of(around, period.modes)
+        axes, states = initial_states(starts, period.reduced, period.weights, origin)
         if not period.excitation.oscillating.amplitudes.any():
             raise ValueError(f"basins: no load oscillates at {frequency:g} Hz; give one that is not zero")
         attraction = Attraction(period, frequency, Patience(longest, tolerance, limit), ranks)
         for orbit in orbits:
-            _state(orbit, period.modes)
+            state_of(orbit, period.modes)
             attraction.add(orbit)
     flat = states.reshape(-1, states.shape[-1])
     with progress_bar(ranks, "basins", progress) as report:
@@ -138,52 +137,3 @@ def _checked_orbits(orbits, around, frequency: float) -> tuple[Orbit, ...]:
         if abs(orbit.frequency - frequency) > 1e-9 * frequency:
             raise ValueError(f"basins: {name} is at {orbit.frequency:.9g} Hz, not at {frequency:.9g} Hz")
     return tuple(orbits)
-
-
-def _count(starts) -> int:
-    """Initial states of a grid's axes; of arrays, which take their place already, none."""
-    if isinstance(starts, (list, tuple)) and all(isinstance(axis, StartAxis) for axis in starts):
-        return math.prod(len(axis.values) for axis in starts)
-    return 0
-
-
-def _state(orbit: Orbit, modes: int) -> np.ndarray:
-    if orbit.state.shape != (2 * modes,):
-        raise ValueError(
-            f"basins: {orbit!r} has a state of {orbit.state.size} values, the reduced model one of "
-            f"{2 * modes}; give orbits of the same reduced model"
-        )
-    return orbit.state
-
-
-def _states(
-    starts, reduced: ReducedModel, weights: np.ndarray, origin: np.ndarray
-) -> tuple[tuple[StartAxis, ...], np.ndarray]:
-    """Axes of the grid, if any, and the states (..., 2 m)."""
-    if isinstance(starts, (list, tuple)) and starts and all(isinstance(s, StartAxis) for s in starts):
-        axes = tuple(starts)
-        for axis in axes:
-            _check_axis(axis, reduced)
-        return axes, grid_of(axes, origin, [start_direction(axis, reduced, weights) for axis in axes])
-    if not isinstance(starts, tuple) or len(starts) != 2:
-        raise TypeError(
-            f"basins: starts = {shown(starts)} must be a sequence of StartAxis, or two arrays (..., m), "
-            "modal coordinates and their rates"
-        )
-    q, v = (
-        real_array("basins", f"starts[{k}]", part, max(1, np.ndim(part))) for k, part in enumerate(starts)
-    )
-    if q.shape != v.shape or q.shape[-1] != len(weights) or not q.size:
-        raise ValueError(
-            f"basins: starts has the shapes {q.shape} and {v.shape}; two arrays (..., {len(weights)}) are "
-            "expected"
-        )
-    return (), origin + np.concatenate([weights * q, v], axis=-1)
-
-
-def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:
-    """Raise where an axis asks for what the model has not."""
-    most = reduced.load_modes.shape[1] if axis.kind == "impulse" else len(reduced.omega)
-    integer("basins", "mode of starts", axis.mode, least=1, most=most)
-    if axis.point is not None:
-        reduced.points.of(axis.point, "point")

@@ -14,11 +14,10 @@ from ..checks import instance, shown
 from ..dynamics.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..dynamics.fixed_point import FixedPoint
 from ..dynamics.loading import communicator
-from ..dynamics.multiple_shooting import segmented_stability, shoot_segments
+from ..dynamics.multiple_shooting import at_segments, segmented_stability, shoot_segments
 from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
 from ..dynamics.period_map import Period
 from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
-from ..dynamics.states import ModalStates
 from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
 from ..dynamics.unreduced_shooting import unreduced_periodic
 from ..errors import SolveError, on_all_ranks
@@ -187,7 +186,7 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
                 "give another number of either"
             )
         )
-    states = None if guess is None else _at_segments(guess, period, task.frequency, segments)
+    states = None if guess is None else at_segments(guess, period, task.frequency, segments)
     fixed, parts = shoot_segments(period, task.frequency, segments, states)
     if (times := _times_more(fixed, most)) > 1:
         found = make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
@@ -195,27 +194,6 @@ def _in_segments(task: _Task, segments: int, period: Period, guess: Orbit | None
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), 0.0, "multiple shooting")
     return make_orbit(fixed, *segmented_stability(parts), "multiple shooting")
-
-
-def _at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:
-    """(segments, 2 m): a motion at the segments' beginnings, in differences to the linear response; one under
-    a multiple of the frequency is repeated as often as it takes.
-    """
-    driven = period.at(frequency)
-    instants = np.arange(segments) * (period.steps // segments)
-    # in forcing periods: motions under neighbouring frequencies keep their phase
-    times = max(1, round(guess.frequency / frequency))
-    places = times * instants * period.excitation.periods / period.steps / guess.periods * len(guess.time)
-    assert isinstance(guess.states, ModalStates)  # of the same reduced model
-    states = np.concatenate([period.weights * guess.states.q, guess.states.v], axis=1)
-    before = np.floor(places + 1e-9).astype(int)
-    share = (places - before)[:, None]
-    states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
-    q, v = (
-        period.over_time(part)[instants] for part in (driven.amplitudes, driven.speeds * driven.amplitudes)
-    )
-    linear = np.concatenate([period.weights * q, v], axis=1)
-    return states - linear
 
 
 def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, tolerance: float) -> Orbit:

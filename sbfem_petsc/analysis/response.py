@@ -16,19 +16,17 @@ from ..dynamics.branch import Branch
 from ..dynamics.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..dynamics.contact_work import MOST, StepsTooLong
 from ..dynamics.driven_orbits import ParameterRange
-from ..dynamics.loading import communicator
+from ..dynamics.loading import amplitudes_only, communicator
 from ..dynamics.orbit import Orbit
 from ..dynamics.period_map import Period
 from ..dynamics.preparation import PeriodSettings, finer, prepare
 from ..dynamics.shooting import shoot
 from ..dynamics.steady import find_steady_state
-from ..loads import as_loads
 from ..parallel import collective
 from ..petsc import MPI
 from ..progress import progress_bar
 from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
-from ..signals.signal import Constant, Signal
 from ..system.model import Model
 from .analysis import analysis
 from .options import FrequencyResponseOptions, LoadResponseOptions
@@ -262,22 +260,3 @@ def check_begin(what: str, guess: Orbit | None, frequency: float, periods: int |
         raise ValueError(f"{what}: guess is at {guess.frequency:g} Hz, not at {frequency:g} Hz")
     if periods not in (None, guess.periods):
         raise ValueError(f"{what}: guess takes {guess.periods} forcing periods, not periods = {periods}")
-
-
-def amplitudes_only(what: str, load) -> None:
-    """Refuse signals other than constants where the frequency is swept."""
-    values = load if isinstance(load, (list, tuple)) else (load,)
-    named = [("load", value) for value in values if isinstance(value, Signal)]
-    if not named and not all(isinstance(value, (int, float)) for value in values):
-        named = [
-            (name, value)
-            for item in as_loads(load).parts
-            for name, value in item.components.items()
-            if isinstance(value, Signal)
-        ]
-    for name, value in named:
-        if isinstance(value, Signal) and not isinstance(value, Constant):
-            raise ValueError(
-                f"{what}: {name} = {value!r} does not follow the swept frequency; give a number, the "
-                "amplitude of sin(2 pi f t), or a Constant"
-            )

@@ -10,13 +10,13 @@ import numpy as np
 from ..capacity import require_memory
 from ..checks import instance
 from ..dynamics.integration import Steps
-from ..dynamics.loading import communicator, loading, serving
+from ..dynamics.loading import amplitudes_only, communicator, loading, serving
 from ..dynamics.orbit import Orbit
 from ..dynamics.preparation import check_guess
 from ..dynamics.reduced_history import ReducedIntegrator
 from ..dynamics.states import ModalStates
 from ..dynamics.step_plan import CONTACT_STEP
-from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles
+from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
 from ..errors import on_all_ranks
 from ..parallel import collective
 from ..progress import progress_bar
@@ -26,7 +26,6 @@ from ..system.model import Model
 from .analysis import analysis
 from .options import LONGEST, SweptOptions
 from .periodic import periodic
-from .response import amplitudes_only
 
 # Steps a period of the highest frequency: the load is linear over a step, an error of 3e-5.
 STEPS = 320
@@ -120,23 +119,8 @@ def swept_response(
     assert isinstance(state, ModalStates)
     plan = Steps(count, duration / count, True, "exact", 1)
     integrator = ReducedIntegrator(reduced, loads.signals, plan, (state.q[0], state.v[0]))
-    displacements = np.empty((count + 1, len(reduced.points.names)))
-    contact = np.empty((count + 1, 1))
-
-    def keep(at: int, rows) -> None:
-        part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
-        displacements[at : at + len(part)] = part[:, :, 1]
-        contact[at : at + len(part), 0] = rows["contact_force"].sum(axis=1)
-
-    keep(0, integrator.first())
     with progress_bar(comm, "swept response", progress) as report:
-        done = 0
-        while done < count:
-            size = min(integrator.chunk, count - done)
-            keep(done + 1, integrator.advance(done, size, 1))
-            done += size
-            if report is not None:
-                report(done / count)
+        displacements, contact = swept_motion(integrator, report)
     ends = cycle_ends(start, stop, duration)
     low, high = over_cycles(ends, plan.step, displacements)
     return SweptResponse(

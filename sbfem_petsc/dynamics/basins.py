@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -188,3 +189,53 @@ def grid_of(axes: Sequence[StartAxis], origin: np.ndarray, directions: Sequence[
     for axis, direction in zip(axes, directions):
         result = result[..., None, :] + np.multiply.outer(np.asarray(axis.values), direction)
     return result
+
+
+def count_of(starts: Any) -> int:
+    """Initial states of a grid's axes; of arrays, which take their place already, none."""
+    if isinstance(starts, (list, tuple)) and all(isinstance(axis, StartAxis) for axis in starts):
+        return math.prod(len(axis.values) for axis in starts)
+    return 0
+
+
+def state_of(orbit: Orbit, modes: int) -> np.ndarray:
+    """(2 m,): the state of a motion at t = 0; ValueError if it has another number of modes."""
+    if orbit.state.shape != (2 * modes,):
+        raise ValueError(
+            f"basins: {orbit!r} has a state of {orbit.state.size} values, the reduced model one of "
+            f"{2 * modes}; give orbits of the same reduced model"
+        )
+    return orbit.state
+
+
+def initial_states(
+    starts: Any, reduced: ReducedModel, weights: np.ndarray, origin: np.ndarray
+) -> tuple[tuple[StartAxis, ...], np.ndarray]:
+    """Axes of the grid, if any, and the states (..., 2 m)."""
+    if isinstance(starts, (list, tuple)) and starts and all(isinstance(s, StartAxis) for s in starts):
+        axes = tuple(starts)
+        for axis in axes:
+            _check_axis(axis, reduced)
+        return axes, grid_of(axes, origin, [start_direction(axis, reduced, weights) for axis in axes])
+    if not isinstance(starts, tuple) or len(starts) != 2:
+        raise TypeError(
+            f"basins: starts = {shown(starts)} must be a sequence of StartAxis, or two arrays (..., m), "
+            "modal coordinates and their rates"
+        )
+    q, v = (
+        real_array("basins", f"starts[{k}]", part, max(1, np.ndim(part))) for k, part in enumerate(starts)
+    )
+    if q.shape != v.shape or q.shape[-1] != len(weights) or not q.size:
+        raise ValueError(
+            f"basins: starts has the shapes {q.shape} and {v.shape}; two arrays (..., {len(weights)}) are "
+            "expected"
+        )
+    return (), origin + np.concatenate([weights * q, v], axis=-1)
+
+
+def _check_axis(axis: StartAxis, reduced: ReducedModel) -> None:
+    """Raise where an axis asks for what the model has not."""
+    most = reduced.load_modes.shape[1] if axis.kind == "impulse" else len(reduced.omega)
+    integer("basins", "mode of starts", axis.mode, least=1, most=most)
+    if axis.point is not None:
+        reduced.points.of(axis.point, "point")

@@ -167,6 +167,25 @@ def _loading(
     return Loading(system.loads, tuple(acting))
 
 
+def amplitudes_only(what: str, load) -> None:
+    """Refuse signals other than constants where the frequency is swept."""
+    values = load if isinstance(load, (list, tuple)) else (load,)
+    named = [("load", value) for value in values if isinstance(value, Signal)]
+    if not named and not all(isinstance(value, (int, float)) for value in values):
+        named = [
+            (name, value)
+            for item in as_loads(load).parts
+            for name, value in item.components.items()
+            if isinstance(value, Signal)
+        ]
+    for name, value in named:
+        if isinstance(value, Signal) and not isinstance(value, Constant):
+            raise ValueError(
+                f"{what}: {name} = {value!r} does not follow the swept frequency; give a number, the "
+                "amplitude of sin(2 pi f t), or a Constant"
+            )
+
+
 def _refuse_ambiguous(owner: str, load: Any) -> None:
     """Refuse a number beside signals that vary: it may be an amplitude or a constant."""
     values = load if isinstance(load, (list, tuple)) else (load,)

@@ -16,9 +16,10 @@ from ..continuation.problem import Metric, Point
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from .driven_orbits import AHEAD, Orbits, ParameterRange
 from .fixed_point import FixedPoint
-from .orbit import uncertainty_of
+from .orbit import Orbit, uncertainty_of
 from .period_map import Period, PeriodMotion
 from .periodic_schur import product_eigenvalues
+from .states import ModalStates
 
 
 class SegmentedOrbits(Orbits):
@@ -122,6 +123,27 @@ class Segments:
         work = np.concatenate([motion.work for motion in self.motions])
         motion = PeriodMotion(residual, whole("states"), whole("velocities"), whole("forces"), work)
         return FixedPoint(self.states[0] + self.driven.linear_state, self.driven, motion, residuals)
+
+
+def at_segments(guess: Orbit, period: Period, frequency: float, segments: int) -> np.ndarray:
+    """(segments, 2 m): a motion at the segments' beginnings, in differences to the linear response; one under
+    a multiple of the frequency is repeated as often as it takes.
+    """
+    driven = period.at(frequency)
+    instants = np.arange(segments) * (period.steps // segments)
+    # in forcing periods: motions under neighbouring frequencies keep their phase
+    times = max(1, round(guess.frequency / frequency))
+    places = times * instants * period.excitation.periods / period.steps / guess.periods * len(guess.time)
+    assert isinstance(guess.states, ModalStates)  # of the same reduced model
+    states = np.concatenate([period.weights * guess.states.q, guess.states.v], axis=1)
+    before = np.floor(places + 1e-9).astype(int)
+    share = (places - before)[:, None]
+    states = (1.0 - share) * states[before % len(states)] + share * states[(before + 1) % len(states)]
+    q, v = (
+        period.over_time(part)[instants] for part in (driven.amplitudes, driven.speeds * driven.amplitudes)
+    )
+    linear = np.concatenate([period.weights * q, v], axis=1)
+    return states - linear
 
 
 def shoot_segments(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -12,7 +12,9 @@ from ..checks import positive
 from ..errors import at_point
 from ..reduction.reduced_model import ReducedModel
 from ..writing import write_table
+from .integration import Rows
 from .linear_passage import APART, linear_changes
+from .reduced_history import ReducedIntegrator
 
 # Rate at which a half-power bandwidth takes a settling time; of faster sweeps jumps are not told.
 FASTEST = 2.0
@@ -198,6 +200,30 @@ class SweptResponse:
             f"SweptResponse({self.frequency[0]:.7g} to {self.frequency[-1]:.7g} Hz in {self.duration:.6g} s, "
             f"{len(self.frequency)} cycles, peak contact resultant {self.contact_peak.max():.6g} N)"
         )
+
+
+def swept_motion(
+    integrator: ReducedIntegrator, report: Callable[[float], None] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """(n + 1, points), m, and (n + 1, 1), N: u_y of all named points and the contact resultant."""
+    reduced, count = integrator.reduced, integrator.steps.count
+    displacements = np.empty((count + 1, len(reduced.points.names)))
+    contact = np.empty((count + 1, 1))
+
+    def keep(at: int, rows: Rows) -> None:
+        part = reduced.points(rows["modal_displacement"], rows["amplitudes"], rows["contact_force"])
+        displacements[at : at + len(part)] = part[:, :, 1]
+        contact[at : at + len(part), 0] = rows["contact_force"].sum(axis=1)
+
+    keep(0, integrator.first())
+    done = 0
+    while done < count:
+        size = min(integrator.chunk, count - done)
+        keep(done + 1, integrator.advance(done, size, 1))
+        done += size
+        if report is not None:
+            report(done / count)
+    return displacements, contact
 
 
 def cycle_ends(start: float, stop: float, duration: float) -> np.ndarray:
