@@ -93,7 +93,6 @@ def _path_pairs(
     if last is not None:
         last.arc = (end, end - inside[not backwards])
     normals = _nodal_normals(nodes[right], nodes[left])
-    axis = np.array(path.start.axis) if path.start else None
     parts = []
     for run in _runs(right, left, nodes):
         one, other = (np.concatenate([face[run, :-1].ravel(), face[run[-1], -1:]]) for face in (right, left))
@@ -101,24 +100,11 @@ def _path_pairs(
         order = right.shape[1] - 1
         for position, edge in enumerate(run):
             summed[position * order : (position + 1) * order + 1] += normals[edge]
-        weight = np.hypot(*summed.T)
-        normal = summed / weight[:, None]
-        if axis is not None:
-            straight = np.array([axis[1], -axis[0]])
-            if np.abs(normal - straight).max() < 1e-9:
-                normal = np.tile(straight, (len(one), 1))  # free of round-off
+        normal, weight = _unit(summed, path)
         at = np.concatenate([places[run, :-1].ravel(), places[run[-1], -1:]])
         gap = np.einsum("ij,ij->i", normal, nodes[one] - nodes[other])
         separate = one != other
-        if separate.any() and gap[separate].min() < -1e-9 * extent:
-            raise ValueError(
-                f"{where}: the faces overlap by {-gap[separate].min():.3g} m; "
-                + (
-                    "the right face must lie at the right hand of the left one, seen from the tip."
-                    if path.start
-                    else "the two bodies may touch each other at most."
-                )
-            )
+        _refuse_overlap(gap[separate], extent, path, where)
         # Faces of a closed crack coincide to round-off; a gap below that is no gap.
         gap = np.where(gap < 1e-12 * extent, 0.0, gap)
         pairs = np.stack([one, other], axis=1)
@@ -127,6 +113,27 @@ def _path_pairs(
     if backwards:
         parts = [chosen(pairs, np.arange(len(pairs))[::-1]) for pairs in reversed(parts)]
     return parts, end
+
+
+def _unit(summed: np.ndarray, path: FacePath) -> tuple[np.ndarray, np.ndarray]:
+    """Normals of length one and their weights; free of round-off along a straight crack."""
+    weight = np.hypot(*summed.T)
+    normal = summed / weight[:, None]
+    if path.start is not None:
+        straight = np.array([path.start.axis[1], -path.start.axis[0]])
+        if np.abs(normal - straight).max() < 1e-9:
+            normal = np.tile(straight, (len(normal), 1))
+    return normal, weight
+
+
+def _refuse_overlap(gap: np.ndarray, extent: float, path: FacePath, where: str) -> None:
+    if gap.size and gap.min() < -1e-9 * extent:
+        mend = (
+            "the right face must lie at the right hand of the left one, seen from the tip."
+            if path.start
+            else "the two bodies may touch each other at most."
+        )
+        raise ValueError(f"{where}: the faces overlap by {-gap.min():.3g} m; {mend}")
 
 
 def _distances(face: np.ndarray, nodes: np.ndarray) -> np.ndarray:
