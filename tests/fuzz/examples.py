@@ -312,6 +312,9 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "stop": 1.01,
             "parameter": "load",
             "points": 1,
+            "largest_step": 0.01,
+            "file": "line.h5",
+            "resume": False,
             "progress": None,
         },
     ],
@@ -323,6 +326,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "parameter": "load",
             "kinds": ("fold",),
             "points": 3,
+            "largest_step": 0.1,
             "progress": None,
         },
     ],
@@ -439,6 +443,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "read_gmsh": [
         lambda: {
             "path": "missing.geo",
+            "trust": False,
             "order": 2,
             "size": 0.1,
             "scale": 1.0,
