@@ -16,6 +16,8 @@ from .free_branch import ADDED, FreeBranch, Pace
 FALL, SLOWEST, LEAVE_OUT = 3.0, 1.01, 1e-4
 # Relative opening of a pair by the mode below which it is not notes from those at the tip.
 NEAR_TIP = 1e-3
+# Gaps between which the mode moves freely, relative to its own opening: rounding does not touch them.
+AJAR = 1.001
 
 
 def first_motion(system: FreeSystem, energy: float) -> FreeMotion:
@@ -62,14 +64,14 @@ def _from_opened_gaps(
     if largest == 0.0:
         return system.solve(system.linear(energy, sign), *guess, system.at_energy(energy))
     # a crack's opening grows with the root of the distance from its tip: its square is a notch's
-    shape = math.sqrt(2.0 * energy) * moved**2 / largest
+    shape = math.sqrt(2.0 * energy) * moved * np.maximum(moved / largest, NEAR_TIP)
 
     def opened(share: float) -> FreeSystem:
         """With damping besides, lest multiples of the frequency meet those of high modes."""
         other = replace(r, initial_gap=r.initial_gap + share * shape, damping=r.damping + ADDED)
         return FreeSystem(other, k, system.steps)
 
-    share, fall = 1.0 / max(float(moved.min()) / largest, NEAR_TIP), FALL
+    share, fall = AJAR / max(float(moved.min()) / largest, NEAR_TIP), FALL
     there = opened(share)
     guess = guess[0], guess[1] + 2.0 * ADDED * r.omega[k]
     point = there.solve(there.linear(energy, sign), *guess, there.at_energy(energy))
