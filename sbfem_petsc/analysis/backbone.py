@@ -131,7 +131,7 @@ class Backbone:
         """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
         return self.point_harmonics[:, self._index(point), axis_number(direction)]
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
         be so.
         """

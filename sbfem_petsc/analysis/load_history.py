@@ -66,9 +66,9 @@ class LoadHistory:
         u, stress = zip(*(state.at_places(places) for state in self.states))
         return line, np.array(u), np.array(stress)
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a node, m. Collective."""
-        return max(state.furthest() for state in self.states)
+        return max(state._furthest() for state in self.states)
 
     @property
     def notes(self) -> tuple[str, ...]:

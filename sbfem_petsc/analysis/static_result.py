@@ -105,7 +105,7 @@ class Static:
         """(2,): displacement at a place, m. Collective."""
         return self._at(self._places([place]).displacement, 2)[0]
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a node, m. Collective."""
         largest = float(np.linalg.norm(self.field, axis=1).max(initial=0.0))
         return self.model.comm.allreduce(largest, MPI.MAX)

@@ -55,6 +55,7 @@ def examine(comm: Any) -> dict[str, Any]:
 
         found["hdf5"] = h5py.version.hdf5_version
     if packages["matplotlib"]:
+        importlib.import_module("..plot", __package__)  # which imports it first
         from matplotlib import font_manager
 
         found["font"] = os.path.basename(font_manager.findfont("DejaVu Sans"))

@@ -1,15 +1,27 @@
-"""Compilation of kernels by numba, kept on disk for the next process."""
+"""Compilation of kernels by numba, which is imported here first, kept on disk for the next process."""
 
 from __future__ import annotations
 
+import sys
+
+from ..working_directory import unread
+
+_CONFIGURATION = ".numba_config.yaml"
+_first = "numba" not in sys.modules
 try:
-    from numba import njit
+    with unread(_CONFIGURATION, "numba"):
+        from numba import njit
+        from numba.core import config
+        from numba.extending import get_cython_function_address  # noqa: F401
 except OSError as error:  # of the library of its compiler, of which it takes the name for missing
     raise ImportError(
         "numba, which compiles the time steps, cannot load its library: is there memory left for it (some "
         "hundred MB of address space, ulimit -v), and is llvmlite whole?"
     ) from error
 
+
+if _first and getattr(config, "_config_fname", None) == _CONFIGURATION:
+    config._config_fname = ""  # which each compilation would look for
 
 # Quotients by zero give infinity, as in NumPy; a product and a sum may be one operation; no C code calls a
 # kernel.

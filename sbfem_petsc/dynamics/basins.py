@@ -124,11 +124,11 @@ class Basins:
             return math.inf
         return 0.5 * float(((elsewhere - self.orbits[k].state) ** 2).sum(axis=-1).min())
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point in the motions that are reached, m; less than `least` where
         that is known to be so.
         """
-        return max((orbit.furthest(least) for orbit in self.orbits), default=0.0)
+        return max((orbit._furthest(least) for orbit in self.orbits), default=0.0)
 
     def to_csv(self, path: str) -> None:
         """Write the number of the orbit and the periods of each initial state as comma-separated values, with

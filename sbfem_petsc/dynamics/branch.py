@@ -123,7 +123,7 @@ class Branch:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
         return self.point_subharmonics[:, self._index(point), axis_number(direction)]
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
         be so.
         """

@@ -111,7 +111,7 @@ class Motion:
             tip = self.states.tips[0]
         return self.states.stress_intensity(tip)
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point, m; less than `least` where that is known to be so, and 0 of
         a history whose arrays are left in its file.
         """

@@ -84,7 +84,7 @@ class Loading:
         return [
             k
             for k, s in enumerate(self.signals)
-            if s.highest_frequency is None or (self.rest and s.after(0.0) != 0.0) or s.jumps(self.duration)
+            if s.highest_frequency is None or (self.rest and s.after(0.0) != 0.0) or s._leaps(self.duration)
         ]
 
     @property

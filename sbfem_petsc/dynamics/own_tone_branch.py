@@ -72,11 +72,11 @@ class QuasiPeriodicBranch:
         """(n,) share of the highest quarter of the harmonics of the samples, `QuasiPeriodic.tail`."""
         return np.array([motion.tail for motion in self.motions])
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
         so.
         """
-        return max((motion.furthest(least) for motion in self.motions), default=0.0)
+        return max((motion._furthest(least) for motion in self.motions), default=0.0)
 
     def line(self, m: int, n: int, point: str, direction: str = "y") -> np.ndarray:
         """(n,) complex amplitudes at m f1 + n f2, m."""

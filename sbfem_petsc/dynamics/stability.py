@@ -9,9 +9,9 @@ import functools
 from collections.abc import Callable
 
 import numpy as np
-from numba.extending import get_cython_function_address
 from scipy import linalg
 
+from ..contact.compiled import get_cython_function_address
 from ..errors import SolveError, on_all_ranks
 from ..petsc import PETSc, SLEPc, configure, scripted, stepping
 from .fixed_point import FixedPoint

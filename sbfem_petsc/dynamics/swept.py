@@ -97,7 +97,7 @@ class SweptResponse:
         """(n,): half the peak-to-peak of the y displacement of a point in each cycle, m."""
         return self.point_amplitudes[:, at_point({name: k for k, name in enumerate(self.points)}, point)]
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest amplitude of a named point, m."""
         return float(self.point_amplitudes.max(initial=0.0))
 

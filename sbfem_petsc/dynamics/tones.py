@@ -118,7 +118,7 @@ class QuasiPeriodic:
         """(k,): multiples of the slower tone in `harmonics`."""
         return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
 
-    def furthest(self, least: float = 0.0) -> float:
+    def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
         so.
         """

@@ -5,8 +5,11 @@ from __future__ import annotations
 import importlib
 from typing import Any
 
+from ..working_directory import unread
+
 try:
-    import matplotlib  # noqa: F401 - the one place that says what is missing
+    with unread("matplotlibrc", "matplotlib"):
+        import matplotlib  # noqa: F401 - the one place that says what is missing
 except ImportError as error:  # pragma: no cover - depends on the machine
     raise ImportError(
         f"pictures need matplotlib ({error}); install it with `pip install 'sbfem-petsc[plot]'`"

@@ -124,10 +124,10 @@ class Samples(Signal):
         apart = np.diff(self.time)
         return (apart < STEEP * apart.mean()) & (self.interpolation == "linear")
 
-    def jumps(self, duration: float) -> bool:
+    def _leaps(self, duration: float) -> bool:
         """Whether the value jumps in 0 <= t < duration, lines as good as jumps included."""
         begin = self.time[:-1][self._steep & (np.diff(self.value) != 0.0)]
-        return super().jumps(duration) or bool(((begin >= 0.0) & (begin < duration)).any())
+        return super()._leaps(duration) or bool(((begin >= 0.0) & (begin < duration)).any())
 
     @cached_property
     def _spline(self) -> CubicSpline:

@@ -63,7 +63,7 @@ class Signal:
         """Limits from the right at the times `t` (s), of the same shape."""
         return self._checked_values(t, 1)
 
-    def jumps(self, duration: float) -> bool:
+    def _leaps(self, duration: float) -> bool:
         """Whether the value jumps in 0 <= t < duration (s)."""
         return any(0.0 <= t < duration and self.before(t) != self.after(t) for t in self.breaks)
 
@@ -234,9 +234,9 @@ class Sum(Signal):
         known = [band for band in bands if band is not None]
         return max(known) if len(known) == len(bands) else None
 
-    def jumps(self, duration: float) -> bool:
+    def _leaps(self, duration: float) -> bool:
         """Whether the value of a part jumps in 0 <= t < duration (s)."""
-        return any(part.jumps(duration) for part in self.parts)
+        return any(part._leaps(duration) for part in self.parts)
 
     @property
     def breaks(self) -> tuple[float, ...]:

@@ -52,8 +52,8 @@ def warn_if_large(owner: str, model: Any, result: Any) -> None:
     model : Model or None
         None: the size of the body is not known.
     result
-        With a method ``furthest(least)``: the largest displacement, m, or where that is known to be less than
-        `least`, anything less. Others have no displacements.
+        With a method ``_furthest(least)``: the largest displacement, m, or where that is known to be less
+        than `least`, anything less. Others have no displacements.
 
     Warns
     -----
@@ -62,8 +62,8 @@ def warn_if_large(owner: str, model: Any, result: Any) -> None:
     if model is None:
         return
     size = float(np.max(model.extent[1] - model.extent[0]))
-    found = [one for one in (result if isinstance(result, tuple) else (result,)) if hasattr(one, "furthest")]
-    largest = max((one.furthest(LARGE * size) for one in found), default=0.0)
+    found = [one for one in (result if isinstance(result, tuple) else (result,)) if hasattr(one, "_furthest")]
+    largest = max((one._furthest(LARGE * size) for one in found), default=0.0)
     if model.comm.rank == 0 and largest > LARGE * size:
         warnings.warn(
             f"{owner}: displacements reach {largest:.3g} m, {100.0 * largest / size:.3g} % of the body's "

@@ -1,4 +1,6 @@
-"""PETSc reads no options file: neither of the working directory nor of the user's home."""
+"""PETSc reads no options file, neither of the working directory nor of the user's home; numba and Matplotlib
+read none of the working directory.
+"""
 
 import os
 import subprocess
@@ -48,3 +50,51 @@ def test_no_options_file_is_read(program, tmp_path):
     said = done.stdout + done.stderr
     assert os.listdir(spare) == [] and "no_such_option" not in said, said
     assert "own_option" in said, said
+
+
+LIBRARIES = {
+    "numba": (
+        ".numba_config.yaml",
+        "cache_dir: {here}/cache\nopt: 0\n",
+        "import sbfem_petsc.dynamics.stability, sbfem_petsc.contact.marching as m\n"
+        "from numba.core import config; import numpy as np\n"
+        "from sbfem_petsc.contact.compiled import compiled\n"
+        "compiled(lambda x: x + 1.0)(2.0); print(config.OPT, config.CACHE_DIR)",
+    ),
+    "matplotlib": (
+        "matplotlibrc",
+        "savefig.dpi: 17\nbackend: module://evil\n",
+        "from sbfem_petsc.plot import save_picture\n"
+        "import matplotlib as m; print(m.rcParams['savefig.dpi'], m.matplotlib_fname())",
+    ),
+    "doctor": ("matplotlibrc", "font.sans-serif: 17\n nonsense", "import sbfem_petsc.__main__"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LIBRARIES)
+def test_no_settings_of_libraries_are_read(name, tmp_path):
+    """Those of a stranger's folder would have code run by Matplotlib and the kept code of numba read there;
+    the working directory is the same afterwards.
+    """
+    file, text, program = LIBRARIES[name]
+    (tmp_path / file).write_text(text.format(here=tmp_path))
+    (tmp_path / "evil.py").write_text("print('evil')")
+    program = program if name == "doctor" else f"{program}\nimport os; print(os.getcwd())"
+    arguments = ["-m", "sbfem_petsc", "doctor"] if name == "doctor" else ["-c", program]
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI", "PMI", "MATPLOTLIB"))}
+    environment |= {"PYTHONPATH": str(ROOT), "OMPI_MCA_ess_singleton_isolated": "1"}
+    environment |= {"OMPI_ALLOW_RUN_AS_ROOT": "1", "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1"}
+    done = subprocess.run(
+        [sys.executable, *arguments],
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    said = done.stdout + done.stderr
+    assert "Traceback" not in said and "evil" not in said and "Bad value" not in said, said
+    assert {"numba": "(3)", "matplotlib": "figure ", "doctor": "font"}[name] in said, said
+    assert name == "doctor" or said.splitlines()[-1] == str(tmp_path)
+    assert sorted(os.listdir(tmp_path)) == sorted([file, "evil.py"])
