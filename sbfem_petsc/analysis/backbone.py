@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -22,6 +23,7 @@ from ..dynamics.preparation import period_memory
 from ..dynamics.step_plan import CONTACT_STEP
 from ..errors import SolveError, at_point, on_all_ranks
 from ..parallel import collective
+from ..progress import progress_bar
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -173,6 +175,7 @@ def backbone(
     interactions: bool = False,
     refine: bool = True,
     stability: bool = True,
+    progress: Callable[[float], None] | str | None = "auto",
 ) -> Backbone:
     """Follow the free periodic motions that begin as one mode of the open structure, over their energy.
 
@@ -205,6 +208,8 @@ def backbone(
         Solve every point once more with half the step and extrapolate frequency and damping ratios.
     stability : bool
         Compute Floquet multipliers.
+    progress : callable, "auto" or None
+        As for `transient`; the fraction of the range in logarithms that the branch has come.
 
     Raises
     ------
@@ -238,8 +243,10 @@ def backbone(
             (min(start, stop), max(start, stop)),
             Pace(1 if stop > start else -1, most, largest_change, interactions),
         )
-        for _ in branch:
-            pass
+        with progress_bar(communicator(model), "backbone", progress) as report:
+            for point in branch:
+                if report is not None:
+                    report(min(1.0, abs(math.log(point.energy / start) / math.log(stop / start))))
         motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
     collected = _collect(system, motions, _Wanted(refine, stability, damping), reason, stop)
     result = replace(collected, passed=passed)

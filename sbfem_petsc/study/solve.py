@@ -224,7 +224,7 @@ class Structure:
         )
 
     def _backbone(self, case: Case, table: Any, function: Any, file: str | None, progress: Progress) -> Any:
-        return function(self.model, **table.of(BackboneOptions))
+        return function(self.model, **table.of(BackboneOptions), progress=progress)
 
 
 def _listed(loads: Any) -> list[Any]:

@@ -70,6 +70,18 @@ def test_one_mass_with_a_stop():
     assert motion.displacement("x")[:, 1].min() == pytest.approx(-(STOP * GAP + root) / both, rel=2e-5)
 
 
+def test_progress():
+    """The fraction of the range in logarithms, point by point up to the end."""
+    told = []
+    found = sb.backbone(
+        one_mass(), 1, 4e-4, 1e-2, steps=128, refine=False, stability=False, progress=told.append
+    )
+    assert told == pytest.approx(np.log(found.energy[1:] / 4e-4) / np.log(25.0), abs=1e-9)
+    assert len(told) > 3 and told[-1] == 1.0
+    with pytest.raises(TypeError, match="backbone: progress = 3"):
+        sb.backbone(one_mass(), 1, 4e-4, 1e-2, progress=3)
+
+
 @pytest.mark.slow
 def test_downwards_and_from_within():
     """From 1 J, where the stop is at work, down: the same curve."""
