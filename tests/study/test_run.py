@@ -485,7 +485,7 @@ def test_keys_of_a_backbone():
     text = '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\ninteractions = true\n'
     case = case_from_text(CASE + text)
     structure, table, given = SimpleNamespace(model=None), case.tables.analyses["bone"], {}
-    Structure._backbone(structure, case, table, lambda *_, **options: given.update(options), None, None)
+    Structure._backbone(structure, case, table, lambda *_, **options: given.update(options), None, "auto")
     options = inspect.signature(sb.backbone).parameters
     assert set(given) == set(options) - {"model"}
     assert [given.pop(name) for name in ("mode", "start", "stop", "interactions")] == [1, 1e-6, 1e-3, True]
