@@ -16,9 +16,7 @@ OPTIONS = {"Mesh.ElementOrder": 1, "Mesh.RecombinationAlgorithm": 0}
 _CORNERS = {2: 3, 3: 4}  # of gmsh's types of cells
 
 
-def boundary_discretisation(
-    gmsh: Any, size: float | None, scale: float = 1.0
-) -> tuple[Groups, dict[int, int]]:
+def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict[int, int]]:
     """Mesh the curves; mesh the surfaces that are no S-elements as a whole, by the first of gmsh's ways that
     does it.
 
@@ -28,8 +26,6 @@ def boundary_discretisation(
         With a drawing.
     size : float or None
         Largest edge in filled surfaces, m.
-    scale : float
-        Length that is drawn as 1, m.
 
     Returns
     -------
@@ -43,36 +39,39 @@ def boundary_discretisation(
     RuntimeError
         gmsh fails.
     """
-    mesh = gmsh.model.mesh
     groups = physical_groups(gmsh)
-    left = sorted({tag for _, tag in gmsh.model.getEntities(2)} - set(whole_surfaces(groups)))
+    whole = set(whole_surfaces(groups))
+    ways = {tag: 0 for _, tag in gmsh.model.getEntities(2) if tag not in whole}
     for name, value in OPTIONS.items():
         gmsh.option.setNumber(name, value)
     if size is not None:
-        gmsh.option.setNumber("Mesh.MeshSizeMax", size / scale)
-    algorithms: dict[int, int] = {}
+        gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+    left = list(ways)
     try:
-        mesh.generate(1)
-        for quadrilaterals, algorithm in _WAYS:
-            if not left:
-                break
+        gmsh.model.mesh.generate(1)
+        while left:
             for tag in left:
-                mesh.setAlgorithm(2, tag, algorithm)
-            if not quadrilaterals:
-                mesh.removeConstraints([(2, tag) for tag in left])  # setRecombine
-            mesh_surfaces(gmsh, left)
-            done = [tag for tag in left if _covered(gmsh, tag)]
-            algorithms |= dict.fromkeys(done, algorithm)
-            left = [tag for tag in left if tag not in algorithms]
+                quadrilaterals, algorithm = _WAYS[ways[tag]]
+                gmsh.model.mesh.setAlgorithm(2, tag, algorithm)
+                if not quadrilaterals:
+                    gmsh.model.mesh.removeConstraints([(2, tag)])  # setRecombine
+            mesh_surfaces(gmsh, list(ways))
+            left = [tag for tag in ways if not _covered(gmsh, tag)]
+            if any(ways[tag] + 1 == len(_WAYS) for tag in left):
+                break
+            ways |= {tag: ways[tag] + 1 for tag in left}
+            if left:  # all anew, as of the file, which knows of no attempts
+                gmsh.model.mesh.clear()
+                gmsh.model.mesh.generate(1)
     except Exception as error:  # gmsh raises nothing more precise
         raise RuntimeError(f"gmsh could not mesh the drawing: {error}") from error
     if left:
-        x, y = scale * _outline(gmsh, left[0], _positions(gmsh))[:, 0].mean(axis=0)
+        x, y = _outline(gmsh, left[0], _positions(gmsh))[:, 0].mean(axis=0)
         raise RuntimeError(
             f"gmsh's cells around ({x:.6g}, {y:.6g}) m overlap or leave gaps, as they may where lines meet "
             "at a few degrees or pass close to each other; give a smaller size, or move the lines."
         )
-    return groups, algorithms
+    return groups, {tag: _WAYS[way][1] for tag, way in ways.items()}
 
 
 def mesh_surfaces(gmsh: Any, surfaces: list[int]) -> None:

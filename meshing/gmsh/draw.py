@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
-
-import numpy as np
 
 from meshing.cells.complex import edge_key
 from meshing.geometry.drawing import Drawing, Filled, around
@@ -17,24 +16,21 @@ _GROWTH = 0.6
 Edge = tuple[int, int]
 
 
-def draw_geometry(drawing: Drawing, gmsh: Any, scale: float = 1.0) -> None:
-    """Draw a body in gmsh's present model: a curve is one edge of the boundary discretisation.
+def draw_geometry(drawing: Drawing, gmsh: Any) -> None:
+    """Draw a body in gmsh's present model, in m: a curve is one edge of the boundary discretisation."""
+    _Pen(drawing, gmsh).draw()
 
-    Parameters
-    ----------
-    drawing : Drawing
-    gmsh : module
-    scale : float
-        Length that is drawn as 1, m; a power of two changes no digit.
-    """
-    _Pen(drawing, gmsh, scale).draw()
+
+def _written(value: float) -> float:
+    """A length as it stands in a file of gmsh, which is then discretised bit for bit like the drawing."""
+    return float(f"{value:.16g}")
 
 
 class _Pen:
-    def __init__(self, drawing: Drawing, gmsh: Any, scale: float) -> None:
-        self.drawing, self.model, self.scale = drawing, gmsh.model, scale
+    def __init__(self, drawing: Drawing, gmsh: Any) -> None:
+        self.drawing, self.model = drawing, gmsh.model
         self.geo = gmsh.model.geo
-        self.where = np.array(drawing.vertices) / scale
+        self.where = [(_written(x), _written(y)) for x, y in drawing.vertices]
         self.sizes = self._sizes()
         self.points: dict[int, int] = {}
         self.curves: dict[Edge, int] = {}
@@ -70,13 +66,13 @@ class _Pen:
         lengths: dict[int, list[float]] = {}
         for surface in self.drawing.filled:
             for v in surface.points:
-                lengths.setdefault(v, []).append(surface.size / self.scale)
+                lengths.setdefault(v, []).append(surface.size)
             for a, b in [*surface.edges(), *surface.segments]:
-                span = float(np.hypot(*(self.where[a] - self.where[b])))
+                span = math.dist(self.where[a], self.where[b])
                 lengths.setdefault(a, []).append(span)
                 lengths.setdefault(b, []).append(span)
         sizes = {v: sum(own) / len(own) for v, own in lengths.items()}
-        return sizes | {v: size / self.scale for v, size in self.drawing.tip_sizes.items()}
+        return {v: _written(size) for v, size in (sizes | self.drawing.tip_sizes).items()}
 
     def point(self, vertex: int) -> int:
         if vertex not in self.points:
@@ -93,7 +89,7 @@ class _Pen:
                 tag = self.geo.addLine(*ends)
             else:
                 if centre not in self.centres:
-                    self.centres[centre] = self.geo.addPoint(*np.divide(centre, self.scale), 0.0)
+                    self.centres[centre] = self.geo.addPoint(*map(_written, centre), 0.0)
                 tag = self.geo.addCircleArc(ends[0], self.centres[centre], ends[1])
             self.geo.mesh.setTransfiniteCurve(tag, 2)
             self.curves[first, last], self.curves[last, first] = tag, -tag
@@ -110,19 +106,19 @@ class _Pen:
         """
         field, bounds = self.model.mesh.field, []
         for surface in self.drawing.filled:
-            largest = surface.size / self.scale
+            largest = surface.size
             for rosette in surface.rosettes:
-                radius, edge = rosette.radius / self.scale, rosette.edge / self.scale
+                radius, edge = rosette.radius, rosette.edge
                 distance, bound = field.add("Distance"), field.add("Threshold")
                 field.setNumbers(distance, "PointsList", [self.points[rosette.vertex]])
+                field.setNumber(bound, "InField", distance)
                 for name, value in {
-                    "InField": distance,
                     "SizeMin": edge,
                     "DistMin": radius,
                     "SizeMax": largest,
                     "DistMax": radius + max(largest - edge, 0.0) / _GROWTH,
                 }.items():
-                    field.setNumber(bound, name, value)
+                    field.setNumber(bound, name, _written(value))
                 bounds.append(bound)
         if bounds:
             least = field.add("Min")

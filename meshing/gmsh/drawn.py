@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import math
 import os
 from collections.abc import Mapping
 from pathlib import Path
-
-import numpy as np
 
 from meshing.geometry.drawing import Drawing
 from meshing.gmsh.building import Builder
@@ -39,13 +36,11 @@ def cells_of(drawing: Drawing, order: int, origin: str) -> Builder:
     RuntimeError
         gmsh cannot be loaded or fails.
     """
-    # A power of two, so that nothing is rounded; gmsh's tolerances are absolute.
-    scale = 2.0 ** math.ceil(math.log2(float(np.ptp(np.array(drawing.vertices), axis=0).max())))
     with gmsh_session(origin) as gmsh:
-        draw_geometry(drawing, gmsh, scale)
-        groups, _ = boundary_discretisation(gmsh, drawing.largest, scale)
+        draw_geometry(drawing, gmsh)
+        groups, _ = boundary_discretisation(gmsh, drawing.largest)
         told, arrays = describe(gmsh, groups, order, True)
-    return Builder(from_answer(told, arrays, scale), origin)
+    return Builder(from_answer(told, arrays, 1.0), origin)
 
 
 def refuse_openings(origin: str, cracks: Mapping[str, CrackLine]) -> None:
