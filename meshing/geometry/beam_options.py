@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -43,12 +44,9 @@ class BeamOptions:
             given.get("face_size"),
             given.get("face_edges", 12),
         )
-        corner_size, corners = given["corner_size"], _checked_corners(given["corners"])
-        wanted = corner_size is not None
-        if (
-            wanted
-            and not _LEAST * beam.height <= length("mesh", "corner_size", corner_size) < 0.5 * beam.height
-        ):
+        wanted, corners = given["corner_size"] is not None, _checked_corners(given["corners"])
+        corner_size = length("mesh", "corner_size", given["corner_size"]) if wanted else math.nan
+        if wanted and not _LEAST * beam.height <= corner_size < 0.5 * beam.height:
             raise ValueError(
                 f"mesh: corner_size {corner_size:g} m must be between {_LEAST * beam.height:g} m and half "
                 f"the beam's height, {beam.height / 2:g} m."
@@ -60,7 +58,7 @@ class BeamOptions:
             size,
             replace(cracks, sectors=layout == "vertex"),
             _checked_points(beam, given["points"]),
-            float(corner_size) if wanted else _CORNER_SIZE * beam.height,
+            corner_size if wanted else _CORNER_SIZE * beam.height,
             wanted,
             # The paper's layout is there for comparison: nothing in it is graded unless asked for.
             corners if wanted or layout == "tip" else (),
@@ -81,7 +79,8 @@ def _checked_size(beam: BeamShape, size: Any) -> float:
 def _check_tip_size(beam: BeamShape, tip_size: Any) -> None:
     if tip_size is None:
         return
-    if length("mesh", "tip_size", tip_size) < _LEAST * beam.height:
+    tip_size = length("mesh", "tip_size", tip_size)
+    if tip_size < _LEAST * beam.height:
         raise ValueError(
             f"mesh: tip_size {tip_size:g} m is below 1e-6 of the beam's height {beam.height:g} m, round-off "
             "would show; make it larger."

@@ -301,6 +301,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "interactions": False,
             "refine": False,
             "stability": False,
+            "progress": None,
         },
     ],
     "switch_branch": [lambda: {"branch": branch(), "bifurcation": None, "size": 0.1, "samples": 5}],
