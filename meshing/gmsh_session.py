@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -44,7 +45,8 @@ def _session(gmsh: Any, name: str) -> Iterator[Any]:
     if started:
         # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would
         # depend on the user's home.
-        gmsh.initialize([], readConfigFiles=False, interruptible=False)
+        with _own_signals():
+            gmsh.initialize([], readConfigFiles=False, interruptible=False)
     previous = None if started else gmsh.model.getCurrent()
     options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
     gmsh.option.setNumber("General.Terminal", 0)
@@ -54,10 +56,24 @@ def _session(gmsh: Any, name: str) -> Iterator[Any]:
         yield gmsh
     finally:
         if started:
-            gmsh.finalize()
+            with _own_signals():
+                gmsh.finalize()
         else:
             gmsh.model.remove()
             for option, value in options.items():  # options belong to gmsh, not to a model
                 gmsh.option.setNumber(option, value)
             if previous:
                 gmsh.model.setCurrent(previous)
+
+
+@contextmanager
+def _own_signals() -> Iterator[None]:
+    """Python's handlers of signals stand again afterwards: the PETSc inside gmsh takes those of most away."""
+    handlers = {number: signal.getsignal(number) for number in signal.valid_signals()}
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():  # Python lets no other one
+            for number, handler in handlers.items():
+                if callable(handler):
+                    signal.signal(number, handler)
