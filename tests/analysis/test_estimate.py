@@ -143,6 +143,38 @@ def test_right_within_a_factor_of_three(name):
     assert last < accuracy + uncertain
 
 
+def work_at_the_end(model):
+    return sb.static(model, sb.EdgeLoad("right", ty=1.0)).strain_energy
+
+
+def third(model):
+    return sb.modal(model, 3).frequencies[2]
+
+
+BODIES = {
+    **{
+        f"{a} x {b}": beam_model(Beam(a, b))
+        for a, b in ((0.04, 0.01), (0.08, 0.01), (0.1, 0.02), (0.06, 0.02))
+    },
+    "edge crack": pulled_plate,
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("order", [2, 3, 4])
+@pytest.mark.parametrize("body", BODIES)
+def test_no_error_is_told_too_small(body, order):
+    """27 estimates of beams and a cracked plate against order 11, whose own error order 9 tells: neither of
+    their errors is more than three times what is told.
+    """
+    for quantity in (mode_one,) if body == "edge crack" else (work_at_the_end, third):
+        found = sb.estimate(BODIES[body], quantity, accuracy=1e-5, mesh={"order": order}, levels=4)
+        near, exact = (quantity(BODIES[body]({"order": fine})) for fine in (9, 11))
+        uncertain = 3.0 * distance(near, exact)
+        assert distance(found.levels[0].value, exact) < 3.0 * found.first_error + uncertain
+        assert distance(found.value, exact) < 3.0 * found.error + uncertain
+
+
 def small(mesh, **options):
     return sb.Model(Beam(0.02, 0.005).mesh(**mesh), ALUMINIUM, **options)
 
