@@ -20,6 +20,8 @@ FINE, FINER, MOST = 5e-3, 2e-4, 20
 APART = 0.2
 # Share of the value's part in the planes that cut a way: where it turns all else tells how far a point is.
 LEAN = 0.01
+# Points to either side of a turn that teeth alone do not outlast.
+TEETH = 3
 # Values that rounding alone tells apart.
 SAME = 1e-10
 # A chord of a curve, over value and height both scaled to 1, is divided, so many times at most, if it is off
@@ -257,8 +259,8 @@ def located(
 
 def fold(line: Line, k: int) -> tuple[int, Point] | None:
     """Where the value turns between the neighbours of point k: the number of the point before it, and the
-    point there; None if it does not turn, or if the tangents of the smooth branch do not, as where steps of
-    time give it teeth.
+    point there; None if it does not turn, or if neither the tangents of the smooth branch do nor a stretch of
+    `TEETH` points to either side, as where steps of time give it teeth.
     """
     before, here, behind = line.points[k - 1 : k + 2]
     if not (here.value - before.value) * (behind.value - here.value) < 0.0:
@@ -286,7 +288,9 @@ def fold(line: Line, k: int) -> tuple[int, Point] | None:
         ends = pace(line.points[first]), pace(line.points[first + 1])
         if ends[0] >= 0.0 >= ends[1]:
             return located(line, first, pace, ends)
-    return None
+    around = line.points[max(0, k - TEETH) : k + TEETH + 1]
+    furthest = all((point.value - here.value) * (here.value - before.value) <= 0.0 for point in around)
+    return (k, here) if furthest else None
 
 
 def refine(

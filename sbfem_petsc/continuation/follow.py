@@ -24,6 +24,8 @@ ASIDE = 1.0
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
 CORNER = 5e-3
+# The next step is no shorter at first: that on which a corner was passed says nothing of what lies beyond.
+BEYOND = 1e-3
 # A stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets
 # there; so many times as long.
 REACHES = 1.0, 8.0, 64.0
@@ -349,7 +351,7 @@ class Follower:
             # branch may well lead back, but beside the chord
             self.line.sign = -self.line.sign
         grow = min(2.0, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
-        self.line.length = min(self.settings.largest, max(0.5, grow) * length)
+        self.line.length = min(self.settings.largest, max(max(0.5, grow) * length, BEYOND))
         return point
 
     def _corrected(self, problem: Problem, heading: np.ndarray, length: float, bent: bool) -> Point | None:
