@@ -10,13 +10,17 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.complementarity import active_set
+from sbfem_petsc.contact.law import FREE, PRESSED, PULLED
 from sbfem_petsc.system.bordered_contact import Bordered
 from sbfem_petsc.system.dual_contact import Dual
 from tests.contact.test_kernel_properties import gaps
 from tests.systems import ALUMINIUM
 
+# twice the width of a notch's mouth
+MIXED = {"crack1": sb.Clearance(width=4e-6), "crack2": sb.Tied()}
 
-@pytest.fixture(scope="module", params=[(0, {}), (4, {}), (4, {"crack2": sb.Tied()})], ids=str)
+
+@pytest.fixture(scope="module", params=[(0, {}), (4, {}), (4, MIXED)], ids=["pairs", "tips", "laws"])
 def structure(request):
     """A short beam with two notches, some 60 contact rows, and their flexibility."""
     modes, laws = request.param
@@ -36,7 +40,7 @@ def test_sequences(structure, kind, warm, count):
     """
     model, w = structure
     laws, unit = model.gap_operator.laws, np.sqrt(np.diag(w))
-    generator, problems, unsolved = np.random.default_rng(3), 0, 0
+    generator, problems, unsolved, states = np.random.default_rng(3), 0, 0, set()
     for seed in range(count):
         start = None
         for gap in gaps(len(w), unit, np.random.default_rng(seed)):
@@ -47,9 +51,14 @@ def test_sequences(structure, kind, warm, count):
                 unsolved += 1
                 continue
             left = w @ found.force + gap
-            off = np.where(found.active, np.abs(left), np.maximum(-left, 0.0))
+            kept = laws.places(found.state)
+            off = np.where(found.active, np.abs(left - kept), -laws.room(left))
             assert off.max() <= 1e-9 * len(w) * (np.abs(w) @ np.abs(found.force) + np.abs(gap)).max()
-            assert not found.force[~found.active].any() and laws.fixed[found.force < 0.0].all()
+            assert not found.force[~found.active].any()
+            assert ((found.force >= 0.0) | laws.fixed | (found.state == PULLED)).all()
+            assert ((found.force <= 0.0) | (found.state == PRESSED)).all()
+            states |= set(found.state.tolist())
             if warm:
-                start = found.state if generator.random() < 0.8 else generator.integers(0, 2, len(w))
+                start = found.state if generator.random() < 0.8 else generator.integers(0, 3, len(w))
     assert unsolved <= 0.1 * problems
+    assert states >= {FREE, PRESSED} and (PULLED in states) == np.isfinite(laws.table.most[FREE]).any()

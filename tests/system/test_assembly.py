@@ -158,7 +158,9 @@ LOADS = [
 @pytest.mark.slow
 @pytest.mark.parametrize("load", LOADS)
 @pytest.mark.parametrize(
-    "law", [sb.Unilateral(), sb.Tied(), sb.Unilateral(6e-17)], ids=["unilateral", "tied", "layer"]
+    "law",
+    [sb.Unilateral(), sb.Tied(), sb.Unilateral(6e-17), sb.Clearance(6e-17, width=1e-7)],
+    ids=["unilateral", "tied", "layer", "clearance"],
 )
 @pytest.mark.parametrize("close", [400, 0], ids=["joined", "factorised anew"])
 def test_bordered_contact(monkeypatch, load, law, close):
@@ -191,7 +193,14 @@ def test_bordered_contact(monkeypatch, load, law, close):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("load, law", [(LOADS[1], sb.Unilateral()), (LOADS[0], sb.Unilateral(6e-17))])
+@pytest.mark.parametrize(
+    "load, law",
+    [
+        (LOADS[1], sb.Unilateral()),
+        (LOADS[0], sb.Unilateral(6e-17)),
+        (LOADS[1], sb.Clearance(6e-17, width=1e-7)),
+    ],
+)
 def test_dual_contact(load, law):
     """Conjugate gradients on the contact forces, which stop at 1e-11 of the gaps, against the flexibility of
     all rows.
