@@ -114,6 +114,113 @@ def caught(laws, row, gap):
     return PULLED if gap > laws.most[FREE, row] else FREE
 
 
+@inner_loops
+def _extend(flexibility, factor, kept):
+    """Factorise the rows of the members from `kept` on; whether W is definite there."""
+    inverse, members, solved, free, every = factor
+    n = every.size
+    for i in range(kept, members[n]):
+        row = members[i]
+        for k in range(i):
+            free[k] = flexibility[row, members[k]]
+        for k in range(n):
+            inverse[i, k] = 0.0
+        products(inverse, free, i, i, solved)
+        left = flexibility[row, row]
+        for k in range(i):
+            left -= solved[k] * solved[k]
+        if not left > 0.0:
+            members[n] = -1
+            return False
+        scale = 1.0 / math.sqrt(left)
+        for k in range(i):
+            solved[k] *= -scale
+        add_rows(inverse, every, solved, i, i, inverse[i])
+        inverse[i, i] = scale
+    return True
+
+
+@inner_loops
+def _solve(flexibility, gap, held, factor, force):
+    """Forces that close gaps of the members, and in `free` all gaps unless all rows are held."""
+    (laws, state), (inverse, members, solved, free, every) = held, factor
+    n = every.size
+    count = members[n]
+    # loops over whole vector registers: what stands beyond `count` is zero
+    width = min(n, (count + WHOLE - 1) // WHOLE * WHOLE)
+    for i in range(count):
+        row = members[i]
+        free[i] = laws.place[state[row], row] - gap[row]
+    for i in range(count, width):
+        free[i] = 0.0
+    for i in range(width):
+        solved[i] = 0.0
+    products(inverse, free, count, width, force)
+    add_rows(inverse, every, force, count, width, solved)
+    for i in range(n):
+        force[i] = 0.0
+        free[i] = gap[i]
+    for k in range(count):
+        force[members[k]] = solved[k]
+    if count < n:  # otherwise there are no gaps to look at
+        add_rows(flexibility, members, solved, count, n, free)
+
+
+@inner_loops
+def _by_rounding(flexibility, gap, laws, factor, row):
+    """Whether it is by rounding alone that a free row is beyond its bounds."""
+    size = abs(gap[row])
+    for k in range(factor.members[gap.size]):
+        size += abs(flexibility[factor.members[k], row] * factor.solved[k])
+    beyond = max(laws.least[FREE, row] - factor.free[row], factor.free[row] - laws.most[FREE, row])
+    return beyond < ROUND_OFF * size
+
+
+@inner_loops
+def _exchange(flexibility, gap, held, factor, force, patient):
+    """Exchange all rows beyond their bounds; their number, and the last one, which a single exchange would
+    take. Without patience rows stay that neither touch nor are apart, which would come and go for ever.
+    """
+    (laws, state), members, free = held, factor.members, factor.free
+    least, most = laws.least[FREE], laws.most[FREE]
+    infeasible, last = 0, -1
+    for i in range(gap.size):
+        if state[i] != FREE or not (free[i] < least[i] or free[i] > most[i]):
+            continue
+        if not patient and _by_rounding(flexibility, gap, laws, factor, i):
+            continue
+        state[i] = PRESSED if free[i] < least[i] else PULLED
+        infeasible += 1
+        last = i
+    for k in range(members[gap.size]):
+        row, now = members[k], state[members[k]]
+        if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
+            state[row] = FREE
+            infeasible += 1
+            last = max(last, row)
+    return infeasible, last
+
+
+@inner_loops
+def _undo(held, factor, force, last):
+    """Go back to where an exchange began, but for the last row: the members tell, and their forces, on which
+    side those that have left were held.
+    """
+    (laws, state), members, solved = held, factor.members, factor.solved
+    n = state.size
+    for k in range(members[n]):
+        row = members[k]
+        solved[k] = state[row]
+        if state[row] == FREE:
+            solved[k] = PRESSED if force[row] < laws.least[PRESSED, row] else PULLED
+    for i in range(n):
+        if i != last:
+            state[i] = FREE
+    for k in range(members[n]):
+        if members[k] != last:
+            state[members[k]] = np.int8(solved[k])
+
+
 @compiled_loops
 def contact_forces(flexibility, gap, laws, state, factor, force):
     """Solve a contact problem, whose gaps are W force + gap, by block principal pivoting from the states of
@@ -125,70 +232,14 @@ def contact_forces(flexibility, gap, laws, state, factor, force):
     waiting for one unknown to find the next. Returns the exchanges of the active set, -1 if the iteration did
     not end or W is not definite.
     """
-    n = gap.size
-    inverse, members, solved, free, every = factor
-    least, most = laws.least[FREE], laws.most[FREE]
+    n, held = gap.size, (laws, state)
     best, patience, exchange = n + 1, PATIENCE, 0
     while exchange < 100 + 20 * n:
-        kept = _arrange(state, members, free)
-        count = members[n]
-        # loops over whole vector registers: what stands beyond `count` is zero
-        width = min(n, (count + WHOLE - 1) // WHOLE * WHOLE)
-        for i in range(kept, count):
-            row = members[i]
-            for k in range(i):
-                free[k] = flexibility[row, members[k]]
-            for k in range(n):
-                inverse[i, k] = 0.0
-            products(inverse, free, i, i, solved)
-            left = flexibility[row, row]
-            for k in range(i):
-                left -= solved[k] * solved[k]
-            if not left > 0.0:
-                members[n] = -1
-                return -1
-            scale = 1.0 / math.sqrt(left)
-            for k in range(i):
-                solved[k] *= -scale
-            add_rows(inverse, every, solved, i, i, inverse[i])
-            inverse[i, i] = scale
-        for i in range(count):
-            row = members[i]
-            free[i] = laws.place[state[row], row] - gap[row]
-        for i in range(count, width):
-            free[i] = 0.0
-        for i in range(width):
-            solved[i] = 0.0
-        products(inverse, free, count, width, force)
-        add_rows(inverse, every, force, count, width, solved)
-        for i in range(n):
-            force[i] = 0.0
-            free[i] = gap[i]
-        for k in range(count):
-            force[members[k]] = solved[k]
-        if count < n:  # otherwise there are no gaps to look at
-            add_rows(flexibility, members, solved, count, n, free)
-        # an exchange of all rows beyond their bounds; `last` is what a single one would exchange
-        infeasible, last = 0, -1
-        for i in range(n):
-            if state[i] != FREE or not (free[i] < least[i] or free[i] > most[i]):
-                continue
-            if patience <= 0:
-                # a row that neither touches nor is apart, by rounding alone, would come and go for ever
-                size = abs(gap[i])
-                for k in range(count):
-                    size += abs(flexibility[members[k], i] * solved[k])
-                if max(least[i] - free[i], free[i] - most[i]) < ROUND_OFF * size:
-                    continue
-            state[i] = PRESSED if free[i] < least[i] else PULLED
-            infeasible += 1
-            last = i
-        for k in range(count):
-            row, now = members[k], state[members[k]]
-            if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
-                state[row] = FREE
-                infeasible += 1
-                last = max(last, row)
+        kept = _arrange(state, factor.members, factor.free)
+        if not _extend(flexibility, factor, kept):
+            return -1
+        _solve(flexibility, gap, held, factor, force)
+        infeasible, last = _exchange(flexibility, gap, held, factor, force, patience > 0)
         if infeasible == 0:
             return exchange
         if infeasible < best:
@@ -196,19 +247,7 @@ def contact_forces(flexibility, gap, laws, state, factor, force):
         else:
             patience -= 1
         if patience <= 0:
-            # back to where the exchange began, but for the last row: the members tell, and their forces, on
-            # which side those that have left were held
-            for k in range(count):
-                row = members[k]
-                solved[k] = state[row]
-                if state[row] == FREE:
-                    solved[k] = PRESSED if force[row] < laws.least[PRESSED, row] else PULLED
-            for i in range(n):
-                if i != last:
-                    state[i] = FREE
-            for k in range(count):
-                if members[k] != last:
-                    state[members[k]] = np.int8(solved[k])
+            _undo(held, factor, force, last)
         exchange += 1
-    members[n] = -1
+    factor.members[n] = -1
     return -1
