@@ -24,8 +24,6 @@ ASIDE = 1.0
 COMFORT, TOO_MANY = 4, 7
 # Below this length a turn is a corner of the branch, where a pair begins to touch, and is taken.
 CORNER = 5e-3
-# The next step is no shorter at first: that on which a corner was passed says nothing of what lies beyond.
-BEYOND = 1e-3
 # A stiff stop is hardly pressed beyond its corner: only a step much longer than the way to the corner gets
 # there; so many times as long.
 REACHES = 1.0, 8.0, 64.0
@@ -350,9 +348,20 @@ class Follower:
             # a branch point: the determinant has changed its sign on a smooth branch; beyond a corner the
             # branch may well lead back, but beside the chord
             self.line.sign = -self.line.sign
+        turn = min(turn, self._chords_turn(chord))
         grow = min(2.0, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
-        self.line.length = min(self.settings.largest, max(max(0.5, grow) * length, BEYOND))
+        self.line.length = min(self.settings.largest, max(0.5, grow) * length)
         return point
+
+    def _chords_turn(self, chord: np.ndarray) -> float:
+        """How far the last two chords turn, radian: where steps of time give a branch teeth, tangents of the
+        smooth branch do not tell how it bends.
+        """
+        behind = self._behind()
+        if behind is None:
+            return math.pi
+        straight = self.metric.dot(self.metric.chord(behind, self.points[-1]), chord)
+        return math.acos(min(max(straight, -1.0), 1.0))
 
     def _corrected(self, problem: Problem, heading: np.ndarray, length: float, bent: bool) -> Point | None:
         """The point that a step of some length leads to, or that on an end of the range beyond it."""

@@ -89,6 +89,8 @@ def read_reduced_model(group: h5py.Group) -> ReducedModel:
         outputs[name] = LinearOutput(names, *shares)
     part = group["contact_laws"]
     table = Table(*(numbers(part, name, 3, rows, finite=False) for name in _TABLE))
+    if any(np.isnan(values).any() for values in table):  # bounds may be infinite
+        raise ValueError("'contact_laws' has values that are no numbers")
     laws = RowLaws(table, truth(part, "dissipative"))
     pairs = whole(group, "pairs", most=rows)
     facts = read_tip_facts(group["tip_facts"], rows)

@@ -229,7 +229,6 @@ def test_a_corner_where_a_branch_turned_about(monkeypatch):
     monkeypatch.setattr(follow, "ASIDE", np.pi)
     monkeypatch.setattr(follow, "STRAIGHT", 0.0)
     monkeypatch.setattr(follow, "FROM_THERE", 2.0)
-    monkeypatch.setattr(follow, "BEYOND", 0.0)
     with pytest.warns(sb.BranchWarning, match="back at its beginning at .* has turned about near 0.2383"):
         other = sb.frequency_response(stiff, [0.3], 0.7 / TURN, 1.5 / TURN, **options)
     assert not other.complete and "run back along itself" in other.reason
@@ -323,7 +322,7 @@ def test_ends_at_the_end_of_its_range():
         value = found.next().value
         end = 0.5 * (target + value)
         if target < end < value and abs(heading[-1]) <= follow.HELD:
-            point = Follower(before, Range(end - (upper - lower), end, 1), Settings()).next()
+            *_, point = Follower(before, Range(end - (upper - lower), end, 1), Settings())
             led += 1
             assert point.value == end
             residual = orbits.driven(end).run(point.u[:-1]).residual
