@@ -17,6 +17,8 @@ MANY = 200
 # Relative residuals while the active set changes and of the last solve, and rounding of forces and gaps that
 # this leaves, relative to the largest.
 _LOOSE, _TIGHT, _ROUNDING = 1e-4, 1e-11, 1e-9
+# A guess of the set before may be any distance from forces that are next to none: no sign of divergence.
+_FAR = 1e30
 _MAXIMUM = 50
 
 
@@ -77,7 +79,7 @@ class Dual:
         try:
             right.array = np.where(active, -gap, 0.0)[self._own]
             found.array = np.where(active, force, 0.0)[self._own]
-            self._ksp.setTolerances(rtol=self._tolerance, max_it=2000)
+            self._ksp.setTolerances(rtol=self._tolerance, divtol=_FAR, max_it=2000)
             with scripted():
                 self._ksp.solve(right, found)
             check_ksp(self._ksp, "static contact")

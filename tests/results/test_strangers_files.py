@@ -20,7 +20,18 @@ from sbfem_petsc.results.orbits import read_orbit
 from tests.fuzz import examples
 
 # Data that are told to a reader and nothing is computed from, or may be nan.
-TOLD = ("description", "unit", "path", "reason", "points/00", "stable", "undecided", "format", "name")
+TOLD = (
+    "description",
+    "notes",
+    "unit",
+    "path",
+    "reason",
+    "points/00",
+    "stable",
+    "undecided",
+    "format",
+    "name",
+)
 # What only the further run of a history looks at, which compares it with its own.
 COMPARED = ("running/A", "running/B", "running/recorded", "settings@", "reduced_model@loads")
 MAY_BE_NAN = (
