@@ -404,8 +404,8 @@ class Follower:
         across the heading, in units.
         """
         behind = self._behind()
-        if behind is None:
-            return np.zeros(len(heading))
+        if behind is None or (length < CORNER and not self.problem.alike(behind, self.points[-1])):
+            return np.zeros(len(heading))  # there is none, or a corner lies between
         back = self.metric.way(self.points[-1], behind)
         reach = -self.metric.dot(back, heading)
         if not reach > 0.0 or length > 3.0 * reach:
