@@ -9,9 +9,13 @@ import numpy as np
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.gmsh_session import gmsh_session
 
+# Edges, which gmsh does not draw by itself, with their ends, in a colour for each edge set.
+_VIEW = {"Mesh.Lines": 1, "Mesh.LineWidth": 2, "Mesh.Nodes": 1, "Mesh.NodeSize": 3, "Mesh.ColorCarousel": 2}
+
 
 def show_mesh(mesh: BoundaryMesh) -> None:
-    """Show S-elements by their edges, edge sets and points by name, until the window is closed.
+    """Show S-elements by their edges, edge sets in colours of their own, until the window is closed; Tools,
+    Visibility names sets and points.
 
     Raises
     ------
@@ -20,6 +24,8 @@ def show_mesh(mesh: BoundaryMesh) -> None:
     """
     with gmsh_session("mesh") as gmsh:
         add_mesh(gmsh, mesh)
+        for option, value in _VIEW.items():
+            gmsh.option.setNumber(option, value)
         try:
             gmsh.fltk.initialize()
         except Exception as error:  # gmsh raises nothing more precise

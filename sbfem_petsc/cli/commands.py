@@ -67,10 +67,11 @@ def mesh(options: Options, comm: Any) -> int:
     with watch_for(comm, options.quiet) as watch:
         watch.stage("mesh")
         found = on_root(comm, lambda: objects.mesh(case))
-        if options.gui:
-            on_root(comm, lambda: show_mesh(found) if found else None)
-            return 0
-        pictures.draw_mesh(found, path, comm)
+        if not options.gui:
+            pictures.draw_mesh(found, path, comm)
+    if options.gui:
+        on_root(comm, lambda: show_mesh(found) if found else None)
+        return 0
     _say(options, comm, f"{found!r}\nwritten: {path}")
     return 0
 

@@ -278,6 +278,7 @@ def test_what_gmsh_shows_of_a_mesh(monkeypatch):
             elements = gmsh.model.mesh.getElements(dimension, entity)[1][0]
             seen[gmsh.model.getPhysicalName(dimension, group)] = len(elements)
         seen["all"] = len(gmsh.model.mesh.getElements(1)[1][0])
+        assert gmsh.option.getNumber("Mesh.Lines") == 1  # or nothing is drawn
 
     monkeypatch.setattr(gmsh.fltk, "initialize", lambda: None)
     monkeypatch.setattr(gmsh.fltk, "finalize", lambda: None)
