@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 from pydantic.fields import FieldInfo
 
-from .checks import Bounds, choice, flag, integer, names_of, numbers_of, real, shown
+from .checks import Bounds, choice, flag, integer, names_of, numbers_of, positive, real, shown
 
 Pair = Annotated[list[float], Field(min_length=2, max_length=2)]
 Own = TypeVar("Own", bound="Options")
@@ -98,6 +98,8 @@ def _refuse(owner: str, name: str, value: Any, field: FieldInfo) -> None:
     }
     within = Bounds(*(bounds.get(key) for key in keys))
     if kind is float:
+        if bounds.get("ge", 0.0) > 0.0:  # that it is above zero comes before how small it may be
+            positive(owner, name, value, unit_of(field))
         real(owner, name, value, unit_of(field), within=within)
     elif kind is int:
         integer(owner, name, value, least=bounds.get("ge"), most=bounds.get("le"))

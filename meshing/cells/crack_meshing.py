@@ -50,7 +50,8 @@ class CrackMeshing:
         face_edges: int,
     ) -> CrackMeshing:
         """The arguments that say how cracks are meshed, checked; `extent` is the body's size, m."""
-        if tip_size is not None and length("mesh", "tip_size", tip_size) < 1e-7 * extent:
+        tip_size = None if tip_size is None else length("mesh", "tip_size", tip_size)
+        if tip_size is not None and tip_size < 1e-7 * extent:
             raise ValueError(
                 f"mesh: tip_size {tip_size:g} m is below 1e-7 of the body's size {extent:g} m, round-off "
                 "would show; make it larger."
