@@ -32,8 +32,8 @@ import numpy as np
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.contact.tangent import BLOCK, Derivative
-from sbfem_petsc.dynamics import stability
-from sbfem_petsc.dynamics.reduced_history import CHUNK
+from sbfem_petsc.continuation import multipliers as stability
+from sbfem_petsc.motion.reduced_history import CHUNK
 from sbfem_petsc.system import modes, pencil
 
 BEAM = Beam(0.400, 0.005, [VNotch(0.080, 0.0025, 0.0458366)])

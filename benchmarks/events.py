@@ -26,8 +26,8 @@ from scipy import optimize
 import sbfem_petsc as sb
 from benchmarks.default_mesh import model, push
 from sbfem_petsc.contact.complementarity import solve_complementarity
-from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.period_map import Period
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
 from sbfem_petsc.reduction.reduced_model import ReducedModel
 
 FREQUENCY, FORCE, MODES = 3000.0, 300.0, 80

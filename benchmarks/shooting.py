@@ -32,12 +32,12 @@ import sbfem_petsc as sb
 from examples.tables.harmonics import build
 from examples.tables.tone_burst import REFINED
 from sbfem_petsc.contact.tangent import Derivative
-from sbfem_petsc.dynamics import period_map
-from sbfem_petsc.dynamics import stability as floquet
-from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.period_map import Period
-from sbfem_petsc.dynamics.shooting import shoot
-from sbfem_petsc.dynamics.stability import multipliers
+from sbfem_petsc.continuation import multipliers as floquet
+from sbfem_petsc.continuation.multipliers import multipliers
+from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.motion import period_map
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
 
 DAMPING, FORCE, MODES, STEPS = 0.002, 300.0, 80, 512
 FREQUENCIES, FORCES, RANGE = (3000.0, 20140.0), (300.0, 500.0, 700.0, 1500.0), (13900.0, 14600.0)

@@ -9,7 +9,7 @@ import scipy.optimize
 
 import sbfem_petsc as sb
 from sbfem_petsc import indicators
-from sbfem_petsc.dynamics.branch import find_peak
+from sbfem_petsc.continuation.branch import find_peak
 from sbfem_petsc.plot.drawing import BLACK, CYCLE, figure, save_picture, style
 
 from .bench import Bench, closed_frequencies, push

@@ -11,17 +11,17 @@ import numpy as np
 
 from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import index_of
-from ..dynamics.excitation import one_sided
-from ..dynamics.fixed_point import FixedPoint
-from ..dynamics.free import FreeMotion, FreeSystem
-from ..dynamics.free_branch import ADDED, FreeBranch, Pace
-from ..dynamics.free_stability import free_multipliers
-from ..dynamics.free_start import first_motion
-from ..dynamics.loading import communicator
-from ..dynamics.orbit import Orbit, axis_number, make_orbit, modal_motion
-from ..dynamics.preparation import period_memory
-from ..dynamics.step_plan import CONTACT_STEP
+from ..continuation.orbit import Orbit, axis_number, make_orbit, modal_motion
+from ..continuation.problems.free import FreeMotion, FreeSystem
+from ..continuation.problems.free_branch import ADDED, FreeBranch, Pace
+from ..continuation.problems.free_stability import free_multipliers
+from ..continuation.problems.free_start import first_motion
 from ..errors import SolveError, at_point, on_all_ranks
+from ..motion.excitation import one_sided
+from ..motion.fixed_point import FixedPoint
+from ..motion.loading import communicator
+from ..motion.preparation import period_memory
+from ..motion.step_plan import CONTACT_STEP
 from ..parallel import collective
 from ..progress import progress_bar
 from ..reduction.build import reduced

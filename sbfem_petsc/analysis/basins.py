@@ -8,12 +8,12 @@ import numpy as np
 
 from ..capacity import require_memory
 from ..checks import instance, shown
-from ..dynamics.attraction import Attraction, Patience
-from ..dynamics.basins import Basins, StartAxis, count_of, initial_states, state_of
-from ..dynamics.loading import communicator
-from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import PeriodSettings, check_guess, prepare
+from ..continuation.attraction import Attraction, Patience
+from ..continuation.basins import Basins, StartAxis, count_of, initial_states, state_of
+from ..continuation.orbit import Orbit
 from ..errors import SolveError, on_all_ranks
+from ..motion.loading import communicator
+from ..motion.preparation import PeriodSettings, check_guess, prepare
 from ..parallel import checked_communicator, collective
 from ..petsc import MPI
 from ..progress import progress_bar

@@ -7,15 +7,15 @@ from __future__ import annotations
 import numpy as np
 
 from ..checks import instance
+from ..continuation.bifurcations import Bifurcation
+from ..continuation.branch import Branch
 from ..continuation.newton import correct
-from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
-from ..dynamics.driven_orbits import Orbits, ParameterRange
-from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
-from ..dynamics.own_tone import OwnTone, first_circle
-from ..dynamics.period_map import Period
-from ..dynamics.tones import QuasiPeriodic, own_motion, warn_if_unresolved
+from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.problems.driven_orbits import Orbits, ParameterRange
+from ..continuation.problems.own_tone import OwnTone, first_circle
+from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..motion.period_map import Period
 from ..parallel import collective
 from .analysis import analysis
 from .options import SwitchOptions

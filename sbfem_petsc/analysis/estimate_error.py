@@ -12,8 +12,8 @@ import numpy as np
 from meshing.warnings import StepWarning
 
 from ..checks import instance
-from ..dynamics.history import History
 from ..errors import on_all_ranks
+from ..motion.history import History
 from ..parallel import collective
 from ..system.model import Model
 from .analysis import analysis

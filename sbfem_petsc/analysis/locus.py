@@ -13,17 +13,17 @@ import numpy as np
 from meshing.warnings import BranchWarning
 
 from ..checks import instance
+from ..continuation.bifurcations import Bifurcation
+from ..continuation.branch import Branch
 from ..continuation.follow import CLOSED
-from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
-from ..dynamics.family import Family
-from ..dynamics.grazing import OpenRowFamily, find_grazing, grazing_row
-from ..dynamics.locus import AT_END, KINDS, PACE, Locus, LocusStart, follow_locus
-from ..dynamics.period_map import Period
+from ..continuation.line_file import LineFile
+from ..continuation.problems.grazing import OpenRowFamily, find_grazing, grazing_row
+from ..continuation.problems.locus import AT_END, KINDS, PACE, Locus, LocusStart, follow_locus
 from ..errors import SolveError, caller_level
+from ..motion.family import Family
+from ..motion.period_map import Period
 from ..parallel import collective
 from ..progress import progress_bar
-from ..recording.line_file import LineFile
 from ..recording.loci import write_locus_alone
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions

@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 
 from ..checks import instance, shown
-from ..dynamics.contact_work import MOST, contact_work, times_more, warn_of_contact_work
-from ..dynamics.fixed_point import FixedPoint
-from ..dynamics.loading import communicator
-from ..dynamics.multiple_shooting import at_segments, segmented_stability, shoot_segments
-from ..dynamics.orbit import Orbit, make_orbit, orbit_stability
-from ..dynamics.period_map import Period
-from ..dynamics.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
-from ..dynamics.steady import NEWTON_ALONE, Search, find_steady_state
-from ..dynamics.unreduced_shooting import unreduced_periodic
+from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
+from ..continuation.problems.unreduced import unreduced_periodic
+from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
 from ..errors import SolveError, on_all_ranks
+from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
+from ..motion.fixed_point import FixedPoint
+from ..motion.loading import communicator
+from ..motion.period_map import Period
+from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -71,13 +71,13 @@ def periodic(
         the shortest modal period (coarser ones let contact excite modes falsely) and below 1 / 32 of the
         shortest load period; these are halved, and the motion is found again, while contact, which does no
         work between smooth faces, does more of it than 1e-3 of what the loads exchange with the modes (see
-        `dynamics.contact_work`), to 32 times as many at most.
+        `motion.contact_work`), to 32 times as many at most.
     modes : int, optional
         Default: all modes up to 8 times the loads' highest frequency, at least 80.
     contact : bool
         False: the faces may overlap.
     reduction : "modes" or None
-        None: the unreduced model, distributed and without a matrix (see `dynamics.unreduced_shooting`).
+        None: the unreduced model, distributed and without a matrix (see `continuation.problems.unreduced`).
     guess : Orbit, optional
         A motion to begin from, of the same model. Default: the response without contact.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
@@ -91,7 +91,7 @@ def periodic(
         The steps are doubled until the displacements of all named points change by less than this, relative
         L2 over the period; the change is `step_error`.
 
-    search : dynamics.steady.Search, optional
+    search : continuation.search.Search, optional
         How far a motion is looked for where Newton's method does not converge from the first guess.
     segments : int
         More than 1: multiple shooting over so many parts of the period, from `guess` or the linear response
@@ -105,7 +105,7 @@ def periodic(
         frequency.
     SolveError
         If no motion is found, by Newton's method, behind a history, or along a ramp of the load, the damping
-        or the frequency (see `dynamics.steady`), or the tolerance is not met.
+        or the frequency (see `continuation.search`), or the tolerance is not met.
 
     Warns
     -----
@@ -121,7 +121,7 @@ def periodic(
         if guess is not None:
             instance("periodic", "guess", guess, Orbit, "an Orbit")
         if search is not None:
-            instance("periodic", "search", search, Search, "a dynamics.steady.Search")
+            instance("periodic", "search", search, Search, "a continuation.search.Search")
             if not contact or segments > 1:
                 raise ValueError(
                     "periodic: search is for a reduced model with contact and segments = 1; without contact "

@@ -15,14 +15,9 @@ from meshing.warnings import StepWarning
 
 from ..capacity import require_compiler
 from ..checks import Bounds, instance, numbers_of, real
-from ..dynamics.contact_work import MOST, times_more, warn_of_contact_work
-from ..dynamics.curve_system import require_room, resampled
-from ..dynamics.excitation import Excitation
-from ..dynamics.loading import communicator, loading, serving
-from ..dynamics.own_tone import Circle, OwnTone
-from ..dynamics.preparation import FAST_STEPS, PeriodSettings, prepare
-from ..dynamics.step_plan import CONTACT_STEP, warn_if_coarse
-from ..dynamics.tones import (
+from ..continuation.problems.curve_system import require_room, resampled
+from ..continuation.problems.own_tone import Circle, OwnTone
+from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
     QuasiPeriodic,
@@ -31,9 +26,14 @@ from ..dynamics.tones import (
     tone_lines,
     warn_if_unresolved,
 )
-from ..dynamics.torus import Curve, Torus
-from ..dynamics.two_tones import drives, highest, tone
+from ..continuation.problems.torus import Curve, Torus
 from ..errors import SolveError, caller_level, on_all_ranks
+from ..motion.contact_work import MOST, times_more, warn_of_contact_work
+from ..motion.excitation import Excitation
+from ..motion.loading import communicator, loading, serving
+from ..motion.preparation import FAST_STEPS, PeriodSettings, prepare
+from ..motion.step_plan import CONTACT_STEP, warn_if_coarse
+from ..motion.two_tones import drives, highest, tone
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model

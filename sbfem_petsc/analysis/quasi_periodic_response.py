@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from ..checks import instance
-from ..dynamics.own_tone_branch import QuasiPeriodicBranch, follow_circles
-from ..dynamics.tones import QuasiPeriodic, own_circle, own_motion
+from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch, follow_circles
+from ..continuation.problems.tones import QuasiPeriodic, own_circle, own_motion
 from ..errors import SolveError, on_all_ranks
 from ..parallel import collective
 from ..progress import progress_bar

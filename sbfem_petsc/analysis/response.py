@@ -12,16 +12,16 @@ import numpy as np
 
 from ..capacity import FEW, require_memory, room
 from ..checks import instance
-from ..dynamics.branch import Branch
-from ..dynamics.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
-from ..dynamics.contact_work import MOST, StepsTooLong
-from ..dynamics.driven_orbits import ParameterRange
-from ..dynamics.loading import amplitudes_only, communicator
-from ..dynamics.orbit import Orbit
-from ..dynamics.period_map import Period
-from ..dynamics.preparation import PeriodSettings, finer, prepare
-from ..dynamics.shooting import shoot
-from ..dynamics.steady import find_steady_state
+from ..continuation.branch import Branch
+from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
+from ..continuation.orbit import Orbit
+from ..continuation.problems.driven_orbits import ParameterRange
+from ..continuation.search import find_steady_state
+from ..continuation.shooting import shoot
+from ..motion.contact_work import MOST, StepsTooLong
+from ..motion.loading import amplitudes_only, communicator
+from ..motion.period_map import Period
+from ..motion.preparation import PeriodSettings, finer, prepare
 from ..parallel import collective
 from ..petsc import MPI
 from ..progress import progress_bar

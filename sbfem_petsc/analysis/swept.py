@@ -9,15 +9,15 @@ import numpy as np
 
 from ..capacity import require_memory
 from ..checks import instance
-from ..dynamics.integration import Steps
-from ..dynamics.loading import amplitudes_only, communicator, loading, serving
-from ..dynamics.orbit import Orbit
-from ..dynamics.preparation import check_guess
-from ..dynamics.reduced_history import ReducedIntegrator
-from ..dynamics.states import ModalStates
-from ..dynamics.step_plan import CONTACT_STEP
-from ..dynamics.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
+from ..continuation.orbit import Orbit
 from ..errors import on_all_ranks
+from ..motion.integration import Steps
+from ..motion.loading import amplitudes_only, communicator, loading, serving
+from ..motion.preparation import check_guess
+from ..motion.reduced_history import ReducedIntegrator
+from ..motion.states import ModalStates
+from ..motion.step_plan import CONTACT_STEP
+from ..motion.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
 from ..parallel import collective
 from ..progress import progress_bar
 from ..reduction.reduced_model import ReducedModel

@@ -16,16 +16,16 @@ from meshing.warnings import StepWarning
 
 from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, real_array, shown
-from ..dynamics.history import History
-from ..dynamics.initial import modal_start
-from ..dynamics.integration import Steps, integrate, row_size
-from ..dynamics.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced
-from ..dynamics.preparation import check_reduction
-from ..dynamics.reduced_history import ReducedIntegrator, reduced_columns
-from ..dynamics.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
-from ..dynamics.steps import DEEPEST, HALVING
-from ..dynamics.unreduced_history import UnreducedIntegrator, unreduced_columns
 from ..errors import caller_level
+from ..motion.history import History
+from ..motion.initial import modal_start
+from ..motion.integration import Steps, integrate, row_size
+from ..motion.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced
+from ..motion.preparation import check_reduction
+from ..motion.reduced_history import ReducedIntegrator, reduced_columns
+from ..motion.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, require_room
+from ..motion.steps import DEEPEST, HALVING
+from ..motion.unreduced.history import UnreducedIntegrator, unreduced_columns
 from ..parallel import collective
 from ..progress import progress_bar
 from ..recording.history_file import FormerRun, HistoryFile
@@ -100,7 +100,7 @@ def transient(
         "modes": lowest modes and residual flexibility; None: the unreduced model by Newmark's average
         acceleration with implicit contact, which takes energy and never gives any: some 1e-3 to 1e-2 of what
         is supplied in lightly damped bodies (`energy.contact` tells it), and little less in shorter steps,
-        which are therefore not halved (see `dynamics.unreduced_history`).
+        which are therefore not halved (see `motion.unreduced.history`).
     progress : callable, "auto" or None
         Called with the fraction done after each chunk of steps; "auto": a bar on rank 0, on a terminal only.
     file : str, optional

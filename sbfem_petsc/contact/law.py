@@ -12,7 +12,7 @@ one is held on the side that it has passed. An elastic layer is no state: it is 
 answered from the same arrays: `RowLaws.acting` (the rows that keep their gaps, for derivatives), `room` and
 `apart` (how far a free row is from being held, for grazing motions and located switches), `rest` (gaps of a
 model), `fixed` (rows of one state alone); `dissipative` is for the guard of the energy
-(`dynamics.energy.guard`).
+(`motion.energy.guard`).
 
 Coulomb friction would be a second, tangential row for each pair, the same staircase turned over: held in the
 middle, where it sticks at the slip of the step before, and under a force of its own at either end, where it

@@ -11,9 +11,9 @@ import numpy as np
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
 from ..checks import Bounds, choice, integer, real, shown
-from ..dynamics.history import Motion, model_with_fields
-from ..dynamics.orbit import Orbit
+from ..continuation.orbit import Orbit
 from ..errors import SolveError
+from ..motion.history import Motion, model_with_fields
 from ..parallel import agreed, collective, on_root
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down

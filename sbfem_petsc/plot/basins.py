@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 
 from ..checks import instance
-from ..dynamics.basins import Basins, StartAxis
+from ..continuation.basins import Basins, StartAxis
 from .arguments import check
 from .drawing import BLACK, CYCLE, figure, style
 from .units import impulse_unit, length_unit, velocity_unit

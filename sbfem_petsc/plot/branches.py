@@ -14,8 +14,8 @@ from scipy.interpolate import PchipInterpolator
 
 from ..analysis.backbone import Backbone
 from ..checks import instance
-from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
+from ..continuation.bifurcations import Bifurcation
+from ..continuation.branch import Branch
 from ..parallel import agreed, collective, on_root
 from ..petsc import MPI
 from .arguments import check

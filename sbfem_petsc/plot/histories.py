@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
 from ..checks import flag, instance, real, shown, text
-from ..dynamics.history import Motion
+from ..motion.history import Motion
 from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check, curve

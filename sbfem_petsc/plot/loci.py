@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from ..checks import instance, positive
-from ..dynamics.locus import KINDS, Locus
+from ..continuation.problems.locus import KINDS, Locus
 from .arguments import check
 from .branches import smooth
 from .drawing import BLUE, GREEN, PURPLE, VERMILION, figure, style

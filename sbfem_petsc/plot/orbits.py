@@ -10,8 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..checks import instance
-from ..dynamics.branch import Branch
-from ..dynamics.orbit import Orbit
+from ..continuation.branch import Branch
+from ..continuation.orbit import Orbit
 from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check

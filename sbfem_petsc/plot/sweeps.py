@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from matplotlib.axes import Axes
 
 from ..checks import instance, positive
-from ..dynamics.branch import Branch
-from ..dynamics.swept import SweptResponse
+from ..continuation.branch import Branch
+from ..motion.swept import SweptResponse
 from .arguments import check
 from .branches import DASHED, amplitude_at, in_order, smooth, split
 from .drawing import BLACK, BLUE, GREEN, VERMILION, figure, style

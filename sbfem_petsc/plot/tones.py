@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..analysis.backbone import Backbone
-from ..dynamics.tones import QuasiPeriodic
+from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
 from ..parallel import agreed, on_root
 from ..petsc import MPI

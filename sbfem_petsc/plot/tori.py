@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from ..dynamics.own_tone_branch import QuasiPeriodicBranch
+from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
 from ..parallel import agreed, on_root
 from ..petsc import MPI
 from .arguments import check

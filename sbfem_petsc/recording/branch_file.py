@@ -36,7 +36,7 @@ ARRAYS = {
 def write_branch(
     branch, path: Any, start: float | None = None, stop: float | None = None, length: float = NO_STEP
 ) -> None:
-    """Write a `dynamics.branch.Branch`; the file takes its name when it is whole.
+    """Write a `continuation.branch.Branch`; the file takes its name when it is whole.
 
     Parameters
     ----------
@@ -114,8 +114,8 @@ class BranchFile(KeptFile):
 
         Parameters
         ----------
-        period : dynamics.period_map.Period
-        parameter : dynamics.driven_orbits.ParameterRange
+        period : motion.period_map.Period
+        parameter : continuation.problems.driven_orbits.ParameterRange
         any_steps : bool
             Go on in the steps of the former run, whatever they are.
 

@@ -17,7 +17,7 @@ _UNIT = "unit of the load"
 
 
 def write_excitation(group: h5py.Group, excitation) -> None:
-    """Write a `dynamics.excitation.Excitation`, but for its number of periods."""
+    """Write a `motion.excitation.Excitation`, but for its number of periods."""
     put(group, "orders", excitation.orders, "1", "multiples of f / periods in the loads")
     put(group, "amplitudes", excitation.amplitudes, _UNIT, "one-sided")
     if excitation.jumps is not None:

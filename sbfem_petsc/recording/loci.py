@@ -17,7 +17,7 @@ _LOCUS = {
 
 
 def write_locus_alone(file: h5py.File, line: Any) -> None:
-    """Fill a result file with one `dynamics.locus.Locus`."""
+    """Fill a result file with one `continuation.problems.locus.Locus`."""
     file.attrs["kind"], file.attrs["several"] = "loci", False
     write_locus(file.create_group("items/0000"), line)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..checks import flag, integer, optional_integer, path, real_array, text
-from ..dynamics.history import Motion, model_with_fields
+from ..motion.history import Motion, model_with_fields
 from ..parallel import agreed, collective
 from .hdf5 import check_output_folder
 from .vtu import write_vtu, write_xml

@@ -8,11 +8,11 @@ import warnings
 from meshing.warnings import IncompleteBranch
 
 from ..checks import shown
-from ..dynamics.bifurcations import Bifurcation
-from ..dynamics.branch import Branch
-from ..dynamics.excitation import Excitation
-from ..dynamics.period_map import Period
+from ..continuation.bifurcations import Bifurcation
+from ..continuation.branch import Branch
 from ..errors import caller_level
+from ..motion.excitation import Excitation
+from ..motion.period_map import Period
 from ..recording.branch_file import FORM, VERSION, WHAT, read_branch_file, write_branch
 from ..recording.hdf5 import opened
 from ..recording.sound import number, numbers, text, whole

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..checks import integer, shown
-from ..dynamics.orbit import Orbit
-from ..dynamics.states import Point
+from ..continuation.orbit import Orbit
+from ..motion.states import Point
 from ..writing import write_table
 
 if TYPE_CHECKING:

@@ -11,10 +11,10 @@ from meshing.warnings import IncompleteHistory
 
 from ..capacity import SHARE, available_memory, in_bytes
 from ..checks import flag
-from ..dynamics.history import History
-from ..dynamics.reduced_history import recorded_exchanges, reduced_columns, reduced_history
-from ..dynamics.unreduced_history import SampledRun, sampled_columns, unreduced_history
 from ..errors import caller_level
+from ..motion.history import History
+from ..motion.reduced_history import recorded_exchanges, reduced_columns, reduced_history
+from ..motion.unreduced.history import SampledRun, sampled_columns, unreduced_history
 from ..recording.hdf5 import opened
 from ..recording.history_layout import FORM, VERSION, WHAT, Contents, newest, verified
 from ..recording.reduced_models import read_reduced_model

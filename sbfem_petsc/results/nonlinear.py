@@ -13,18 +13,18 @@ import numpy as np
 
 from ..analysis.backbone import Backbone
 from ..checks import shown
-from ..dynamics.basins import Basins, StartAxis
-from ..dynamics.branch import Branch
-from ..dynamics.free import FreeSystem
-from ..dynamics.locus import KINDS, PARAMETERS, Locus
-from ..dynamics.orbit import Orbit
-from ..dynamics.own_tone_branch import QuasiPeriodicBranch
-from ..dynamics.states import ModalStates
-from ..dynamics.swept import SweptResponse
-from ..dynamics.tones import QuasiPeriodic
+from ..continuation.basins import Basins, StartAxis
+from ..continuation.branch import Branch
+from ..continuation.line_file import FORM, VERSION, WHAT
+from ..continuation.orbit import Orbit
+from ..continuation.problems.free import FreeSystem
+from ..continuation.problems.locus import KINDS, PARAMETERS, Locus
+from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
+from ..continuation.problems.tones import QuasiPeriodic
+from ..motion.states import ModalStates
+from ..motion.swept import SweptResponse
 from ..recording import branch_file
 from ..recording.hdf5 import new_hdf5, opened, put
-from ..recording.line_file import FORM, VERSION, WHAT
 from ..recording.loci import write_locus
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, truth, whole

@@ -8,8 +8,8 @@ import h5py
 import numpy as np
 
 from ..checks import shown
-from ..dynamics.orbit import Orbit
-from ..dynamics.states import ModalStates, SampledStates
+from ..continuation.orbit import Orbit
+from ..motion.states import ModalStates, SampledStates
 from ..recording.hdf5 import new_hdf5, opened, put, put_texts
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, texts, truth, whole

@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import h5py
 
-from ..dynamics.excitation import Excitation
-from ..dynamics.own_tone import OwnTone
-from ..dynamics.own_tone_branch import QuasiPeriodicBranch
-from ..dynamics.period_map import Period
-from ..dynamics.tones import QuasiPeriodic
+from ..continuation.problems.own_tone import OwnTone
+from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
+from ..continuation.problems.tones import QuasiPeriodic
+from ..motion.excitation import Excitation
+from ..motion.period_map import Period
 from ..recording.excitations import read_excitation, write_excitation
 from ..recording.hdf5 import put
 from ..recording.reduced_models import read_reduced_model, write_reduced_model

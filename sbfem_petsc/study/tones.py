@@ -7,10 +7,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from ..dynamics.excitation import common_periods
-from ..dynamics.preparation import LONGEST
-from ..dynamics.two_tones import drives
 from ..loads import separate
+from ..motion.excitation import common_periods
+from ..motion.preparation import LONGEST
+from ..motion.two_tones import drives
 from ..signals.signal import Signal
 from ..signals.waves import Harmonic
 from .case import Case

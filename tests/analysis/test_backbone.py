@@ -12,7 +12,7 @@ from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq, minimize_scalar, root
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.free import FreeSystem
+from sbfem_petsc.continuation.problems.free import FreeSystem
 from tests.reference import paper_beam
 from tests.systems import coarse_beam
 

@@ -5,7 +5,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
 
 MASS = np.array([[2.0, 0.3], [0.3, 1.0]])

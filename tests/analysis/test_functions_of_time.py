@@ -6,7 +6,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam
 from meshing.warnings import BranchWarning, IncompleteBranch
-from sbfem_petsc.dynamics.excitation import Excitation
+from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from sbfem_petsc.results.branches import read_branch
 from sbfem_petsc.signals.sampling import sampled

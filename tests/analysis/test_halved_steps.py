@@ -11,8 +11,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine
-from sbfem_petsc.dynamics.integration import Steps
-from sbfem_petsc.dynamics.reduced_history import ReducedIntegrator
+from sbfem_petsc.motion.integration import Steps
+from sbfem_petsc.motion.reduced_history import ReducedIntegrator
 from tests.systems import chain
 
 

@@ -7,7 +7,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate
-from sbfem_petsc.dynamics import reduced_history
+from sbfem_petsc.motion import reduced_history
 from tests.event_map import two_masses_exactly
 from tests.systems import (
     CHAIN_COMPLIANCE,

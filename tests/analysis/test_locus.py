@@ -12,8 +12,8 @@ from meshing.warnings import BranchWarning
 from sbfem_petsc.analysis.locus import _passes
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
 from sbfem_petsc.continuation.problem import BaseProblem, Point, Range
-from sbfem_petsc.dynamics import grazing
-from sbfem_petsc.dynamics.steady import NEWTON_ALONE
+from sbfem_petsc.continuation.problems import grazing
+from sbfem_petsc.continuation.search import NEWTON_ALONE
 from sbfem_petsc.plot import plot_loci
 from tests.systems import case_p, one_mass, two_masses
 

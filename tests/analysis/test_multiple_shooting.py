@@ -10,8 +10,8 @@ from scipy.integrate import solve_ivp
 
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.linear import Cyclic
-from sbfem_petsc.dynamics.periodic_schur import product_eigenvalues
-from sbfem_petsc.dynamics.steady import NEWTON_ALONE
+from sbfem_petsc.continuation.periodic_schur import product_eigenvalues
+from sbfem_petsc.continuation.search import NEWTON_ALONE
 from tests.systems import one_mass, two_masses
 
 TURN = 2.0 * np.pi

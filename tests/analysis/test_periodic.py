@@ -13,9 +13,10 @@ import pytest
 import sbfem_petsc as sb
 from sbfem_petsc.contact.closed_sets import thin_factors
 from sbfem_petsc.contact.marching import Marched
-from sbfem_petsc.dynamics import period_map, steady
-from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
+from sbfem_petsc.continuation import search as steady
+from sbfem_petsc.continuation.search import NEWTON_ALONE, Search
 from sbfem_petsc.errors import PetscFailure
+from sbfem_petsc.motion import period_map
 from sbfem_petsc.petsc import PETSc
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import ROOT, answer, on_ranks
@@ -329,7 +330,7 @@ from sbfem_petsc.command_line import Parser, run
 arguments = Parser("orbit").parse(sys.argv[1:])
 def main():
     import sbfem_petsc as sb
-    from sbfem_petsc.dynamics.steady import NEWTON_ALONE
+    from sbfem_petsc.continuation.search import NEWTON_ALONE
     from tests.reference import paper_beam
     model = sb.Model(paper_beam().mesh(order=3, tip_size=2e-4), sb.Material(70e9, 0.33, 2700), damping=0.002)
     load, options = sb.PointForce("A", fy=300.0), {"stability": False, "search": NEWTON_ALONE}

@@ -7,8 +7,8 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.period_map import Period
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
 
 # Newton's method ends at 1e-12 of the whole displacement, here 1e-7 of the motion. The lengths of steps
 # depend on how many iterations it takes, and the highest point on these.

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.torus import spectral_tail
+from sbfem_petsc.continuation.problems.torus import spectral_tail
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 from tests.systems import one_mass
@@ -392,8 +392,8 @@ import json
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.dynamics.own_tone import OwnTone, first_circle
-from sbfem_petsc.dynamics.tones import own_motion
+from sbfem_petsc.continuation.problems.own_tone import OwnTone, first_circle
+from sbfem_petsc.continuation.problems.tones import own_motion
 from tests.reference import paper_beam
 from tests.systems import two_masses
 model = sb.Model(paper_beam(opening=0.06).mesh(order=3), sb.Material(70e9, 0.3, 2700), damping=0.005)

@@ -11,14 +11,14 @@ import pytest
 
 import sbfem_petsc as sb
 from sbfem_petsc.continuation import events, follow
+from sbfem_petsc.continuation.branch import find_peak
 from sbfem_petsc.continuation.events import Way, between
 from sbfem_petsc.continuation.follow import Follower, Line, Settings
 from sbfem_petsc.continuation.problem import Point, Range
-from sbfem_petsc.dynamics.branch import find_peak
-from sbfem_petsc.dynamics.driven_orbits import Orbits, OrbitState, ParameterRange
-from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.period_map import Period
-from sbfem_petsc.dynamics.shooting import shoot
+from sbfem_petsc.continuation.problems.driven_orbits import Orbits, OrbitState, ParameterRange
+from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.parallel import answer, on_ranks
 from tests.systems import case_p, two_masses

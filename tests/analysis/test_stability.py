@@ -10,14 +10,14 @@ import pytest
 from scipy import optimize
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation import events
+from sbfem_petsc.continuation import bifurcations, branch_following, events, extrapolation
 from sbfem_petsc.continuation.follow import Settings
+from sbfem_petsc.continuation.multipliers import Multipliers, inverse_iteration, multipliers
 from sbfem_petsc.continuation.problem import BaseProblem, Point
-from sbfem_petsc.dynamics import bifurcations, branch_following, driven_orbits, extrapolation
-from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
-from sbfem_petsc.dynamics.shooting import shoot
-from sbfem_petsc.dynamics.stability import Multipliers, inverse_iteration, multipliers
-from sbfem_petsc.dynamics.unit_circle import ambiguous, excursion, passages
+from sbfem_petsc.continuation.problems import driven_orbits
+from sbfem_petsc.continuation.shooting import shoot
+from sbfem_petsc.continuation.unit_circle import ambiguous, excursion, passages
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.event_map import two_masses_exactly
 from tests.reference import paper_beam

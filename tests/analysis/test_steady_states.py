@@ -8,8 +8,8 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc import reduce_matrices
-from sbfem_petsc.dynamics import steady
-from sbfem_petsc.dynamics.steady import NEWTON_ALONE, Search
+from sbfem_petsc.continuation import search as steady
+from sbfem_petsc.continuation.search import NEWTON_ALONE, Search
 
 FREQUENCY, STEPS = 280.0, 891
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.contact_work import LARGEST, TOLD, contact_work
-from sbfem_petsc.dynamics.preparation import PeriodSettings, prepare
+from sbfem_petsc.motion.contact_work import LARGEST, TOLD, contact_work
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from tests.analysis.test_steps_errors import begins, random_masses
 from tests.event_map import TURN, EventMap, two_masses_exactly
 from tests.systems import one_mass, two_masses

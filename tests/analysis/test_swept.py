@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.interpolate import PchipInterpolator
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.linear_passage import linear_changes
+from sbfem_petsc.motion.linear_passage import linear_changes
 from sbfem_petsc.plot import plot_swept, save_picture
 from tests.analysis.test_basins import FORCE, RATIO, STEPS, TURN, mass
 from tests.systems import two_masses

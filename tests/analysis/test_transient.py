@@ -9,7 +9,7 @@ from scipy import linalg
 
 import sbfem_petsc as sb
 from meshing import Beam, Plate, VNotch
-from sbfem_petsc.dynamics.initial import modal_start
+from sbfem_petsc.motion.initial import modal_start
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from tests.reference import paper_beam
 from tests.systems import chain

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.dynamics.steady import Search
+from sbfem_petsc.continuation.search import Search
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 

@@ -7,9 +7,9 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
-from sbfem_petsc.dynamics import unreduced_steps
-from sbfem_petsc.dynamics.integration import Steps
-from sbfem_petsc.dynamics.unreduced_steps import UnreducedSteps
+from sbfem_petsc.motion.integration import Steps
+from sbfem_petsc.motion.unreduced import steps as unreduced_steps
+from sbfem_petsc.motion.unreduced.steps import UnreducedSteps
 from sbfem_petsc.system.model import rayleigh_factors
 from sbfem_petsc.system.pencil import Pencil
 from tests.parallel import answer, on_ranks

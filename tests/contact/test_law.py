@@ -10,7 +10,7 @@ import sbfem_petsc as sb
 from meshing import Beam, CrackLine, Plate, VNotch
 from sbfem_petsc.contact.complementarity import solve_complementarity
 from sbfem_petsc.contact.law import ContactLaw, RowLaws
-from sbfem_petsc.dynamics.energy import guard
+from sbfem_petsc.motion.energy import guard
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700)
 

@@ -10,10 +10,10 @@ from scipy import linalg
 
 import sbfem_petsc as sb
 from sbfem_petsc.contact.tangent import Propagation
-from sbfem_petsc.dynamics.excitation import Excitation
-from sbfem_petsc.dynamics.period_map import Period
-from sbfem_petsc.dynamics.shooting import shoot_nearby
-from sbfem_petsc.dynamics.steady import find_steady_state
+from sbfem_petsc.continuation.search import find_steady_state
+from sbfem_petsc.continuation.shooting import shoot_nearby
+from sbfem_petsc.motion.excitation import Excitation
+from sbfem_petsc.motion.period_map import Period
 from tests.parallel import ROOT
 
 

@@ -56,7 +56,7 @@ LIBRARIES = {
     "numba": (
         ".numba_config.yaml",
         "cache_dir: {here}/cache\nopt: 0\n",
-        "import sbfem_petsc.dynamics.stability, sbfem_petsc.contact.marching as m\n"
+        "import sbfem_petsc.continuation.multipliers, sbfem_petsc.contact.marching as m\n"
         "from numba.core import config; import numpy as np\n"
         "from sbfem_petsc.contact.compiled import compiled\n"
         "compiled(lambda x: x + 1.0)(2.0); print(config.OPT, config.CACHE_DIR)",

@@ -15,8 +15,8 @@ import meshing
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc import indicators, plot
-from sbfem_petsc.dynamics.bifurcations import Bifurcation
-from sbfem_petsc.dynamics.own_tone import OwnTone
+from sbfem_petsc.continuation.bifurcations import Bifurcation
+from sbfem_petsc.continuation.problems.own_tone import OwnTone
 from sbfem_petsc.results.hdf5 import read_results, write_results
 from sbfem_petsc.results.vtu import write_vtu
 from tests.study.small_case import CASE

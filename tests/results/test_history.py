@@ -21,7 +21,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing.warnings import IncompleteHistory
 from sbfem_petsc import capacity
-from sbfem_petsc.dynamics import reduced_history as module
+from sbfem_petsc.motion import reduced_history as module
 from sbfem_petsc.results.history import read_history
 from tests.parallel import ROOT, answer, in_session, interruptible, on_ranks
 from tests.systems import same_products
@@ -32,7 +32,7 @@ import json, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.dynamics import reduced_history as module
+from sbfem_petsc.motion import reduced_history as module
 from tests.results.test_history import make, LOAD, RUN
 from tests.parallel import wait_for_a_signal
 module.CHUNK = 256
@@ -149,7 +149,7 @@ def test_killed_at_any_moment(small_chunks, tmp_path):
     """
     program = """
 import sys, numpy as np, sbfem_petsc as sb
-from sbfem_petsc.dynamics import reduced_history as module
+from sbfem_petsc.motion import reduced_history as module
 module.CHUNK = 4
 stiffness, load = np.diag([1.0, 4.0, 9.0]), np.eye(3)[:, :1]
 gap = np.zeros((0, 3)), np.zeros(0)

@@ -15,7 +15,7 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam
 from meshing.warnings import IncompleteHistory
-from sbfem_petsc.dynamics import unreduced_history as module
+from sbfem_petsc.motion.unreduced import history as module
 from sbfem_petsc.results.history import read_history
 from tests.parallel import answer, in_session, interruptible, on_ranks
 
@@ -24,7 +24,7 @@ import json, os, signal, sys
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.dynamics import unreduced_history as module
+from sbfem_petsc.motion.unreduced import history as module
 from tests.results.test_unreduced_history import make, LOAD, RUN
 from tests.parallel import wait_for_a_signal
 module.CHUNK = 64

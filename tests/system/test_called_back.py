@@ -12,8 +12,9 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from mpi4py import MPI
 from petsc4py import PETSc
-from sbfem_petsc.dynamics import curve_system, stability, unreduced_shooting
-from sbfem_petsc.dynamics import shooting as fixed_points
+from sbfem_petsc.continuation import multipliers as of_motions
+from sbfem_petsc.continuation import shooting as fixed_points
+from sbfem_petsc.continuation.problems import curve_system, unreduced as unreduced_shooting
 from sbfem_petsc.system import dual_contact, krylov_step
 from tests.systems import two_masses
 
@@ -32,7 +33,7 @@ def unreduced():
     sb.periodic(body(rayleigh=(1.0, 1e-6)), push, 700.0, modes=4, steps=64, reduction=None, stability=False)
 
 def multipliers():
-    stability.WHOLE = 0
+    of_motions.WHOLE = 0
     sb.periodic(two_masses(), sb.Harmonic(2.0, 0.1), 0.1, steps=64)
 
 def tones():
@@ -52,7 +53,7 @@ CALLS = [
     (unreduced_shooting._Precondition, "apply", 2, unreduced),
     (curve_system.CurveSystem, "mult", 2, tones),
     (curve_system._Precondition, "apply", 2, tones),
-    (stability._Monodromy, "mult", 1, multipliers),
+    (of_motions._Monodromy, "mult", 1, multipliers),
 ]
 kept = []
 

@@ -50,7 +50,8 @@ if kind == "branch":
                                   file=file, resume=True, progress=tell)
     last = [found.amplitude("A")[-1], len(found.value)]
 else:
-    from sbfem_petsc.dynamics import reduced_history, unreduced_history
+    from sbfem_petsc.motion import reduced_history
+    from sbfem_petsc.motion.unreduced import history as unreduced_history
     reduced_history.CHUNK = unreduced_history.CHUNK = 8
     push = sb.PointForce("A", fy=sb.Harmonic(10.0, 700.0))
     found = sb.transient(model, push, 2e-3, 1e-5, modes=4, reduction="modes" if kind == "history" else None,

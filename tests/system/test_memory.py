@@ -13,7 +13,7 @@ import sbfem_petsc as sb
 from mpi4py import MPI
 from petsc4py import PETSc
 from meshing import Beam, VNotch
-from sbfem_petsc.dynamics.unreduced_steps import UnreducedSteps
+from sbfem_petsc.motion.unreduced.steps import UnreducedSteps
 from sbfem_petsc.errors import on_all_ranks
 
 push = sb.PointForce("A", fy=10.0)

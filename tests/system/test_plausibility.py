@@ -9,7 +9,7 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, Plate, UnitWarning
-from sbfem_petsc.dynamics.states import ModalStates
+from sbfem_petsc.motion.states import ModalStates
 from tests.systems import two_masses
 
 ALUMINIUM = sb.Material(70e9, 0.33, 2700.0)

@@ -1,0 +1,194 @@
+"""Which steady state a history settles on, for many histories.
+
+At multiples of the loads' period T a history is a sequence of states x, P(x), P(P(x)), ... that is followed
+until it repeats itself or comes so near to a stable orbit that is known that it will not leave it again. What
+repeats itself and is not known yet is made an orbit by Newton's method, so that each steady state has its
+multipliers.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..contact.repeating import REPEATS, UNSOLVED, Known, Patience, settle
+from ..errors import SolveError
+from ..motion.period_map import Period
+from ..petsc import MPI
+from .orbit import Orbit, make_orbit, orbit_stability
+from .problems.several_periods import minimal_periods
+from .shooting import shoot
+
+# Of an orbit's size, and of the distance to the nearest other known orbit: the distance at which a stable
+# orbit counts as reached.
+CAPTURED, APART = 1e-3, 0.1
+# Of the state's size: how near to an orbit a history that repeats itself is one with it.
+SAME = 1e-4
+# The same of an orbit in other steps and in those of the map.
+NEAR = 0.05
+# Initial states from which orbits are looked for before the others are followed.
+SCOUTS = 8
+
+
+class Attraction:
+    """The histories of a period map and the orbits they are known to settle on.
+
+    Parameters
+    ----------
+    period : Period
+    frequency : float
+        Hz.
+    patience : Patience
+    comm : MPI.Comm
+        Ranks that share the histories.
+    """
+
+    def __init__(self, period: Period, frequency: float, patience: Patience, comm: MPI.Comm):
+        self.period, self.frequency, self.patience, self.comm = period, frequency, patience, comm
+        self.driven = period.at(frequency)
+        self.orbits: list[Orbit] = []
+        self._cycles: list[np.ndarray] = []
+
+    def add(self, orbit: Orbit) -> None:
+        """Make an orbit known; one in other steps is found again in those of the map.
+
+        Raises
+        ------
+        ValueError
+            If it is none of this map.
+        """
+        count, rest = divmod(orbit.periods, self.period.excitation.periods)
+        given = None if rest else self._in_steps(orbit, count)
+        cycle = []
+        if given is not None:
+            state = given.state
+            for _ in range(count):
+                cycle.append(state)
+                state = state + self.driven.run(state).residual
+        if given is None or np.linalg.norm(state - given.state) > SAME * self._size(given.state):
+            raise ValueError(
+                f"basins: {orbit!r} is no motion of this model under this load; give orbits of the same "
+                "model, load and frequency"
+            )
+        self.orbits.append(given)
+        self._cycles.append(np.array(cycle))
+
+    def _in_steps(self, orbit: Orbit, count: int) -> Orbit | None:
+        """An orbit over so many periods of the map in its steps; None if there is none nearby."""
+        if len(orbit.time) == count * self.period.steps:
+            return orbit
+        period = self._repeated(count)
+        try:
+            fixed = shoot(period, orbit.state, self.frequency)
+        except SolveError:
+            return None
+        if np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
+            return None
+        return make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), orbit.path)
+
+    def follow(
+        self, starts: np.ndarray, report: Callable[[float], None] | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Numbers of the orbits that (n, 2 m) states lead to, and the loads' periods until that was known.
+
+        Some are followed first, so that the orbits they find are known to the others.
+        """
+        reached, periods = np.full(len(starts), -1), np.zeros(len(starts), dtype=int)
+        scouts = np.zeros(len(starts), dtype=bool)
+        scouts[:: math.ceil(len(starts) / SCOUTS)] = True
+        reached[scouts], periods[scouts] = self._group(starts[scouts], None)
+        reached[~scouts], periods[~scouts] = self._group(starts[~scouts], report)
+        return reached, periods
+
+    def _size(self, state: np.ndarray) -> float:
+        return max(self.period.size(state), self.driven.oscillation)
+
+    def _group(
+        self, starts: np.ndarray, report: Callable[[float], None] | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        outcome, periods, repeats = (np.zeros(len(starts), dtype=np.int64) for _ in range(3))
+        ends = np.zeros_like(starts)
+        known, radii, owners = self._targets()
+        mine = range(self.comm.rank, len(starts), self.comm.size)
+        for count, i in enumerate(mine):
+            outcome[i], periods[i], repeats[i], ends[i] = self._history(starts[i], known, radii)
+            if report is not None:
+                report((count + 1) / len(mine))
+        for array in (outcome, periods, repeats, ends):
+            self.comm.Allreduce(MPI.IN_PLACE, array)
+        if (outcome == UNSOLVED).any():
+            first = int(np.flatnonzero(outcome == UNSOLVED)[0])
+            raise SolveError(
+                f"basins: a contact problem was not solved in period {periods[first] + 1} of a history; use "
+                "more steps, or pairs of like size"
+            )
+        reached = np.full(len(starts), -1)
+        captured = outcome >= 0
+        reached[captured] = owners[outcome[captured]]
+        for i in np.flatnonzero(outcome == REPEATS):
+            reached[i] = self._identified(ends[i], int(repeats[i]))
+        return reached, periods
+
+    def _history(self, start: np.ndarray, known: np.ndarray, radii: np.ndarray):
+        """Outcome, periods, repeats and last state of the history from one state."""
+        d, p, m = self.driven, self.period, self.period.modes
+        difference = start - d.linear_state
+        q, v = difference[:m] / p.weights, difference[m:].copy()
+        outcome, periods, repeats = settle(
+            d.constants,
+            d.free_gap,
+            (q, v),
+            Known(p.weights, known, radii, d.oscillation),
+            self.patience,
+        )
+        return outcome, periods, repeats, d.linear_state + np.concatenate([p.weights * q, v])
+
+    def _targets(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """States of the stable orbits, relative to the linear one, how near they capture, and whose they
+        are.
+        """
+        states, radii, owners = [], [], []
+        for k, (orbit, cycle) in enumerate(zip(self.orbits, self._cycles)):
+            if not orbit.stable:
+                continue
+            others = [other for number, other in enumerate(self._cycles) if number != k]
+            for state in cycle:
+                nearest = min(
+                    (float(np.linalg.norm(other - state, axis=1).min()) for other in others), default=math.inf
+                )
+                states.append(state - self.driven.linear_state)
+                radii.append(min(CAPTURED * self._size(state), APART * nearest))
+                owners.append(k)
+        size = 2 * self.period.modes
+        return np.array(states).reshape(-1, size), np.array(radii), np.array(owners, dtype=int)
+
+    def _identified(self, state: np.ndarray, repeats: int) -> int:
+        """The number of the orbit that a history has settled on, a new one where it is not known; -1 if
+        Newton's method finds none there.
+        """
+        for k, cycle in enumerate(self._cycles):
+            if np.linalg.norm(cycle - state, axis=1).min() <= SAME * self._size(state):
+                return k
+        own = self.period.excitation.periods
+        period = self._repeated(repeats)
+        try:
+            fixed = shoot(period, state, self.frequency)
+            # a disturbance changes least over the periods in which it makes a whole turn, so that histories
+            # seem to repeat themselves after these, whatever the period of the motion
+            times = math.lcm(minimal_periods(fixed), own) // own
+            if times < repeats:
+                period = self._repeated(times)
+                fixed = shoot(period, fixed.state, self.frequency)
+        except SolveError:
+            return -1
+        if np.linalg.norm(fixed.state - state) > SAME * self._size(state):
+            return -1
+        self.add(make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), "history"))
+        return len(self.orbits) - 1
+
+    def _repeated(self, times: int) -> Period:
+        """The period so many times over."""
+        p = self.period
+        return p if times == 1 else Period(p.reduced, p.excitation.repeated(times), times * p.steps)

@@ -1,0 +1,168 @@
+"""Folds, period doublings, Neimark-Sacker and grazing points between the points of a branch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from . import extrapolation
+from .events import find_zero, fold
+from .follow import Line
+from .multipliers import Multipliers, multipliers_of
+from .problem import Point
+from .unit_circle import outside
+
+# A located multiplier this near the unit circle has passed it there.
+RESOLVED = 1e-2
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A point where the number of unstable multipliers changes, or where the branch turns back.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point", "grazing"}
+        "grazing": a pair begins or ceases to touch, and the multiplier is inside the unit circle on one side
+        and outside on the other, however near.
+    value : float
+        Frequency (Hz) or load factor, extrapolated from the steps to none of their error.
+    multiplier : complex
+        The one that passes the unit circle.
+    state : (2 m,) array
+        x(0).
+    direction : (2 m,) complex array
+        Its Floquet direction.
+    after : int
+        Index of the point of the branch behind it.
+    own_value : float
+        Where it is in the branch's own steps, whose are its state, multiplier and direction.
+    error : float
+        Uncertainty of `value`, by motions in twice and four times the steps; nan where these tell nothing and
+        `value` is `own_value`.
+    row : int or None
+        Contact row that begins or ceases to touch, where a grazing point knows it.
+    """
+
+    kind: str
+    value: float
+    multiplier: complex
+    state: np.ndarray
+    direction: np.ndarray
+    after: int
+    own_value: float
+    error: float
+    row: int | None = None
+
+    def __repr__(self) -> str:
+        return (
+            f"Bifurcation({self.kind} at {self.value:.7g} +- {self.error:.1g}, "
+            f"multiplier {self.multiplier:.6g})"
+        )
+
+
+def locate(line: Line, found: list[Multipliers]) -> list[Bifurcation]:
+    """All bifurcations of a branch in the order of its points.
+
+    Parameters
+    ----------
+    line : Line
+        Gone through.
+    found : list of Multipliers
+        Of all its points.
+    """
+    result = []
+    for k in range(1, len(line.points)):
+        turn = fold(line, k) if k + 1 < len(line.points) else None
+        if turn is not None:
+            result.append(_fold(line, *turn))
+        one, other = (int(outside(item).sum()) for item in found[k - 1 : k + 1])
+        if one != other:
+            crossing = _crossing(line, k, max(one, other) - 1, found)
+            if crossing is not None:
+                result.append(crossing)
+    return result
+
+
+def follow_multiplier(spectra: dict[float, np.ndarray], start: float, rank: int) -> dict[float, complex]:
+    """The multiplier of a rank at one place of a branch, at the others: at each, from the nearest place on,
+    the one that is nearest to where those at the two places before let it be expected.
+    """
+    first = complex(spectra[start][rank])
+    result = {start: first.conjugate() if first.imag < 0.0 else first}
+    for place in sorted(spectra, key=lambda place: abs(place - start))[1:]:
+        near = sorted(result, key=lambda other: abs(other - place))[:2]
+        expected = result[near[0]]
+        if len(near) > 1:
+            expected += (result[near[0]] - result[near[1]]) * (place - near[0]) / (near[0] - near[1])
+        upper = spectra[place][spectra[place].imag >= 0.0]
+        result[place] = complex(upper[np.abs(upper - expected).argmin()])
+    return result
+
+
+def _turns(points: list[Point], k: int) -> bool:
+    steps = np.diff([point.value for point in points[max(0, k - 2) : k + 2]])
+    return bool((steps[1:] * steps[:-1] < 0.0).any())
+
+
+def _fold(line: Line, k: int, point: Point) -> Bifurcation:
+    """A point between point k and the next one as a fold."""
+    values = multipliers_of(point.state)
+    nearest = int(np.argmin(np.abs(values.values - 1.0)))
+    multiplier, (value, error) = complex(values.values[nearest]), extrapolation.fold(line, k, point)
+    state, direction = point.state.state, values.direction(nearest)
+    return Bifurcation("fold", value, multiplier, state, direction, k + 1, point.value, error)
+
+
+def _crossing(line: Line, k: int, rank: int, found: list[Multipliers]) -> Bifurcation | None:
+    """Where the multiplier of the given rank by modulus passes the unit circle between points k - 1 and k,
+    from the multipliers of all points.
+    """
+    points = line.points
+    known = {points[n]: found[n] for n in range(max(0, k - 2), min(len(points), k + 2))}
+
+    def excess(point: Point) -> float:
+        if point not in known:
+            known[point] = multipliers_of(point.state)
+        return float(np.abs(known[point].values[rank]) - 1.0)
+
+    def smooth(places: dict[float, Point]) -> dict[float, float]:
+        """The same of one multiplier, whatever its rank at other points."""
+        spectra = {place: known[point].values for place, point in places.items()}
+        unstable_end = 0.0 if ends[0] > 0.0 else 1.0
+        followed = follow_multiplier(spectra, unstable_end, rank)
+        return {place: abs(value) - 1.0 for place, value in followed.items()}
+
+    first, second = points[k - 1], points[k]
+    ends = excess(first), excess(second)
+    if ends[0] * ends[1] > 0.0:
+        return None
+    point, one, other = find_zero(line, k - 1, excess, ends, smooth, RESOLVED)
+    at = known[point]
+    value = complex(at.values[rank])
+    # a jump over the circle between two points that touch differently, finer than bifurcations are located
+    unresolved = abs(abs(value) - 1.0) > RESOLVED and (first.state.touching != second.state.touching).any()
+    # beside a pair that begins to touch it may pass the circle as elsewhere
+    jump = max(abs(excess(end)) for end in (one, other)) > RESOLVED
+    kind = (
+        "grazing"
+        if ((one.state.touching != other.state.touching).any() and jump) or unresolved
+        else "Neimark-Sacker"
+        if value.imag != 0.0
+        else "period doubling"
+        if value.real < 0.0
+        else "branch point"
+    )
+    rows = np.flatnonzero(one.state.touching != other.state.touching)
+    row = int(rows[0]) if kind == "grazing" and len(rows) == 1 else None
+    # a real multiplier through +1 at a turning point is the fold itself, which has been found by its turn
+    if kind == "branch point" and _turns(points, k):
+        return None
+    if kind == "grazing":
+        place, error = extrapolation.jump(line, k - 1, (point, one, other))
+    else:
+        around = [known[end].values for end in (point, one, other)]
+        place, error = extrapolation.passage(line, k - 1, (point, one, other), around, value)
+    state, direction = point.state.state, at.direction(rank)
+    return Bifurcation(kind, place, value, state, direction, k, point.value, error, row)

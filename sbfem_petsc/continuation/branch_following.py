@@ -1,0 +1,385 @@
+"""Follows a branch of periodic motions: what is kept of each point, finer points where it bends, its end."""
+
+from __future__ import annotations
+
+import functools
+import math
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from meshing.warnings import BranchWarning
+
+from ..errors import SolveError, caller_level, on_all_ranks
+from ..motion.contact_work import StepsTooLong, contact_work, times_more, warn_of_contact_work
+from ..motion.excitation import one_sided
+from ..motion.period_map import Period
+from .bifurcations import Bifurcation, locate
+from .branch import Branch
+from .events import beside, insert, refine
+from .extrapolation import uncertainty_at
+from .follow import CLOSED, Follower, Line, Settings, follow
+from .multipliers import Multipliers, multipliers_of
+from .orbit import FLOOR, NEAR, modal_motion
+from .problem import Point, Range
+from .problems.driven_orbits import Orbits, ParameterRange
+from .problems.several_periods import distances, minimal_periods
+from .unit_circle import ambiguous, excursion, passages
+
+# Harmonics kept of every point.
+HARMONICS = 20
+# Frequencies of a linear response: so many over the range, and so many about each resonance.
+EVEN, ABOUT = 201, 41
+# A stretch with a period doubling and a fold in it is halved so often at most.
+HALVINGS = 8
+# Step along a branch, relative to the state, by which its distance from shorter motions is differentiated.
+AHEAD = 1e-4
+# The multipliers' uncertainty is measured at every so many points, and where the largest modulus is off 1 by
+# no more than so many times that of its neighbours.
+SPARSE, FAR = 32, 5.0
+# A branch that first leads away from its range may do so by this share of the parameter or of the range.
+EXCURSION = 0.02
+
+
+class BranchRecorder(Protocol):
+    """Keeps a branch while it is followed.
+
+    Attributes
+    ----------
+    former : (states (n, 2 m), values (n,), float, str) or None
+        Points of the run that is resumed, the length of its next step, and why it ended.
+    """
+
+    former: tuple[np.ndarray, np.ndarray, float, str] | None
+
+    def update(self, branch: Callable[[], Branch], length: float, last: bool = False) -> None:
+        """Keep the branch as it is and the length of its next step. Collective."""
+
+
+@dataclass(frozen=True)
+class BranchSettings:
+    """How a branch of periodic motions is followed.
+
+    Attributes
+    ----------
+    points : int
+        Points at most.
+    largest_step : float
+        Largest change of the parameter from a point to the next one.
+    stability : bool
+        Whether Floquet multipliers and bifurcations are computed.
+    leave : bool
+        The first motion is next to a period doubling, and the branch goes away from it.
+    most_steps : int
+        Steps of the period which may be halved up to these, for the whole branch, where contact does work.
+    more : str
+        How there could be more points, for the warning of a branch that ends after so many.
+    """
+
+    points: int = 400
+    largest_step: float = math.inf
+    stability: bool = True
+    leave: bool = False
+    most_steps: int = 0
+    more: str = "raise points"
+
+
+def follow_response(
+    period: Period,
+    parameter: ParameterRange,
+    first: Callable[[], np.ndarray],
+    *,
+    settings: BranchSettings,
+    recorder: BranchRecorder | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Branch:
+    """Follow a branch over a range of its parameter.
+
+    Parameters
+    ----------
+    period : Period
+    parameter : ParameterRange
+    first : callable
+        State of a motion at the start.
+    settings : BranchSettings
+    recorder : BranchRecorder, optional
+    report : callable, optional
+        Called with the fraction done.
+
+    Raises
+    ------
+    SolveError
+        If the branch comes to a stop within the range; the points so far are the error's attribute `branch`.
+    StepsTooLong
+        If contact does too much work at a point, and there may be more steps.
+
+    Warns
+    -----
+    BranchWarning
+        If it ends after the most points that are allowed.
+    StepWarning
+        If contact does much work all the same.
+    """
+    what = f"{parameter.name}_response"
+    if not period.excitation.orders.any():
+        raise on_all_ranks(
+            ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
+        )
+    former = recorder.former if recorder is not None else None
+    known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
+    problem, rows = Orbits(period, parameter), PointRows(period, settings.stability, settings.most_steps)
+    line = Line([])
+    for state, value in known:
+        line.points.append(Point.known(problem, np.append(state, value)))
+        rows.add(line.points[-1])
+        if len(line.points) > 2:
+            line.points[-3].state.forget()
+    within = parameter.range
+    if former is not None:
+        line.length, line.reason = former[2:]
+        ended = len(known) > 1 and not within.holds(line.points[-1].value)
+        line.complete = ended or line.reason == CLOSED
+    elif settings.leave:
+        within = led_away(line, within)
+    made = functools.partial(_branch, line, rows, parameter)
+
+    def step(_: Line) -> None:
+        rows.add(line.points[-1])
+        if recorder is not None:
+            recorder.update(lambda: made(False), line.length)
+        if report is not None:
+            report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
+
+    if not line.complete:
+        follow(line, within, Settings(settings.points, settings.largest_step), step)
+        if line.complete or not within.holds(line.points[-1].value):
+            refine(line, within.extent, lambda: rows.arrays()[1].T, rows.add)
+            if settings.stability:
+                _separate(line, rows)
+    result = made(True)
+    warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
+    if recorder is not None:
+        recorder.update(lambda: result, line.length, last=True)
+    _tell(what, line, parameter, settings, result)
+    return result
+
+
+def _tell(what: str, line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
+    """Warn of, or raise, why a branch has not come to the end of its range."""
+    last = float(result.value[-1])
+    if len(result.value) >= settings.points and not result.complete:
+        warnings.warn(
+            f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
+            f"{parameter.stop:.8g}; {settings.more}, or take more steps a period if it zigzags",
+            BranchWarning,
+            stacklevel=caller_level(),
+        )
+    elif line.reason.startswith("back"):
+        warnings.warn(f"{what}: the curve is {line.reason}", BranchWarning, stacklevel=caller_level())
+    elif not line.complete:
+        why = "; ".join(filter(None, (line.reason, line.advice)))
+        error = SolveError(f"{what}: the curve stops at {last:.8g} after {len(result.value)} points: {why}")
+        error.branch = result  # type: ignore[attr-defined]
+        raise on_all_ranks(error)
+
+
+def led_away(line: Line, within: Range) -> Range:
+    """The range of a branch of several periods that begins in the direction in which it parts from shorter
+    motions.
+
+    Behind a subcritical period doubling that is away from where the range lies; the branch comes back through
+    a fold, so the range is extended on that side.
+    """
+    first = line.points[0]
+    orbits, fixed = first.problem, first.state
+    before = distances(fixed.driven, fixed.motion)
+    if not before or minimal_periods(fixed) < orbits.period.excitation.periods:
+        return within
+    heading = Follower(Line([first]), within, Settings()).heading()
+    ahead = first.u + AHEAD * orbits.units(first.u)[0] * heading
+    driven = orbits.driven(float(ahead[-1]))
+    after = distances(driven, driven.run(ahead[:-1]))
+    nearest = min(before, key=lambda fewer: before[fewer])
+    if after[nearest] >= before[nearest]:
+        return within
+    reach = max(EXCURSION * abs(first.value), within.extent)
+    if within.direction > 0:
+        return Range(max(first.value - reach, 1e-9 * within.upper), within.upper, -1)
+    return Range(within.lower, first.value + reach, 1)
+
+
+def _branch(line: Line, rows: PointRows, parameter: ParameterRange, finished: bool) -> Branch:
+    """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
+    points, period = line.points, rows.period
+    asked = finished and rows.stability
+    found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
+    bifurcations = tuple(locate(line, found)) if asked else ()
+    return Branch(
+        parameter.name,
+        line.values,
+        np.array([point.state.state for point in points]),
+        *rows.arrays(),
+        _uncertainty(line, found, bifurcations) if asked else np.full(len(points), np.nan),
+        np.array([point.iterations for point in points]),
+        bifurcations,
+        line.reason or "unfinished",
+        len(points) > 1 and (parameter.reached(points[-1].value) or line.reason == CLOSED),
+        period.excitation.periods,
+        period,
+        parameter.frequency,
+    )
+
+
+class PointRows:
+    """What is kept of each point.
+
+    Parameters
+    ----------
+    period : Period
+    stability : bool
+    most : int
+        Steps that there may be where contact does too much work in those of the period.
+
+    Attributes
+    ----------
+    work : float
+        The most that contact does at any point, see `contact_work`.
+    """
+
+    def __init__(self, period: Period, stability: bool, most: int = 0):
+        self.period, self.stability, self.most, self.work = period, stability, most, 0.0
+        self.rows: list[tuple] = []
+        self.found: list[Multipliers | None] = []
+
+    def add(self, point: Point, place: int | None = None) -> None:
+        """Note a point, at the end or before another one.
+
+        Raises
+        ------
+        StepsTooLong
+            If contact does too much work in its steps, and there may be more of them.
+        """
+        r, fixed = self.period.reduced, point.state
+        work = contact_work(fixed.driven, fixed.motion)
+        if (times := times_more(work, self.period.steps, self.most)) > 1:
+            raise StepsTooLong(times)
+        self.work = max(self.work, work)
+        q, _ = modal_motion(fixed.driven, fixed.motion)
+        forces, pairs = fixed.motion.forces[:-1], self.period.pairs
+        padded = np.zeros((len(forces), len(r.initial_gap)))
+        padded[:, :pairs] = forces
+        u = r.points(q[:-1], fixed.driven.loads[:-1], padded)
+        spectrum, periods = one_sided(u), self.period.excitation.periods
+        found = multipliers_of(fixed) if self.stability else None
+        row = (
+            np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
+            0.5 * np.ptp(u[..., 1], axis=0),
+            np.moveaxis(spectrum[:periods], 0, -1),
+            forces.sum(axis=1).max(initial=0.0),
+            found.values if found is not None else np.zeros(0, dtype=complex),
+        )
+        place = len(self.rows) if place is None else place
+        self.rows.insert(place, row)
+        self.found.insert(place, found)
+
+    def arrays(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Harmonics, amplitudes, subharmonics, contact peaks and multipliers of all points."""
+        harmonics, amplitudes, subharmonics, peaks, values = (np.array(column) for column in zip(*self.rows))
+        return harmonics, amplitudes, subharmonics, peaks, values
+
+
+def _separate(line: Line, rows: PointRows) -> None:
+    """Points between those with several passages of the unit circle between them, until each has its own
+    place.
+    """
+    found, points = rows.found, line.points
+    for _ in range(HALVINGS):
+        places = {k: _unseen(line, k, found) for k in range(len(points) - 1)}
+        for k, place in reversed(places.items()):
+            if place is None:
+                continue
+            insert(line, k, place, rows.add)
+        if not any(places.values()):
+            break
+
+
+def _unseen(line: Line, k: int, found: list[Multipliers | None]) -> float | None:
+    """Where between points k and k + 1 a further one tells passages of the unit circle apart."""
+    one, other = found[k : k + 2]
+    assert one is not None and other is not None  # stability is asked for
+    passing = passages(one, other)
+    if passing > 1 or ambiguous(one, other):
+        return 0.5
+    outer = beside(line, k)
+    if passing or len(outer) < 2:
+        return None
+    before, behind = found[k - 1], found[k + 2]
+    assert before is not None and behind is not None
+    low, high = sorted(outer)
+    return excursion([(low, before), (0.0, one), (1.0, other), (high, behind)])
+
+
+def _uncertainty(line: Line, found: list[Multipliers], bifurcations: tuple[Bifurcation, ...]) -> np.ndarray:
+    """(n,): uncertainty of the largest modulus where the verdict may depend on it, nan elsewhere.
+
+    Beside bifurcations it is expected to be as much as the modulus changes over what the steps move these.
+    Where the modulus is near 1 it is measured here and there, at the nearest point of each stretch of one
+    verdict, and wherever it is not far from 1 beside what is expected there or known next to it.
+    """
+    largest = np.array([abs(item.values[0]) for item in found])
+    result, off = np.full(len(found), np.nan), np.abs(largest - 1.0)
+    if len(found) < 2:
+        return result
+    changes = np.flatnonzero(np.diff(largest > 1.0 + FLOOR)) + 1
+    nearest = {begin + int(part.argmin()) for begin, part in zip([0, *changes], np.split(off, changes))}
+    asked = {*range(0, len(found), SPARSE), *(nearest - {*changes, *(changes - 1)})}
+    for item in bifurcations:
+        pair = np.array([item.after - 1, item.after])
+        one, other = (line.points[k] for k in pair)
+        moved = math.inf if math.isnan(item.error) else abs(item.value - item.own_value) + item.error
+        expected = moved * np.ptp(largest[pair]) / max(abs(other.value - one.value), 1e-300)
+        asked |= {*pair[off[pair] < FAR * expected]}
+    while asked:
+        k = asked.pop()
+        if not np.isnan(result[k]) or off[k] > NEAR:
+            continue
+        result[k] = uncertainty_at(line, k, largest)
+        beside = {max(k - 1, 0), min(k + 1, len(found) - 1)}
+        asked |= {n for n in beside if result[k] > FLOOR and off[n] < FAR * result[k]}
+    return result
+
+
+def linear_branch(period: Period, start: float, stop: float) -> Branch:
+    """The response without contact, closed form."""
+    r = period.reduced
+    lower, upper = min(start, stop), max(start, stop)
+    inside = [(f, z) for f, z in zip(r.frequencies, r.damping) if lower < f < upper]
+    # an even number leaves out a resonance without damping
+    near = [
+        f * (1.0 + max(z, 1e-4) * np.tan(np.linspace(-1.45, 1.45, ABOUT if z else ABOUT - 1)))
+        for f, z in inside
+    ]
+    values = np.unique(np.concatenate([np.linspace(lower, upper, EVEN), *near]))
+    values = values[(values >= lower) & (values <= upper)]
+    values = values if stop > start else values[::-1]
+    rows, states = PointRows(period, stability=False), []
+    orbits = Orbits(period, ParameterRange("frequency", start, stop))
+    for value in values:
+        states.append(period.at(float(value)).linear_state)
+        rows.add(Point.known(orbits, np.append(states[-1], value)))
+    return Branch(
+        "frequency",
+        values,
+        np.array(states),
+        *rows.arrays(),
+        np.full(len(values), np.nan),
+        np.zeros(len(values), dtype=int),
+        (),
+        f"end of the range at {values[-1]:g}",
+        True,
+        period.excitation.periods,
+        period,
+    )

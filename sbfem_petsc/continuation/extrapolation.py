@@ -1,0 +1,219 @@
+"""What the steps leave of the error of a branch's multipliers and bifurcations, by its motions in twice and
+four times the steps.
+
+The error is of second order in the step, but for where in their steps pairs switch, which scatters: a third
+of what twice the steps change goes on top of it, and what is left is told by what that extrapolation itself
+changes with the steps.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from ..errors import SolveError
+from .events import in_finer_steps, place_of
+from .follow import Line
+from .multipliers import multipliers_of
+from .orbit import uncertainty_of
+from .problem import Point
+from .unit_circle import outside
+
+# So many times the steps.
+TIMES = 2, 4
+# Furthest from where it is in the branch's steps that a bifurcation is sought, in chords between two points;
+# what it may be off by, of how far more steps have moved it; steps of a secant at most.
+FURTHEST, CLOSE, MOST = 1.0, 0.05, 8
+# What twice the steps may change, relative, without being looked at in finer ones; that is then what is told.
+FINEST = 1e-6
+# Where multipliers jump the bracket grows by this factor until it holds the jump.
+WIDER = 4.0
+
+Found = tuple[Point, Point, Point]
+
+
+def uncertainty_at(line: Line, k: int, largest: np.ndarray) -> float:
+    """Of the largest modulus, `largest` those of all points, at point k: by its change in twice the steps at
+    the same place of the branch, and by that of the parameter there, which beside a fold is more; inf where
+    twice the steps have no motion.
+    """
+    points = line.points
+    point, first = points[k], min(k, len(points) - 2)
+    place = first, float(k - first)
+    try:
+        finer = in_finer_steps(line, TIMES[0], place, point.u, point)
+    except SolveError:
+        return math.inf
+    change, moved = (
+        abs(largest[k] - abs(multipliers_of(finer.state).values[0])),
+        abs(finer.value - point.value),
+    )
+    if moved:
+        beside = [n for n in (k - 1, k + 1) if 0 <= n < len(points) and points[n].value != point.value]
+        rates = [abs((largest[n] - largest[k]) / (points[n].value - point.value)) for n in beside]
+        change += moved * max(rates, default=math.inf)
+    return uncertainty_of(change)
+
+
+def fold(line: Line, k: int, point: Point) -> tuple[float, float]:
+    """Value and uncertainty of a fold at a point between point k and the next one: to first order the
+    parameter's extremum does not move along the branch.
+    """
+    place, near = (k, place_of(line, k, point)), point
+
+    def located(times: int) -> float:
+        nonlocal near
+        near = in_finer_steps(line, times, place, near.u, point)
+        return near.value
+
+    return extrapolated(point.value, located)
+
+
+def passage(
+    line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex
+) -> tuple[float, float]:
+    """Value and uncertainty of the point between point k and the next one at which a multiplier, `value`,
+    passes the unit circle; `found` are that point and its neighbours of either sign, `spectra` all their
+    multipliers.
+    """
+    try:
+        sought = _Passage(line, k, found, spectra, value)
+    except SolveError:
+        return found[0].value, math.nan
+    return extrapolated(sought.own, sought.located)
+
+
+def jump(line: Line, k: int, found: Found) -> tuple[float, float]:
+    """The same where multipliers jump over the unit circle."""
+    sought = _Jump(line, k, found)
+    value, error = extrapolated(found[0].value, sought.located)
+    return value, error + sought.resolved
+
+
+def extrapolated(own: float, located: Callable[[int], float]) -> tuple[float, float]:
+    """A value and its uncertainty from that in the branch's steps and those in finer ones; nan where these
+    are not found.
+    """
+    values, least = [own], FINEST * abs(own)
+    try:
+        for times in TIMES:
+            values.append(located(times))
+            if abs(values[1] - own) <= least:
+                return values[1] + (values[1] - own) / 3.0, least
+    except SolveError:
+        return own, math.nan
+    earlier, last = (fine + (fine - coarse) / 3.0 for coarse, fine in zip(values, values[1:]))
+    return last, max(abs(last - values[-1]), abs(last - earlier))
+
+
+class _Passage:
+    """The passage of a multiplier, by secants from the steps it has been located in to finer ones.
+
+    What vanishes is, of a real one, the product of all multipliers' distances from its place on the circle,
+    which stays smooth where it meets another one; of a complex pair how far outside the circle it is.
+    """
+
+    def __init__(self, line: Line, k: int, found: Found, spectra: list[np.ndarray], value: complex):
+        self.line, self.k, (point, one, other) = line, k, found
+        places = [place_of(line, k, item) for item in found]
+        width = places[2] - places[1]
+        # rates along the way, and how the test changes
+        self.rate = (other.u - one.u) / width
+        self.value = (other.value - one.value) / width
+        self.multiplier = complex(value.real, abs(value.imag))
+        excess, before, after = (self._excess(item) for item in spectra)
+        self.slope = (after - before) / width
+        # the last point, its place, how far from it the multiplier passes; how far more steps have moved that
+        self.near, self.place, self.shift = point, places[0], self._to_zero(excess)
+        self.first, self.moved = self.place + self.shift, 0.0
+        self.own = point.value + self.shift * self.value
+
+    def _to_zero(self, excess: float) -> float:
+        return -excess / self.slope if self.slope else math.inf
+
+    def located(self, times: int) -> float:
+        """Value of the parameter at which it passes, in so many times the steps.
+
+        Raises
+        ------
+        SolveError
+            If that is not found.
+        """
+        begin, last = self.place + self.shift, None
+        for _ in range(MOST):
+            place = self.place + self.shift
+            if not abs(place - self.first) < FURTHEST:
+                break
+            start = self.near.u + self.shift * self.rate
+            point = in_finer_steps(self.line, times, (self.k, place), start, self.near)
+            excess = self._excess(multipliers_of(point.state).values)
+            if last is not None and place != last[0]:
+                self.slope = (excess - last[1]) / (place - last[0])
+            self.near, self.place, self.shift, last = point, place, self._to_zero(excess), (place, excess)
+            moved = max(abs(place + self.shift - begin), self.moved)
+            if abs(self.shift) <= CLOSE * moved or abs(self.shift * self.value) <= FINEST * abs(point.value):
+                self.moved = moved
+                return point.value + self.shift * self.value
+        raise SolveError(f"no passage of the unit circle was found in {times} times the steps")
+
+    def _excess(self, values: np.ndarray) -> float:
+        if not self.multiplier.imag:
+            return float(np.prod(values - math.copysign(1.0, self.multiplier.real)).real)
+        pairs = values[values.imag > 0.0]
+        if not len(pairs):
+            raise SolveError("the pair has become real")
+        self.multiplier = complex(pairs[np.abs(pairs - self.multiplier).argmin()])
+        return abs(self.multiplier) - 1.0
+
+
+class _Jump:
+    """A jump of multipliers over the unit circle, between two places with different numbers outside."""
+
+    def __init__(self, line: Line, k: int, found: Found):
+        self.line, self.k = line, k
+        point, one, other = found
+        self.first = place_of(line, k, point)
+        self.ends = {place_of(line, k, item): item for item in (one, other)}
+        self.width = max(self.ends) - min(self.ends)
+        self.counts = [self._count(self.ends[place]) for place in sorted(self.ends)]
+        self.resolved = 0.5 * abs(one.value - other.value)
+
+    def _count(self, point: Point) -> int:
+        return int(outside(multipliers_of(point.state)).sum())
+
+    def located(self, times: int) -> float:
+        """Value of the parameter in the middle of a bracket in so many times the steps.
+
+        Raises
+        ------
+        SolveError
+            If no bracket is found.
+        """
+        known = dict(self.ends)
+        lower, upper = sorted(known)
+        finer = {place: self._point(times, place, known) for place in (lower, upper)}
+        counts, reach = [self._count(finer[place]) for place in (lower, upper)], self.width
+        while counts != self.counts:
+            reach *= WIDER
+            if counts[0] != counts[1] or reach > FURTHEST:
+                raise SolveError(f"no jump over the unit circle was found in {times} times the steps")
+            ahead = counts[0] == self.counts[0]
+            lower, upper = (upper, upper + reach) if ahead else (lower - reach, lower)
+            new = upper if ahead else lower
+            finer[new] = self._point(times, new, finer)
+            counts = [self._count(finer[place]) for place in (lower, upper)]
+        while upper - lower > 2.0 * self.width:
+            middle = 0.5 * (lower + upper)
+            finer[middle] = self._point(times, middle, finer)
+            lower, upper = (
+                (middle, upper) if self._count(finer[middle]) == self.counts[0] else (lower, middle)
+            )
+        self.ends = {place: finer[place] for place in (lower, upper)}
+        self.resolved = 0.5 * abs(finer[lower].value - finer[upper].value)
+        return 0.5 * (finer[lower].value + finer[upper].value)
+
+    def _point(self, times: int, place: float, known: dict[float, Point]) -> Point:
+        near = known[min(known, key=lambda other: abs(other - place))]
+        return in_finer_steps(self.line, times, (self.k, place), near.u, near)

@@ -1,0 +1,222 @@
+"""Steady states: periodic motions and what they are asked."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ..checks import choice
+from ..errors import SolveError, on_all_ranks
+from ..motion.excitation import one_sided
+from ..motion.fixed_point import FixedPoint
+from ..motion.history import Motion
+from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ..motion.states import ModalStates, Point
+from .multipliers import multipliers_of
+from .shooting import WHOLE, shoot, shoot_nearby
+
+# Uncertainty of multipliers below which rounding is all there is.
+FLOOR = 1e-9
+# Modulus' distance from one beyond which the steps' error is not asked for: of 300 random masses with stops
+# in 256 steps it was at most 0.021.
+NEAR = 0.05
+# Uncertainty relative to the change in twice the steps: all of an error of second order, 4/3, and a quarter
+# more for where in a step pairs switch, which scatters. Of those motions it was between half and ten times
+# the error in all but two.
+SAFETY = 5.0 / 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit(Motion):
+    """A periodic motion; its instants are the equal steps of one period, the end left out.
+
+    Attributes
+    ----------
+    frequency : float
+        Forcing frequency f, Hz.
+    periods : int
+        Forcing periods in one period of the motion.
+    multipliers : (k,) complex array
+        Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for,
+        and for an unreduced model.
+    uncertainty : float or callable
+        `multiplier_error`, or what computes it when it is first asked for.
+    state : (2 m,) array
+        (Omega q, q') at t = 0; empty for an unreduced model.
+    residuals : tuple of float
+        Norm of x(T) - x(0) at each Newton iterate.
+    path : str
+        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
+        "ramp of the damping", "neighbouring frequency", "multiple shooting", "point of a curve" or "period
+        doubling".
+    converged : bool
+    products : int
+        Linearised periods integrated for the linear solves of an unreduced model.
+    step_error : float
+        Relative change of the displacements from half as many steps; nan unless a tolerance was given.
+    """
+
+    frequency: float
+    periods: int
+    residuals: tuple[float, ...]
+    path: str
+    state: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    uncertainty: float | Callable[[], float] = field(default=math.nan, compare=False)
+    products: int = 0
+    converged: bool = True
+    step_error: float = math.nan
+
+    @property
+    def iterations(self) -> int:
+        """Newton iterations of the last solve."""
+        return len(self.residuals) - 1
+
+    @property
+    def period(self) -> float:
+        """s."""
+        return self.periods / self.frequency
+
+    @functools.cached_property
+    def multiplier_error(self) -> float:
+        """Uncertainty of the largest modulus of the multipliers: 5/3 of its change in twice the steps; nan if
+        no motion is found in these. It takes two to three times as long as the multipliers themselves, so it
+        is computed when it is first asked for; the verdict of a motion whose largest modulus is further than
+        0.05 from 1 does without.
+        """
+        return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: the uncertainty as a number."""
+        return {**self.__dict__, "uncertainty": self.multiplier_error}
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether small disturbances die out: no multiplier outside the unit circle; None if the uncertainty
+        does not allow a verdict, or the multipliers were not asked for.
+        """
+        if not len(self.multipliers):
+            return None
+        largest = float(np.abs(self.multipliers[0]))
+        return verdict_of(largest, 0.0 if abs(largest - 1.0) > NEAR else self.multiplier_error)
+
+    def spectrum(self, point: Point, direction: str = "y") -> np.ndarray:
+        """Complex amplitudes at the multiples of f / periods: u(t) = Re sum_j a_j exp(i 2 pi j f t /
+        periods), a_0 the mean.
+        """
+        return one_sided(self.displacement(point)[:, axis_number(direction)])
+
+    def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
+        """Complex amplitudes at the multiples of f: u(t) = Re sum_k c_k exp(i 2 pi k f t), c_0 the mean,
+        m.
+        """
+        return self.spectrum(point, direction)[:: self.periods]
+
+    def subharmonics(self, point: Point, direction: str = "y") -> np.ndarray:
+        """(periods,) complex amplitudes at j f / periods, j = 0 .. periods - 1; beside the mean, zero unless
+        the motion truly takes several forcing periods.
+        """
+        return self.spectrum(point, direction)[: self.periods]
+
+    def amplitude(self, point: Point) -> float:
+        """Half the peak-to-peak of the y displacement of a point, m."""
+        return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
+
+    def __repr__(self) -> str:
+        verdict = "stability not asked for" if self.reduced is not None else "stability not computed"
+        if len(self.multipliers):
+            verdict = {True: "stable", False: "unstable", None: "stability undecided"}[self.stable]
+            verdict += f" (largest multiplier {np.abs(self.multipliers[0]):.7f})"
+        model = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"
+        return (
+            f"Orbit(at {self.frequency:.6g} Hz, {self.periods} forcing period{'s' * (self.periods > 1)}, "
+            f"{len(self.time)} steps, {model}, {self.states.pairs} pairs, {self.iterations} Newton "
+            f"iterations, {verdict}, peak contact resultant "
+            f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self.notes])})"
+        )
+
+
+def orbit_stability(
+    period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
+) -> tuple[np.ndarray, Callable[[], float]]:
+    """Multipliers of an orbit, and what computes the uncertainty of the largest modulus."""
+    values = multipliers_of(fixed).values
+    return values, functools.partial(multiplier_error, period, fixed, values[0], frequency, factor)
+
+
+def multiplier_error(
+    period: Period, fixed: FixedPoint, value: complex, frequency: float, factor: float = 1.0
+) -> float:
+    """Uncertainty of the largest modulus, that of `value`, by the same motion in twice the steps; nan if
+    there is none.
+    """
+    finer = period.in_steps(2 * period.steps)
+    try:
+        other = None
+        if 2 * period.modes <= WHOLE:
+            other = shoot_nearby(finer.at(frequency, factor), fixed.state, fixed.monodromy)
+        if other is None:
+            other = shoot(finer, fixed.state, frequency, factor)
+    except SolveError:
+        return math.nan
+    return uncertainty_of(abs(value) - abs(multipliers_of(other).values[0]))
+
+
+def uncertainty_of(change: float) -> float:
+    """Of the largest modulus, by its change in twice the steps."""
+    return max(FLOOR, SAFETY * abs(change))
+
+
+def verdict_of(largest: float, error: float) -> bool | None:
+    """Whether a motion is stable by its largest modulus, None if that is nearer to 1 than its error; what
+    only rounding tells from 1 is not outside the unit circle.
+    """
+    if largest > 1.0 + error:
+        return False
+    return True if largest + error <= 1.0 + 2.0 * FLOOR else None
+
+
+def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Modal displacement and velocity, (n + 1, m) each: the linear steady state and what contact adds."""
+    over_time = driven.period.over_time
+    return (
+        over_time(driven.amplitudes) + motion.states,
+        over_time(driven.speeds * driven.amplitudes) + motion.velocities,
+    )
+
+
+def make_orbit(
+    fixed: FixedPoint, values: np.ndarray, uncertainty: float | Callable[[], float], path: str
+) -> Orbit:
+    """An `Orbit` from a fixed point."""
+    driven, motion, p = fixed.driven, fixed.motion, fixed.driven.period
+    q, v = modal_motion(driven, motion)
+    forces = np.zeros((p.steps, len(p.reduced.initial_gap)))
+    forces[:, : p.pairs] = motion.forces[:-1]
+    if not (np.isfinite(q).all() and np.isfinite(forces).all()):
+        raise on_all_ranks(
+            SolveError(
+                "periodic: the motion leaves the range of numbers; are the loads of usual size, in N and Pa?"
+            )
+        )
+    return Orbit(
+        np.arange(p.steps) * driven.step,
+        ModalStates(q[:-1], v[:-1], driven.loads[:-1], forces, p.reduced),
+        driven.frequency,
+        p.excitation.periods,
+        fixed.residuals,
+        path,
+        fixed.state,
+        values,
+        uncertainty,
+    )
+
+
+def axis_number(direction: str) -> int:
+    """0 for "x", 1 for "y"; ValueError otherwise."""
+    return "xy".index(choice("harmonics", "direction", direction, ("x", "y")))

@@ -1,0 +1,258 @@
+"""Newton's linear systems for invariant curves, by KSP (prefix ``torus_``).
+
+A curve z(theta) that a map takes to itself, P_theta(z(theta)) = z(theta + rho), is sampled at N phases; the
+system for its change is D_i x_i - (shifted x)_i, with the map's derivative D_i at each sample, and where rho
+and a parameter are unknowns too it is bordered by their columns and two conditions. Derivatives, unknowns and
+the preconditioner's factors are shared by the ranks; what every rank needs of an iterate is exchanged.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from ...capacity import require_memory
+from ...errors import SolveError, on_all_ranks
+from ...motion.preparation import period_memory
+from ...petsc import MPI, PETSc, check_ksp, configure, free, require_thread, scripted, solving
+from ...reduction.reduced_model import ReducedModel
+
+PREFIX = "torus_"
+# Iterations of GMRES before it starts anew, and in all.
+RESTART, MOST = 150, 450
+# Reciprocal condition of a harmonic's system below which it is singular but for rounding.
+SINGULAR = 1e-14
+
+
+def filtered(states: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """The samples (N, ...) of a real curve whose harmonics, in the order of the discrete Fourier transform,
+    are multiplied by factors (N,).
+    """
+    return np.fft.ifft(factors[:, None] * np.fft.fft(states, axis=0), axis=0).real
+
+
+def resampled(states: np.ndarray, samples: int) -> np.ndarray:
+    """A real curve (N, ...) at so many phases; harmonics that they do not resolve are left out."""
+    harmonics = np.fft.rfft(states, axis=0, norm="forward")
+    kept = np.zeros((samples // 2 + 1, states.shape[1]), dtype=complex)
+    common = min(len(harmonics), len(kept))
+    kept[:common] = harmonics[:common]
+    return np.fft.irfft(kept, samples, axis=0, norm="forward")
+
+
+def require_room(
+    owner: str, reduced: ReducedModel, comm: MPI.Comm, *, samples: int, steps: int, orders: int
+) -> None:
+    """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
+    size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
+    mine = math.ceil(samples / comm.size)  # of this rank
+    # the derivatives and the preconditioner's factors, both of the former iteration too, and work
+    derivatives = 8.0 * mine * size**2 * 7
+    motions = 8.0 * mine * steps * (size + rows)
+    krylov = 8.0 * mine * size * RESTART
+    period = period_memory(reduced, steps, orders)
+    require_memory(
+        owner,
+        comm,
+        derivatives + motions + krylov + period,
+        f"{samples:,d} samples of {steps:,d} steps and {size // 2} modes",
+        lambda share: "give fewer samples, steps or modes, or take more ranks on more machines",
+    )
+
+
+class CurveMaps:
+    """Derivatives of a map at the samples of a curve, on the ranks that the samples belong to: each has those
+    from its own number on in steps of the ranks' count.
+
+    Parameters
+    ----------
+    comm : MPI.Comm
+    samples : int
+    own : (n, 2 m, 2 m + p) array
+        Of this rank's samples, along the state and p parameters.
+    """
+
+    def __init__(self, comm: MPI.Comm, samples: int, own: np.ndarray):
+        self.comm, self.samples, self.size = comm, samples, own.shape[1]
+        self.mine = slice(comm.rank, None, comm.size)
+        # copies, lest the whole be kept beside its parts
+        self.states = np.ascontiguousarray(own[:, :, : self.size])
+        self.parameters = own[:, :, self.size :].copy()
+
+    def mean(self) -> np.ndarray:
+        """(2 m, 2 m) along the state. Collective."""
+        result = self.states.sum(axis=0)
+        self.comm.Allreduce(MPI.IN_PLACE, result)
+        return result / self.samples
+
+    def along(self, parameter: int) -> np.ndarray:
+        """(N, 2 m) along a parameter, on all ranks. Collective."""
+        result = np.zeros((self.samples, self.size))
+        result[self.mine] = self.parameters[:, :, parameter]
+        self.comm.Allreduce(MPI.IN_PLACE, result)
+        return result
+
+
+class Border(NamedTuple):
+    """Columns of rotation and parameter, (2, N 2 m), and two conditions on all unknowns, (2, N 2 m + 2)."""
+
+    columns: np.ndarray
+    rows: np.ndarray
+
+
+class CurveSystem:
+    """The system of a curve, and of its rotation and parameter where there is a border. Collective.
+
+    The preconditioner replaces the derivatives by their mean, which leaves a system for each harmonic of the
+    curve. With a border that of the first one, almost singular where the curve is small, is bordered by its
+    own singular vectors, and the two conditions give their amplitude and phase.
+
+    Parameters
+    ----------
+    maps : CurveMaps
+    shift : (N,) array
+        Factor on each harmonic of the curve, in the order of the discrete Fourier transform, with which it is
+        shifted by rho.
+    border : Border, optional
+
+    Raises
+    ------
+    SolveError
+        If the system of a harmonic is singular.
+    """
+
+    def __init__(self, maps: CurveMaps, shift: np.ndarray, border: Border | None = None):
+        self._maps, self._shift, self._border = maps, shift, border
+        self._extra = 0 if border is None else 2
+        self._coordinates = maps.samples * maps.size
+        mean = maps.mean()
+        if not np.isfinite(mean).all():
+            raise on_all_ranks(
+                SolveError("quasi_periodic: the map's derivative is beyond the range of numbers")
+            )
+        self._harmonics = range(maps.comm.rank, maps.samples // 2 + 1, maps.comm.size)
+        self._factors = []
+        least = 1.0
+        for order in self._harmonics:
+            matrix = mean - shift[order] * np.eye(maps.size)
+            if order == 1 and border is not None:
+                left, _, right = linalg.svd(matrix)
+                matrix = np.block([[matrix, left[:, -1:]], [right[-1:], np.zeros((1, 1))]])
+            factors, pivots, _ = linalg.lapack.zgetrf(matrix)
+            self._factors.append((factors, pivots))
+            least = min(least, float(linalg.lapack.zgecon(factors, np.linalg.norm(matrix, 1))[0]))
+        if not maps.comm.allreduce(least, MPI.MIN) > SINGULAR:
+            raise on_all_ranks(
+                SolveError(
+                    "quasi_periodic: the motion is not isolated, as where a mode without damping is driven "
+                    "at its own frequency by a combination of the tones; give damping, or other frequencies"
+                )
+            )
+
+    def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
+        """The unknowns, on all ranks, to a residual relative to that of zero. Collective.
+
+        Raises
+        ------
+        SolveError
+            If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
+        """
+        require_thread()
+        comm, shape = self._maps.comm, right.shape
+        right = right.ravel()
+        size = float(np.linalg.norm(right))
+        own = self._own(right / size)
+        sizes = (len(own), len(right))
+        items: list = []
+        try:
+            matrix = PETSc.Mat().createPython([sizes, sizes], context=self, comm=comm)
+            items.append(matrix)
+            matrix.setUp()
+            given, found = matrix.createVecs()
+            ksp = PETSc.KSP().create(comm)
+            items += [given, found, ksp]
+            ksp.setOptionsPrefix(PREFIX)
+            ksp.setOperators(matrix)
+            ksp.setType(PETSc.KSP.Type.GMRES)
+            ksp.setGMRESRestart(min(len(right), RESTART))
+            ksp.setPCSide(PETSc.PC.Side.RIGHT)  # the residual is that of the system itself
+            ksp.setTolerances(rtol=tolerance, atol=0.0, max_it=MOST)
+            pc = ksp.getPC()
+            items.append(pc)
+            pc.setType(PETSc.PC.Type.PYTHON)
+            pc.setPythonContext(_Precondition(self))
+            given.array = own
+            with solving("quasi_periodic"), scripted(matrix, pc):
+                configure(ksp)
+                ksp.solve(given, found)
+            check_ksp(
+                ksp,
+                "quasi_periodic",
+                f"take more samples, or another solver or more iterations under -{PREFIX}ksp_...",
+            )
+            return size * self._everywhere(found.array_r).reshape(shape)
+        finally:
+            free(comm, *reversed(items))
+
+    def _own(self, vector: np.ndarray) -> np.ndarray:
+        """This rank's part of a vector of all unknowns; the first rank has the numbers behind its samples."""
+        own = vector[: self._coordinates].reshape(-1, self._maps.size)[self._maps.mine].ravel()
+        return np.append(own, vector[self._coordinates :]) if self._maps.comm.rank == 0 else own
+
+    def _everywhere(self, own: np.ndarray) -> np.ndarray:
+        """All unknowns, of which this rank has its part."""
+        result = np.zeros(self._coordinates + self._extra)
+        behind = self._extra if self._maps.comm.rank == 0 else 0
+        samples, count = result[: self._coordinates].reshape(-1, self._maps.size), len(own) - behind
+        samples[self._maps.mine] = own[:count].reshape(-1, self._maps.size)
+        if behind:
+            result[self._coordinates :] = own[count:]
+        self._maps.comm.Allreduce(MPI.IN_PLACE, result)
+        return result
+
+    def mult(self, matrix: PETSc.Mat, given: PETSc.Vec, result: PETSc.Vec) -> None:
+        """PETSc's product."""
+        maps, vector = self._maps, self._everywhere(given.array_r)
+        states = vector[: self._coordinates].reshape(-1, maps.size)
+        image = np.matmul(maps.states, states[maps.mine, :, None])[:, :, 0]
+        image -= filtered(states, self._shift)[maps.mine]
+        if self._border is None:
+            result.array = image.ravel()
+            return
+        for column, value in zip(self._border.columns, vector[self._coordinates :]):
+            image += value * column.reshape(-1, maps.size)[maps.mine]
+        conditions = self._border.rows @ vector if maps.comm.rank == 0 else ()
+        result.array = np.append(image, conditions)
+
+    def precondition(self, own: np.ndarray) -> np.ndarray:
+        """This rank's part of the preconditioner's product with a vector."""
+        samples, size = self._maps.samples, self._maps.size
+        vector = self._everywhere(own)
+        # an amplitude of the first harmonic is as large in the samples as its two numbers
+        root = np.sqrt(samples)
+        states = vector[: self._coordinates].reshape(samples, -1)
+        harmonics = root * np.fft.rfft(states, axis=0, norm="forward")
+        found = np.zeros((len(harmonics), size + 1), dtype=complex)
+        for order, (factors, pivots) in zip(self._harmonics, self._factors):
+            right = harmonics[order]
+            if len(pivots) > size:
+                right = np.append(right, complex(vector[-1], vector[-2]))
+            found[order, : len(pivots)] = linalg.lapack.zgetrs(factors, pivots, right)[0]
+        self._maps.comm.Allreduce(MPI.IN_PLACE, found)
+        states = np.fft.irfft(found[:, :-1] / root, samples, axis=0, norm="forward")
+        numbers = [found[1, -1].imag, found[1, -1].real] if self._extra else []
+        return self._own(np.append(states, numbers))
+
+
+class _Precondition:
+    """Context of PETSc's preconditioner."""
+
+    def __init__(self, system: CurveSystem):
+        self._system = system
+
+    def apply(self, pc: PETSc.PC, given: PETSc.Vec, result: PETSc.Vec) -> None:
+        """PETSc's product."""
+        result.array = self._system.precondition(given.array_r)

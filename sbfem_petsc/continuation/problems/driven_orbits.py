@@ -1,0 +1,170 @@
+"""Periodic motions under loads, x(T) - x(0) = 0, over their frequency, a factor on what oscillates, on the
+damping or on the gaps.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...motion.fixed_point import FixedPoint
+from ...motion.period_map import DrivenPeriod, Period
+from ..linear import Dense
+from ..problem import BaseProblem, Lost, Point, Range
+from .several_periods import minimal_periods, passes_shorter
+
+# Arc length in which the state's relative change and SPAN times the parameter's change, as a share of its
+# range, are summed as squares.
+SPAN = 10.0
+# Difference of a parameter by which a motion's rate with it is found, relative to the parameter, and the
+# least factor that it is relative to.
+AHEAD, LEAST = 1e-7, 1e-3
+# Of the linear motion at the ends of the range: where a branch starts from rest its state has no size of its
+# own.
+REST = 1e-3
+# Parameters along which the derivative of x(T) is exact.
+EXACT = "frequency", "load"
+
+
+@dataclass(frozen=True)
+class ParameterRange:
+    """The parameter of a branch and where it goes.
+
+    Attributes
+    ----------
+    name : {"frequency", "load", "damping", "gap"}
+        Forcing frequency (Hz), or factor on the oscillating loads, the damping or the initial gaps.
+    start, stop : float
+    frequency : float or None
+        Hz, where the frequency is not the parameter.
+    """
+
+    name: str
+    start: float
+    stop: float
+    frequency: float | None = None
+
+    @property
+    def range(self) -> Range:
+        """From `start` towards `stop`."""
+        ends = sorted((self.start, self.stop))
+        return Range(ends[0], ends[1], 1 if self.stop > self.start else -1)
+
+    def reached(self, value: float) -> bool:
+        """Whether a value is at `stop` or beyond it."""
+        return value >= self.stop if self.stop > self.start else value <= self.stop
+
+    def at(self, period: Period, value: float) -> DrivenPeriod:
+        """The driven period of a value of the parameter."""
+        if value < 0.0 or value == 0.0 and self.name == "frequency":
+            raise Lost(f"the {self.name} has become {value:.6g}")
+        if self.frequency is None:
+            return period.at(value)
+        return period.at(self.frequency, **{"factor" if self.name == "load" else self.name: value})
+
+    def problem(self, period: Period) -> Orbits:
+        """The motions over it."""
+        return Orbits(period, self)
+
+
+class Orbits(BaseProblem):
+    """Unknowns are x(0) and the parameter.
+
+    Parameters
+    ----------
+    period : Period
+    parameter : ParameterRange
+    """
+
+    closed, settled, corners = 1e-12, 1e-9, True
+    isolated = (
+        "motions of one period are not isolated at {:.8g}, as those of a body without supports or of a "
+        "system without damping; hold it, give it damping, or begin elsewhere"
+    )
+    advice = "take more steps a period"
+
+    def __init__(self, period: Period, parameter: ParameterRange):
+        self.period, self.parameter = period, parameter
+        self.extent = parameter.range.extent
+        self.smallest = 0.0 if parameter.name == "frequency" else LEAST
+        ends = (self.driven(value) for value in (parameter.start, parameter.stop))
+        self.least = REST * max(end.oscillation for end in ends)
+        # the fewest forcing periods after which the first motion repeats itself; a branch of several has
+        # ended where it meets one of fewer
+        self.periods: int | None = None
+        self._finer: dict[int, Orbits] = {}
+
+    def driven(self, value: float) -> DrivenPeriod:
+        """The driven period of a value of the parameter."""
+        return self.parameter.at(self.period, value)
+
+    def at(self, u: np.ndarray) -> OrbitState:
+        """See `Problem`."""
+        return OrbitState(self, u)
+
+    def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Problem`."""
+        size = max(self.period.size(u[:-1]), self.least, 1e-300)
+        unit = self.extent / SPAN or max(abs(float(u[-1])), LEAST)
+        return np.append(np.full(len(u) - 1, size), unit), np.ones(len(u))
+
+    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
+        """See `Problem`."""
+        return float(u[-1]), np.eye(1, len(u), len(u) - 1)[0]
+
+    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
+        """See `Problem`."""
+        return np.append(u[:-1], value)
+
+    def alike(self, one: Point, other: Point) -> bool:
+        """See `Problem`: the same pairs touch."""
+        return bool((one.state.touching == other.state.touching).all())
+
+    def refuse(self, last: Point, point: Point) -> str:
+        """See `Problem`: motions of fewer periods are of another branch."""
+        if self.periods is None:
+            self.periods = minimal_periods(last.state)
+        fewer = passes_shorter(last.state, point.state) if self.periods > 1 else 0
+        if not fewer:
+            return ""
+        return f"the branch of {self.periods} periods falls onto a motion of {fewer} at {point.value:.8g}"
+
+    def finer(self, times: int) -> Orbits:
+        """See `Problem`."""
+        if times not in self._finer:
+            self._finer[times] = Orbits(self.period.in_steps(times * self.period.steps), self.parameter)
+        return self._finer[times]
+
+
+class OrbitState(FixedPoint):
+    """A motion over one period, periodic or not."""
+
+    def __init__(self, problem: Orbits, u: np.ndarray):
+        driven = problem.driven(float(u[-1]))
+        super().__init__(u[:-1], driven, driven.run(u[:-1]))
+        self.problem, self.value = problem, float(u[-1])
+        self.scale = max(
+            float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(self.state)), 1e-300
+        )
+
+    @functools.cached_property
+    def rate(self) -> np.ndarray:
+        """dx(T) along the parameter, (2 m,), as a difference of two periods: a third of the work of its exact
+        derivative.
+        """
+        step = AHEAD * max(abs(self.value), self.problem.smallest)
+        return (self.problem.driven(self.value + step).run(self.state).residual - self.residual) / step
+
+    def linear(self, smooth: bool = False) -> Dense:
+        """See `problem.State`."""
+        name, size = self.problem.parameter.name, len(self.state)
+        if smooth:
+            matrix = np.column_stack([self.monodromy, self.rate])
+        elif name in EXACT:
+            matrix = self.driven.carried(self.motion, np.eye(size), (name,))
+        else:
+            matrix = np.column_stack([self.driven.carried(self.motion, np.eye(size)), self.rate])
+        matrix[:, :-1] -= np.eye(size)
+        return Dense(matrix)

@@ -1,0 +1,210 @@
+"""Loci of bifurcations: curves in the plane of the forcing frequency and a second parameter.
+
+With the motions x(T; f, p) - x(0) = 0 a two-dimensional surface over (f, p), a locus is the line on it
+along which a multiplier stays on the unit circle. The equations are in `locus_problem`; each side of a known
+point is a line of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from ...errors import SolveError
+from ...motion.family import Family
+from ...writing import write_table
+from ..events import fold
+from ..follow import CLOSED, Line, Settings, follow
+from ..newton import correct
+from ..problem import Lost, Metric, Point, Range
+from .locus_problem import LocusProblem, LocusStart
+
+KINDS = ("fold", "period doubling", "Neimark-Sacker", "grazing")
+PARAMETERS = ("load", "damping", "gap")
+# How a side is followed: its points, the first one included, and lengths of steps.
+PACE = Settings(points=101, first=0.02, largest=0.2, smallest=1e-4)
+AT_END = "end of the range"
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """A bifurcation followed over two parameters.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
+    parameter : {"load", "damping", "gap"}
+        The second parameter: a factor on the oscillating loads, all damping ratios, or all initial gaps.
+    frequency : (n,) array
+        Forcing frequency, Hz.
+    value : (n,) array
+        The factor.
+    states : (n, 2 m) array
+        (Omega q, q') at t = 0.
+    multiplier : (n,) complex array
+        The one on the unit circle; nan for grazing.
+    reasons : (str, str)
+        Why either end is one.
+    periods : int
+        Forcing periods in the period of the motion.
+    """
+
+    kind: str
+    parameter: str
+    frequency: np.ndarray
+    value: np.ndarray
+    states: np.ndarray = field(repr=False)
+    multiplier: np.ndarray = field(repr=False)
+    reasons: tuple[str, str]
+    periods: int = 1
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+    def __repr__(self) -> str:
+        return (
+            f"Locus({self.kind}, {len(self)} points, {self.frequency.min():.7g} to "
+            f"{self.frequency.max():.7g} Hz, "
+            f"factor on the {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}; ends: "
+            f"{self.reasons[0]}; {self.reasons[1]})"
+        )
+
+    def to_csv(self, path: str) -> None:
+        """Write frequency, factor and multiplier as comma-separated values.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If it cannot be written.
+        """
+        columns = {
+            "frequency_Hz": self.frequency,
+            f"{self.parameter}_factor": self.value,
+            "multiplier_real": self.multiplier.real,
+            "multiplier_imaginary": self.multiplier.imag,
+        }
+        write_table(path, columns)
+
+
+class LocusRecorder(Protocol):
+    """Keeps a locus while it is followed."""
+
+    def lines(self, problem: LocusProblem) -> list[Line]:
+        """Sides of a former run that is resumed."""
+
+    def update(self, result: Callable[[], Locus], lines: Sequence[Line], last: bool = False) -> None:
+        """Keep what has been found so far."""
+
+
+def follow_locus(
+    family: Family,
+    start: LocusStart,
+    limits: tuple[float, float],
+    pace: Settings = PACE,
+    recorder: LocusRecorder | None = None,
+    report: Callable[[float], None] | None = None,
+) -> Locus:
+    """Follow a bifurcation over the frequency and a second parameter, from a known point to both sides.
+
+    Parameters
+    ----------
+    family : Family
+    start : LocusStart
+        Close to the locus.
+    limits : (float, float)
+        Of the second parameter, between which the locus is followed.
+    pace : Settings
+        Of each side.
+    recorder : LocusRecorder, optional
+    report : callable, optional
+        Called with the fraction done.
+
+    Raises
+    ------
+    SolveError
+        If no point is found near the first one.
+    """
+    problem = LocusProblem(family, start, limits[1] - limits[0])
+    lines = recorder.lines(problem) if recorder is not None else []
+
+    def keep(line: Line) -> None:
+        if report is not None:
+            end = limits[0] if line is lines[0] else limits[1]
+            begin, last = line.points[0].value, line.points[-1].value
+            done = min(1.0, abs(last - begin) / max(abs(end - begin), 1e-300))
+            report(0.5 * (len(lines) - 1 + done))
+        if recorder is not None:
+            recorder.update(lambda: _joined(family, start.kind, lines), lines)
+
+    for number, direction in enumerate((-1, 1)):
+        if number and lines[0].reason == CLOSED:
+            break
+        if len(lines) == number:
+            first = lines[0].points[0] if lines else _first(problem)
+            # as a run that is gone on with has it, whatever the other side has made of it
+            lines.append(Line([problem.recalled(first.u, first.value, problem.memory(first))]))
+        line = lines[number]
+        if not line.reason or line.reason.endswith(" points"):  # otherwise a former run has come to its end
+            follow(line, Range(*limits, direction), pace, keep)
+    result = _joined(family, start.kind, lines, located=True)
+    if recorder is not None:
+        recorder.update(lambda: result, lines, last=True)
+    if report is not None:
+        report(1.0)
+    return result
+
+
+def _first(problem: LocusProblem) -> Point:
+    """The point of the locus next to its start, with the second parameter held, or the frequency: a fold's
+    locus may run along the parameter's axis.
+    """
+    u, failure = problem.begin, None
+    metric = Metric(problem, u)
+    for axis in (problem.modes2 + 1, problem.modes2):
+        try:
+            return correct(problem, u, metric.plane(np.eye(len(u))[axis], u))
+        except Lost as error:
+            failure = failure or error
+    _, frequency, value = problem.split(u)
+    raise SolveError(
+        f"locus: no {problem.kind} was found near {frequency:.8g} Hz and the factor {value:.6g}: {failure}"
+    )
+
+
+def _joined(family: Family, kind: str, lines: Sequence[Line], located: bool = False) -> Locus:
+    """Both sides as one line, with the extremes of the second parameter between its points if they are to be
+    located.
+    """
+    sides = [line.points[1:] for line in lines]
+    reasons = [_reason(line) for line in lines] + ["unfinished"] * (2 - len(lines))
+    if reasons[0] == CLOSED:
+        sides, reasons = [sides[0][:-1]], [CLOSED, CLOSED]
+    points = [*reversed(sides[0]), lines[0].points[0], *(sides[1] if len(sides) > 1 else ())]
+    if located:
+        line = Line(points)
+        found = [fold(line, k) for k in range(1, len(points) - 1)]
+        points = list(points)
+        for k, point in reversed([item for item in found if item is not None]):
+            points.insert(k + 1, point)
+    size = points[0].problem.modes2
+    u = np.array([point.u for point in points])
+    return Locus(
+        kind,
+        family.parameter,
+        u[:, size].copy(),
+        np.array([point.value for point in points]),
+        u[:, :size].copy(),
+        np.array([point.state.multiplier for point in points]),
+        (reasons[0], reasons[1]),
+        family.period.excitation.periods,
+    )
+
+
+def _reason(line: Line) -> str:
+    """Why a side ends, the points of which are counted without the first one."""
+    return (
+        f"{len(line.points) - 1} points" if line.reason.endswith(" points") else line.reason or "unfinished"
+    )

@@ -1,0 +1,380 @@
+"""Bifurcations over the forcing frequency and a second parameter, by minimally augmented equations.
+
+Beside x(T) - x(0) = 0 stands g = 0. For a multiplier mu of the monodromy M it is the last entry of
+
+    [M - mu, w; v^H, 0] [a; g] = [0; 1],
+
+with borders near the null vectors; its derivative along any direction is -b^T (dM - dmu) a, b of the
+transposed system: one more period and one product with M, no eigenvalue (W. Govaerts, Numerical Methods for
+Bifurcations of Dynamical Equilibria, SIAM 2000, chapter 4). mu is 1, -1, or exp(i theta) with the angle theta
+as one more unknown and two real equations. For grazing g is the least gap of a row over the period of the
+model without that row.
+
+The linearised equations are never one matrix: of g only slopes along solutions of the linearised motion are
+made.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import linalg
+
+from ...motion.family import Family
+from ...motion.period_map import DrivenPeriod, PeriodMotion
+from ..multipliers import inverse_iteration
+from ..problem import BaseProblem, Linear, Lost, Point
+from .grazing import OpenRowFamily, least
+
+# Unit of the frequency: itself over this number. Share of g in the residual.
+SPAN, FINE = 20.0, 0.3
+# Multipliers scatter by up to 2e-7 from switch to switch within the steps. What g is left with, and what it
+# has to change by in the step of a difference (in units) along the steepest direction, or that is made ten
+# times as long.
+BAND, CLEAR, APART = 3e-9, 1e-6, 1e-4
+# Slopes along what is left of a direction beside known ones are not made where it is so little of it.
+NEGLECTED = 0.1
+PLACES = {"fold": 1.0, "period doubling": -1.0}
+
+
+class LocusStart(NamedTuple):
+    """A motion at a bifurcation.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
+    state : (2 m,) array
+    frequency : float
+        Hz.
+    value : float
+        Of the second parameter.
+    multiplier : complex
+        The one on the unit circle; nan for grazing.
+    """
+
+    kind: str
+    state: np.ndarray
+    frequency: float
+    value: float
+    multiplier: complex
+
+    def packed(self) -> np.ndarray:
+        """Its numbers, for a file."""
+        return np.append(self.state, [self.frequency, self.value, self.multiplier.real, self.multiplier.imag])
+
+    @classmethod
+    def unpacked(cls, kind: str, numbers: np.ndarray) -> LocusStart:
+        """Of a kind and what `packed` made."""
+        frequency, value, real, imaginary = numbers[-4:].tolist()
+        return cls(kind, numbers[:-4], frequency, value, complex(real, imaginary))
+
+
+class LocusProblem(BaseProblem):
+    """u = (x(0), frequency, factor), behind them the multiplier's angle for Neimark-Sacker points.
+
+    Parameters
+    ----------
+    family : Family
+        An `OpenRowFamily` for grazing.
+    start : LocusStart
+        Close to the locus.
+    extent : float
+        Range of the second parameter.
+    borders : (array, array), optional
+        Near the right and left null vectors. Default: eigenvectors at the start.
+
+    Attributes
+    ----------
+    begin : array
+        The unknowns of the start.
+    """
+
+    closed, settled = 1e-9, 1e-6
+
+    def __init__(self, family: Family, start: LocusStart, extent: float, borders: Sequence[np.ndarray] = ()):
+        self.family, self.kind, self.extent = family, start.kind, max(extent, 1e-300)
+        self.modes2 = len(start.state)
+        driven = family.at(start.frequency, start.value)
+        self.size, angle = driven.period.size(start.state), np.zeros(0)
+        self._units = np.append(np.full(self.modes2, self.size), [start.frequency / SPAN, self.extent])
+        self._weights = np.ones(len(self._units))
+        if start.kind == "Neimark-Sacker":
+            angle = np.abs(np.angle([start.multiplier]))
+            self._units, self._weights = np.append(self._units, 1.0), np.append(self._weights, 0.0)
+        self.begin = np.concatenate([start.state, [start.frequency, start.value], angle])
+        self.borders = tuple(borders)
+        self.unit = 1.0
+        if isinstance(family, OpenRowFamily):
+            self.unit = max(float(np.ptp(family.gap(driven, driven.run(start.state), start.value))), 1e-300)
+        elif not self.borders:
+            matrix = driven.monodromy(driven.run(start.state))
+            self.borders = _null_vectors(matrix, self.place(self.begin))
+
+    def place(self, u: np.ndarray) -> complex:
+        """Where the multiplier is to be."""
+        return PLACES[self.kind] if self.kind in PLACES else np.exp(1j * u[-1])
+
+    def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
+        """State, frequency and factor; negative damping would let motions grow without bounds."""
+        frequency, value = float(u[self.modes2]), float(u[self.modes2 + 1])
+        if not (frequency > 0.0 and value >= -2.0 * APART * self.extent):
+            raise Lost("the parameters have left their range")
+        return u[: self.modes2], frequency, value
+
+    def run(self, u: np.ndarray) -> tuple[DrivenPeriod, PeriodMotion]:
+        """The driven period and the motion over it."""
+        x, frequency, value = self.split(u)
+        driven = self.family.at(frequency, value)
+        return driven, driven.run(x)
+
+    def at(self, u: np.ndarray) -> LocusState:
+        """The equations there."""
+        return (_AtGrazing if self.kind == "grazing" else _AtMultiplier)(self, u)
+
+    def units(self, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The angle, which state and parameters determine, has no length."""
+        return self._units, self._weights
+
+    def value(self, u: np.ndarray) -> tuple[float, np.ndarray]:
+        """The second parameter."""
+        return float(u[self.modes2 + 1]), np.eye(1, len(u), self.modes2 + 1)[0]
+
+    def placed(self, u: np.ndarray, value: float) -> np.ndarray:
+        """With that second parameter."""
+        result = u.copy()
+        result[self.modes2 + 1] = value
+        return result
+
+    def bordered_by(self, borders: Sequence[np.ndarray]) -> LocusProblem:
+        """The same equations with other borders."""
+        result = copy.copy(self)
+        result.borders = tuple(borders)
+        return result
+
+    def advanced(self, points: list[Point]) -> tuple[LocusProblem, Point]:
+        """The borders follow the null vectors."""
+        return self._renewed(points[-1])
+
+    def _renewed(self, point: Point) -> tuple[LocusProblem, Point]:
+        state = point.state
+        assert isinstance(state, LocusState)
+        problem = self.bordered_by(state.null_vectors())
+        return problem, replace(point, problem=problem)
+
+    def memory(self, point: Point) -> np.ndarray:
+        """The borders of its state, one behind the other."""
+        borders = point.state.problem.borders
+        return (
+            np.concatenate([np.ascontiguousarray(b).view(float) for b in borders]) if borders else np.zeros(0)
+        )
+
+    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+        """A point of a former run."""
+        borders = np.split(memory.view(complex if self.kind == "Neimark-Sacker" else float), 2)
+        problem = self.bordered_by(borders) if len(memory) else self
+        return problem._renewed(Point(problem, u, problem.at(u), value))[1]
+
+
+def _null_vectors(matrix: np.ndarray, place: complex) -> tuple[np.ndarray, np.ndarray]:
+    """Right and left eigenvectors of the eigenvalue next to a place, of length one; real for a real place."""
+    values = linalg.eigvals(matrix)
+    near = complex(values[np.argmin(np.abs(values - place))])
+    found = []
+    for item in (matrix, matrix.T):
+        vector = inverse_iteration(item, near)
+        vector = vector * (np.abs(vector).max() / vector[np.abs(vector).argmax()])
+        vector = vector if isinstance(place, complex) else vector.real
+        found.append(vector / np.linalg.norm(vector))
+    return found[0], found[1]
+
+
+class LocusState:
+    """The equations at some unknowns.
+
+    Attributes
+    ----------
+    condition : (1,) or (2,) array
+        g.
+    multiplier : complex
+        The one that is followed; nan for grazing.
+    """
+
+    condition: np.ndarray
+    multiplier = complex(np.nan)
+
+    def __init__(self, problem: LocusProblem, u: np.ndarray):
+        self.problem, self.u, self.scale = problem, u, problem.size
+        self.forget()
+        self._begin()
+        off = np.where(np.abs(self.condition) > BAND, self.condition, 0.0)
+        self.residual = np.append(self.motion.residual, FINE * self.scale * off)
+        # orthonormal directions in units, and the slopes of g along them
+        self._known: list[tuple[np.ndarray, np.ndarray]] = []
+
+    def forget(self) -> None:
+        """See `problem.State`."""
+        self._run: tuple[DrivenPeriod, PeriodMotion] | None = None
+        self._surface: np.ndarray | None = None
+
+    @property
+    def driven(self) -> DrivenPeriod:
+        """The driven period."""
+        return self._motion_of_period()[0]
+
+    @property
+    def motion(self) -> PeriodMotion:
+        """The motion over it."""
+        return self._motion_of_period()[1]
+
+    def _motion_of_period(self) -> tuple[DrivenPeriod, PeriodMotion]:
+        if self._run is None:
+            self._run = self.problem.run(self.u)
+        return self._run
+
+    def _begin(self) -> None:
+        """Set the condition."""
+        raise NotImplementedError
+
+    def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+        """What the condition changes by towards other unknowns."""
+        raise NotImplementedError
+
+    def null_vectors(self) -> tuple[np.ndarray, ...]:
+        """Right and left, of length one, where there are any."""
+        return ()
+
+    def slope(self, direction: np.ndarray) -> np.ndarray:
+        """Of g along a change of the unknowns in units, by differences only along what is not known of it."""
+        rest, total = direction.copy(), np.zeros(len(self.condition))
+        for _ in range(2):  # twice is enough for orthogonal to rounding
+            for known, rate in self._known:
+                share = float(known @ rest)
+                rest, total = rest - share * known, total + share * rate
+        length = float(np.linalg.norm(rest))
+        if length > NEGLECTED * float(np.linalg.norm(direction)):
+            steepest = max((float(np.abs(rate).max()) for _, rate in self._known), default=0.0)
+            for apart in (APART, 10.0 * APART):
+                u = self.u + apart / length * rest * self.problem.units(self.u)[0]
+                change = self._change(u, *self.problem.run(u))
+                if max(float(np.abs(change).max()), apart * steepest) > CLEAR:
+                    break
+            rate = change / apart
+            self._known.append((rest / length, rate))
+            total = total + length * rate
+        return total
+
+    def surface(self) -> np.ndarray:
+        """Derivative of the motion's residual along the unknowns in units, (2 m, n)."""
+        if self._surface is None:
+            problem = self.problem
+            x, _, value = problem.split(self.u)
+            self._surface = np.zeros((len(x), len(self.u)))
+            part = self._surface[:, : len(x) + 2]
+            part[:] = problem.family.derivative(self.driven, self.motion, x, value)
+            part[:, : len(x)] -= np.eye(len(x))
+            self._surface *= problem.units(self.u)[0]
+        return self._surface
+
+    def linear(self, smooth: bool = False) -> _Augmented:
+        """The same for Newton's method and for tangents."""
+        return _Augmented(self)
+
+
+class _AtMultiplier(LocusState):
+    """g of the bordered monodromy."""
+
+    def _begin(self) -> None:
+        problem, matrix = self.problem, self.driven.monodromy(self.motion)
+        (right, left), place, n = problem.borders, problem.place(self.u), len(matrix)
+        bordered = np.zeros((n + 1, n + 1), dtype=np.result_type(right, matrix))
+        bordered[:n, :n] = matrix
+        bordered[range(n), range(n)] -= place
+        bordered[:n, n], bordered[n, :n] = left.conj(), right.conj()
+        factors, unit = (
+            linalg.lu_factor(bordered, check_finite=False),
+            np.eye(n + 1)[n].astype(bordered.dtype),
+        )
+        a, b = (linalg.lu_solve(factors, unit, trans, check_finite=False) for trans in (0, 1))
+        self.right, self.left = a[:n], b[:n]
+        self.image = matrix @ self.right
+        self.condition = self._real(a[n])
+        # Rayleigh's quotient of both vectors
+        self.multiplier = complex(place - a[n] / (self.left @ self.right))
+
+    def _real(self, value: complex) -> np.ndarray:
+        return np.array([value.real, value.imag] if self.problem.kind == "Neimark-Sacker" else [value])
+
+    def null_vectors(self) -> tuple[np.ndarray, ...]:
+        """Right and left, of length one."""
+        return tuple(vector / np.linalg.norm(vector) for vector in (self.right, self.left))
+
+    def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+        parts = [self.right.real, self.right.imag] if np.iscomplexobj(self.right) else [self.right]
+        moved = driven.carried(motion, np.array(parts).T, located=True)
+        image = moved[:, 0] + 1j * moved[:, 1] if len(parts) > 1 else moved[:, 0]
+        place = self.problem.place(u) - self.problem.place(self.u)
+        return self._real(-(self.left @ (image - self.image - place * self.right)))
+
+
+class _AtGrazing(LocusState):
+    """g is the least gap of an open row over what its gap varies by at the start."""
+
+    def _begin(self) -> None:
+        self.condition = self._gap(self.u, self.driven, self.motion)
+
+    def _gap(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+        family = self.problem.family
+        assert isinstance(family, OpenRowFamily)
+        return np.array(
+            [least(family.gap(driven, motion, self.problem.value(u)[0])[:-1]) / self.problem.unit]
+        )
+
+    def _change(self, u: np.ndarray, driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
+        return self._gap(u, driven, motion) - self.condition
+
+
+class _Augmented:
+    """The linearised equations of a state; they have no sum with those of others."""
+
+    def __init__(self, state: LocusState):
+        self.state, self.rows = state, len(state.residual)
+
+    def mixed(self, others: Sequence[Linear], weights: Sequence[float]) -> Linear:
+        """Itself."""
+        return self
+
+    def bordered(self, row: np.ndarray) -> _AugmentedBorder:
+        """With one more row."""
+        return _AugmentedBorder(self.state, row)
+
+
+class _AugmentedBorder:
+    """By orthogonal factors of the motion's rows and the border, [J; row] = R^T Q^T, and of g within their
+    null space (one direction, two for Neimark-Sacker points).
+    """
+
+    sign: float | None = None
+
+    def __init__(self, state: LocusState, row: np.ndarray):
+        self.state, self.units = state, state.problem.units(state.u)[0]
+        surface, scaled = state.surface(), row * self.units
+        self.size = float(np.linalg.norm(surface, axis=1).max()) / max(float(np.linalg.norm(scaled)), 1e-300)
+        q, r = linalg.qr(np.vstack([surface, self.size * scaled]).T, check_finite=False)
+        self.known = len(surface) + 1
+        self.range, self.null, self.triangle = q[:, : self.known], q[:, self.known :], r[: self.known]
+        self.slopes = np.array([state.slope(direction) for direction in self.null.T]).T
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """See `problem.Border`: of the motion's rows, g and the border."""
+        known = np.append(right[: self.known - 1], self.size * right[-1])
+        try:
+            known = linalg.solve_triangular(self.triangle, known, trans="T", check_finite=False)
+            particular = self.range @ known
+            wanted = right[self.known - 1 : -1] / (FINE * self.state.scale) - self.state.slope(particular)
+            return self.units * (particular + self.null @ np.linalg.solve(self.slopes, wanted))
+        except np.linalg.LinAlgError:
+            raise Lost("the locus has no single direction") from None

@@ -1,0 +1,286 @@
+"""Steady states of two tones and their lines."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from meshing.warnings import StepWarning
+
+from ...checks import integer
+from ...errors import at_point, caller_level
+from ...motion.excitation import Excitation
+from ...motion.period_map import Period, PeriodMotion
+from ...petsc import MPI
+from ...reduction.reduced_model import ReducedModel
+from ...system.plausibility import furthest_of_lines
+from ..orbit import axis_number
+from .own_tone import Circle, OwnTone
+from .torus import RESOLVED, spectral_tail
+
+# Multiples of the first tone of which lines are kept.
+LINES = 20
+# Instants at which displacements are looked at together.
+INSTANTS = 512
+# Lyapunov exponents that are followed, and turns of the map they are averaged over.
+EXPONENTS, TURNS = 4, 400
+# A history that strays so far, in its swings, from a curve that is said to attract it refutes the curve: 0.03
+# is the farthest that samples and steps explained, 0.1 the least where a tone locked.
+STRAYED = 0.05
+# A number of turns that is whole but for rounding.
+WHOLE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class QuasiPeriodic:
+    """A steady state of two tones: u = Re sum c_mn exp(2 pi i (m f1 + n f2) t).
+
+    Attributes
+    ----------
+    frequencies : (float, float)
+        f1, f2, Hz; where f2 is the motion's own, f1 is the inverse of the period of the motion it leaves, and
+        f2 is below f1.
+    samples : int
+        Phases of the slower tone.
+    steps : int
+        In a period of the faster one.
+    reduced : ReducedModel
+    states : (samples, 2 m) array
+        Differences (Omega q, q') to the linear response at the beginning of a period of the faster tone.
+    residuals : tuple of float
+        Of Newton's method, relative to the linear response.
+    exponents : (k,) array
+        Largest Lyapunov exponents, 1/s; empty if they were not asked for. The one along the second tone's
+        phase, zero, is not among them. NaN where they would say that a motion with a tone of its own attracts
+        others, and a history from it leaves it.
+    contact_peak : float
+        Largest contact resultant, N.
+    load_factor : float
+        On the oscillating loads.
+    own : OwnTone or None
+        The map whose invariant curve this is, where the second tone is the motion's own.
+    """
+
+    frequencies: tuple[float, float]
+    samples: int
+    steps: int
+    reduced: ReducedModel
+    states: np.ndarray
+    residuals: tuple[float, ...]
+    exponents: np.ndarray
+    contact_peak: float
+    _lines: np.ndarray = field(repr=False)
+    _swapped: bool = field(default=False, repr=False)
+    load_factor: float = 1.0
+    own: OwnTone | None = field(default=None, repr=False)
+
+    @property
+    def stable(self) -> bool | None:
+        """Whether disturbances die out; None if the exponents were not asked for, or if the second tone is
+        the motion's own and the samples do not resolve it (`resolved`).
+        """
+        if not len(self.exponents) or (self.own is not None and not self.resolved):
+            return None
+        return bool(self.exponents[0] < 0.0)
+
+    @property
+    def tail(self) -> float:
+        """Share (0 to 1) of what the slower tone's phase changes in the differences to the linear response
+        that is in the highest quarter of the harmonics of the samples, in the norm of the energy.
+
+        Harmonics of a curve that its samples resolve fall; where the highest are not small, those beyond
+        them are missing, or the curve has none to end with: a tone that locks makes it a staircase.
+        """
+        return spectral_tail(self.states)
+
+    @property
+    def resolved(self) -> bool:
+        """Whether `tail` is at most 0.01 and the exponents, if asked for, are numbers.
+
+        Also where the map takes samples to samples: given tones with a common period of as many periods of
+        the faster one as there are samples, or of a part of those. Nothing is interpolated then.
+        """
+        slow, fast = sorted(self.frequencies)
+        turns = self.samples * slow / fast
+        among = self.own is None and abs(turns - round(turns)) <= WHOLE * turns
+        return among or (self.tail <= RESOLVED and not np.isnan(self.exponents).any())
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def orders(self) -> np.ndarray:
+        """(k,): multiples of the slower tone in `harmonics`."""
+        return np.arange(self._lines.shape[1]) - self._lines.shape[1] // 2
+
+    def _furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point by its lines, m; less than `least` where that is known to be
+        so.
+        """
+        return furthest_of_lines(np.moveaxis(self._lines, (2, 3), (0, 1)), least)
+
+    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
+        """(21, k) complex: amplitudes at the multiples 0 to 20 of the faster tone plus those of `orders` of
+        the slower one, m.
+        """
+        index = at_point({name: k for k, name in enumerate(self.points)}, point)
+        return self._lines[:, :, index, axis_number(direction)]
+
+    def line(self, m: int, n: int, point: str, direction: str = "y") -> complex:
+        """Complex amplitude at m f1 + n f2, m; at (0, 0) the mean.
+
+        Raises
+        ------
+        ValueError
+            If the line is beyond what the samples and steps resolve.
+        """
+        m, n = integer("line", "m", m), integer("line", "n", n)
+        fast, slow = (n, m) if self._swapped else (m, n)
+        lines = self.harmonics(point, direction)
+        if fast < 0 or (fast == 0 and slow < 0):
+            return np.conj(self.line(-m, -n, point, direction))
+        middle = lines.shape[1] // 2
+        if fast >= len(lines) or abs(slow) > middle:
+            raise ValueError(
+                f"line ({m}, {n}) is not resolved: {self.samples} samples and {self.steps} steps give "
+                f"multiples up to {len(lines) - 1} of the faster tone and {middle} of the slower one"
+            )
+        return complex(lines[fast, middle + slow])
+
+    def modulation_index(self, point: str, direction: str = "y") -> float:
+        """(|c_1,1| + |c_1,-1|) / |c_1,0|: sidebands of the first tone over itself."""
+        sidebands = sum(abs(self.line(1, n, point, direction)) for n in (1, -1))
+        return sidebands / abs(self.line(1, 0, point, direction))
+
+    def __repr__(self) -> str:
+        unknown = "stability not asked for" if self.resolved else "not resolved by its samples"
+        verdict = {True: "stable", False: "unstable", None: unknown}[self.stable]
+        born = " (its own)" if self.own is not None else ""
+        return (
+            f"QuasiPeriodic({self.frequencies[0]:.6g} and {self.frequencies[1]:.6g} Hz{born}, {self.samples} "
+            f"samples, {self.steps} steps, {len(self.reduced.omega)} modes, {len(self.residuals) - 1} "
+            f"Newton iterations, {verdict}, peak contact resultant {self.contact_peak:.6g} N)"
+        )
+
+
+def tone_lines(
+    period: Period,
+    motions: Sequence[PeriodMotion | None],
+    rotation: float,
+    linear: Sequence[tuple[Excitation, np.ndarray]],
+    comm: MPI.Comm,
+) -> tuple[np.ndarray, float]:
+    """(21, k, points, 2) lines of all named points, m, and the largest contact resultant, N. Collective.
+
+    Parameters
+    ----------
+    period : Period
+        Of the faster tone.
+    motions : sequence of PeriodMotion or None
+        From each of the samples; this rank's.
+    rotation : float
+        Turns of the slower tone in a period of the faster one.
+    linear : sequence of (Excitation, (k, m) array)
+        Loads of the faster tone, and of the slower one, with the modal amplitudes of the linear response.
+    comm : MPI.Comm
+        Ranks that share the samples.
+    """
+    r, p, samples = period.reduced, period, len(motions)
+    steps, half = p.steps, samples // 2
+    lines = min(LINES, steps // 2 - 1)
+    orders, names = np.arange(-half, half + 1), len(r.points.names)
+    found = np.zeros((lines + 1, len(orders), names, 2), dtype=complex)
+    mine = [(i, motion) for i, motion in enumerate(motions) if motion is not None]
+    peak = max((float(motion.forces[:-1].sum(axis=1).max(initial=0.0)) for _, motion in mine), default=0.0)
+    over_samples = np.exp(-2j * np.pi * orders[:, None] * [i for i, _ in mine] / samples) / samples
+    for begin in range(0, steps if mine else 0, INSTANTS):
+        part = slice(begin, min(begin + INSTANTS, steps))
+        u = np.array([_moved(period, motion, part) for _, motion in mine])
+        # the slower tone's lines over the samples at each instant, then the faster one's over the instants
+        slow = np.tensordot(over_samples, u, axes=1)
+        share = np.arange(part.start, part.stop) / steps
+        forward = np.exp(-2j * np.pi * np.arange(lines + 1)[:, None] * share) / steps
+        for j, order in enumerate(orders):
+            turned = np.exp(-2j * np.pi * order * rotation * share)[:, None] * slow[j]
+            found[:, j] += (forward @ turned).reshape(-1, names, 2)
+    comm.Allreduce(MPI.IN_PLACE, found)
+    peak = comm.allreduce(peak, MPI.MAX)
+    found *= 2.0
+    found[0, half] *= 0.5
+    if samples % 2 == 0:  # both ends of the range are the same harmonic of the samples
+        found[:, [0, -1]] *= 0.5
+    for tone, (drive, amplitudes) in enumerate(linear):
+        response = np.einsum("pim,km->kpi", r.points.modes, amplitudes)
+        response += np.einsum("pil,kl->kpi", r.points.loads, drive.amplitudes)
+        for order, value in zip(drive.orders, response):
+            place = (order, half) if tone == 0 else (0, half + order)
+            if place[0] <= lines and place[1] < len(orders):
+                found[place] += value
+    return found, peak
+
+
+def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
+    """(n, 2 points): displacements of the named points at some instants, without the linear response."""
+    points = period.reduced.points
+    u = np.einsum("pim,nm->npi", points.modes, motion.states[part], optimize=True)
+    u += np.einsum("pic,nc->npi", points.contact[..., : period.pairs], motion.forces[part], optimize=True)
+    return u.reshape(len(u), -1)
+
+
+def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:
+    """The motion of an invariant curve with a tone of its own. Collective."""
+    driven = own.driven(circle.value)
+    linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
+    lines, peak = tone_lines(own.period, circle.motions, circle.rotation, linear, own.comm)
+    first = 1.0 / driven.duration
+    growth = own.exponents(circle, EXPONENTS, TURNS) if stability else np.zeros(0)
+    attracts = stability and growth[0] * driven.duration * TURNS < -1.0  # within the history
+    if attracts and own.strays(circle, TURNS) > STRAYED:
+        growth = np.full_like(growth, np.nan)
+    return QuasiPeriodic(
+        (first, circle.rotation * first),
+        own.samples,
+        own.period.steps,
+        own.period.reduced,
+        circle.states - driven.linear_state,
+        circle.residuals,
+        growth,
+        peak,
+        lines,
+        load_factor=driven.factor,
+        own=own,
+    )
+
+
+def own_circle(motion: QuasiPeriodic) -> Circle:
+    """The invariant curve of a motion with a tone of its own, without its trajectories."""
+    own, first = motion.own, motion.frequencies[0]
+    assert own is not None  # the caller has asked
+    value = first * own.period.excitation.periods if own.frequency is None else motion.load_factor
+    states = motion.states + own.driven(value).linear_state
+    return Circle(states, motion.frequencies[1] / first, value)
+
+
+def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:
+    """Warn the owner's caller of a curve that its samples do not resolve."""
+    if found.resolved:
+        return
+    missing = (
+        f"{found.tail:.2g} of its change with the {'second' if found.own is not None else 'slower'} tone is "
+        f"in the highest quarter of their harmonics, more than {RESOLVED:g}; lines may be off by as much, "
+        "small ones by more"
+        if found.tail > RESOLVED
+        else "a history from it leaves it, though its exponents are negative"
+    )
+    text = (
+        f"{owner}: {found.samples} samples do not resolve the motion: {missing}: take more, "
+        f"samples={2 * found.samples - found.samples % 2}, or more steps"
+    )
+    if found.own is not None:
+        text += "; if that does not help the tone locks, see periodic(..., periods=n)"
+    warnings.warn(text, StepWarning, stacklevel=caller_level())

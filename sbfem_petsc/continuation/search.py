@@ -1,0 +1,312 @@
+"""Search for a steady state where Newton's method does not converge from the first guess.
+
+A stable steady state is what a history settles on, so a history is followed until Newton's method takes over
+from it; one period costs a small part of a Newton iteration. Steady states that no history reaches, or that
+take too long, are looked for along branches: from a small load, from larger damping, from neighbouring
+frequencies. The message of a search in vain says what was tried and how far it came.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..motion.fixed_point import FixedPoint
+from ..motion.period_map import Period
+from .follow import Line, Settings, follow
+from .newton import FAILURES
+from .problem import Point
+from .problems.driven_orbits import Orbits, ParameterRange
+from .shooting import shoot
+
+
+@dataclass(frozen=True)
+class Search:
+    """How far a steady state is looked for.
+
+    Attributes
+    ----------
+    settling : tuple of int
+        Periods of a history after which Newton's method is tried; the last number is doubled from then on.
+    time_constants : float
+        The history is given up after so many time constants of the mode that decays most slowly ...
+    work : float
+        ... or so many steps times modes, here and, a tenth of them, before other ways are tried.
+    attempt : int
+        Newton iterations of one attempt; from a history that is near its end two to four are enough.
+    longest : int
+        Multiples of the loads' period that a history is watched for.
+    ramp : float
+        Factor on the oscillating loads from which they are raised; 0: they are not.
+    dampings : tuple of float
+        Factors on the damping ratios from which they are lowered.
+    neighbours : tuple of float
+        Relative distances of the frequencies from which the wanted one is approached.
+    """
+
+    settling: tuple[int, ...] = (1, 3, 10, 30)
+    time_constants: float = 40.0
+    work: float = 6e8
+    attempt: int = 12
+    longest: int = 6
+    ramp: float = 0.02
+    dampings: tuple[float, ...] = (4.0, 16.0, 64.0)
+    neighbours: tuple[float, ...] = (0.01, -0.01, 0.04, -0.04)
+
+
+NEWTON_ALONE = Search(settling=(), ramp=0.0, dampings=(), neighbours=())
+# Of the state's size: a change over some periods below which a history has come back to where it was, and of
+# the change over fewer periods: below which that is more than slow settling.
+RETURNED, TRULY = 1e-4, 1e-2
+# Newton's method is tried again behind a long history if that has come nearer to its end by this factor.
+NEARER = 0.3
+# Points at most of a branch that leads to the wanted motion.
+POINTS = 400
+# The same from a neighbouring frequency.
+NEAR_BY = 40
+
+
+def find_steady_state(
+    period: Period,
+    frequency: float,
+    guess: np.ndarray,
+    *,
+    jacobian: str = "auto",
+    multiples: bool = True,
+    search: Search | None = None,
+) -> tuple[FixedPoint, str]:
+    """A periodic motion, by whatever leads to one.
+
+    Parameters
+    ----------
+    period : Period
+        With contact.
+    frequency : float
+        Hz.
+    guess : (2 m,) array
+        First guess of x(0) = (Omega q, q').
+    jacobian : str
+        See `shoot`.
+    multiples : bool
+        Whether a motion of several of the loads' periods is an answer, if a history settles on one.
+    search : Search, optional
+
+    Returns
+    -------
+    shot : FixedPoint
+        Its `driven.period` is the given one or one of several times its length.
+    path : str
+        "Newton", "history", "ramp of the load", "ramp of the damping" or "neighbouring frequency".
+
+    Raises
+    ------
+    SolveError
+        If nothing leads to one; it says what was tried.
+    """
+    try:
+        return shoot(period, guess, frequency, jacobian=jacobian), "Newton"
+    except PetscFailure:
+        raise
+    except SolveError as error:
+        first = error
+    tried = _Attempts(period, frequency, guess, jacobian, multiples, search or Search())
+    for attempt, path in (
+        (tried.settle_first, "history"),
+        (tried.raise_load, "ramp of the load"),
+        (tried.lower_damping, "ramp of the damping"),
+        (tried.from_neighbours, "neighbouring frequency"),
+        (tried.settle, "history"),
+    ):
+        shot = attempt()
+        if shot is not None:
+            return shot, path
+    others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
+    raise on_all_ranks(SolveError(f"{first}{others}"))
+
+
+class _Attempts:
+    """The ways to a steady state, and what is to be notes of each that failed."""
+
+    def __init__(self, period: Period, frequency: float, guess, jacobian: str, multiples: bool, search):
+        self.period, self.frequency, self.guess = period, frequency, guess
+        self.jacobian, self.multiples, self.search = jacobian, multiples, search
+        self.notes: list[str] = []
+
+    def _newton(self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0):
+        """The fixed point near a state, or None."""
+        try:
+            return shoot(period, state, frequency, factor, self.jacobian, self.search.attempt)
+        except SolveError:
+            return None
+
+    # ---------------------------------------------------------------- a history
+    def settle_first(self) -> FixedPoint | None:
+        """Where a history settles soon."""
+        most = 0.1 * self.search.work / (self.period.steps * self.period.modes)
+        shot, _, _, repeat = self._history(self.period, self.frequency, self.guess, most)
+        return shot
+
+    def settle(self) -> FixedPoint | None:
+        """Where a history settles in the end."""
+        shot, done, change, repeat = self._history(self.period, self.frequency, self.guess)
+        if shot is None and done:
+            self.notes.append(
+                f"a history of {done} periods, after which x(T) - x(0) is at {change:.1e} of x(0)"
+                + (
+                    f" and which repeats itself after {repeat} periods: give periods={repeat}"
+                    if repeat
+                    else ""
+                )
+            )
+        return shot
+
+    def _history(self, period: Period, frequency: float, state: np.ndarray, most: float = math.inf):
+        """Fixed point behind a history, or None; periods done, relative change over the last one, and number
+        of periods after which the history repeats itself where that is more than one (else 0).
+        """
+        driven = period.at(frequency)
+        most = min(most, self._patience(period, driven.duration))
+        size = driven.oscillation
+        past: deque[np.ndarray] = deque([state], self.search.longest + 1)
+        done, change, repeat, tried_at = 0, math.nan, 0, math.inf
+        for target in self._rounds(most):
+            try:
+                while done < target:
+                    past.append(past[-1] + driven.run(past[-1]).residual)
+                    done += 1
+            except SolveError as error:  # a contact problem that was not solved
+                self.notes.append(str(error))
+                return None, done, change, repeat
+            norm = max(period.size(past[-1]), size, 1e-300)
+            changes = [float(np.linalg.norm(past[-1] - past[-1 - n])) / norm for n in range(1, len(past))]
+            change = changes[0]
+            # a failed attempt takes as long as some hundreds of periods
+            if done <= self.search.settling[-1] or target >= most or not change > NEARER * tried_at:
+                tried_at, shot = change, self._newton(period, past[-1], frequency)
+                if shot is not None:
+                    return shot, done, change, 0
+            repeat = _recurrence(changes)
+            if repeat:
+                if self.multiples:
+                    shot = self._newton(_repeated(period, repeat), past[-1], frequency)
+                    if shot is not None:
+                        return shot, done, change, repeat
+                elif changes[repeat - 1] < 1e-2 * RETURNED:
+                    break
+        return None, done, change, repeat
+
+    def _rounds(self, most: float):
+        last = 0
+        for last in self.search.settling:
+            if last >= most:
+                break
+            yield last
+        while 0 < last < most:
+            last = int(min(2 * last, most))
+            yield last
+
+    def _patience(self, period: Period, duration: float) -> float:
+        """Periods after which a history is given up; none without damping."""
+        r = period.reduced
+        slowest = float((r.damping * period.weights).min()) * duration
+        if slowest <= 0.0:
+            return self.search.settling[-1] if self.search.settling else 0
+        most = self.search.work / (period.steps * period.modes)
+        return math.ceil(min(most, max(self.search.time_constants / slowest, 100.0)))
+
+    # ---------------------------------------------------------------- along branches
+    def raise_load(self) -> FixedPoint | None:
+        """The end of a branch from a small load. With nothing but touching faces and no constant load, the
+        motion is proportional to the load and nothing is gained.
+        """
+        period, frequency, ramp = self.period, self.frequency, self.search.ramp
+        if (
+            ramp <= 0.0
+            or not (period.excitation.orders == 0).any()
+            and (period.reduced.homogeneous or not period.pairs)
+        ):
+            return None
+        first = self._newton(period, period.at(frequency, ramp).linear_state, frequency, ramp)
+        if first is None:
+            self.notes.append(f"a ramp of the load, without a motion at {ramp:g} of it")
+            return None
+        shot, ended = self._along(first, ramp, ParameterRange("load", ramp, 1.0, frequency))
+        if shot is None:
+            self.notes.append(f"a ramp of the load, which ended as well: {ended} of the full load")
+        return shot
+
+    def lower_damping(self) -> FixedPoint | None:
+        """The end of a branch from a motion with larger damping."""
+        start, factor = None, 1.0
+        for factor in self.search.dampings:
+            damped = self.period.scaled(damping=factor)
+            start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
+            if start is None:
+                start = self._history(damped, self.frequency, damped.at(self.frequency).linear_state, 240)[0]
+            if start is not None and start.driven.period is damped:
+                break
+            start = None
+        if start is None:
+            if self.search.dampings and self.period.reduced.damping.any():
+                self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
+            return None
+        shot, ended = self._along(start, factor, ParameterRange("damping", factor, 1.0, self.frequency))
+        if shot is None:
+            self.notes.append(f"a ramp of the damping, which ended: {ended} times the given one")
+        return shot
+
+    def from_neighbours(self) -> FixedPoint | None:
+        """The end of a branch over the frequency, from either side."""
+        ends = []
+        for distance in self.search.neighbours:
+            value = self.frequency * (1.0 + distance)
+            state = self.period.at(value).linear_state
+            shot = self._newton(self.period, state, value)
+            if shot is None:
+                shot = self._history(self.period, value, state, 240)[0]
+            if shot is None or shot.driven.period is not self.period:
+                ends.append(f"{value:.6g} Hz (no motion there)")
+                continue
+            beyond = value + (value - self.frequency)
+            parameter = ParameterRange("frequency", beyond, self.frequency)
+            found, ended = self._along(shot, value, parameter, NEAR_BY)
+            if found is not None:
+                return found
+            ends.append(f"{value:.6g} Hz (until {ended})")
+        if ends:
+            self.notes.append(f"continuation from {', '.join(ends)}")
+        return None
+
+    def _along(
+        self, first: FixedPoint, value: float, parameter: ParameterRange, points: int = POINTS
+    ) -> tuple[FixedPoint | None, str]:
+        """The wanted motion at the end of a branch from one at a value of a parameter, and why that ended."""
+        orbits = Orbits(self.period, parameter)
+        line = Line([Point.known(orbits, np.append(first.state, value))])
+        try:
+            follow(line, parameter.range, Settings(points))
+        except PetscFailure:
+            raise
+        except FAILURES as error:
+            return None, str(error)
+        if not parameter.reached(line.points[-1].value):
+            return None, line.reason
+        # of the map itself, not of a copy of it
+        return self._newton(self.period, line.points[-1].u[:-1], self.frequency), line.reason
+
+
+def _recurrence(changes: list[float]) -> int:
+    """The fewest periods, more than one, after which a state has returned though not after one; 0 if none."""
+    for n in range(2, len(changes) + 1):
+        if changes[n - 1] < RETURNED and changes[n - 1] < TRULY * min(changes[: n - 1]):
+            return n
+    return 0
+
+
+def _repeated(period: Period, times: int) -> Period:
+    """The same map over several of its periods."""
+    return Period(period.reduced, period.excitation.repeated(times), times * period.steps, period.pairs > 0)

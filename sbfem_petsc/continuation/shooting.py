@@ -1,0 +1,350 @@
+"""Fixed points of the period of a reduced model (`period_map`) by SNES (prefix ``shooting_``), and very near
+another one.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ..errors import PetscFailure, SolveError, on_all_ranks
+from ..motion.fixed_point import FixedPoint
+from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ..petsc import PETSc, configure, finite, require_thread, scripted
+from .linear import Factors
+from .newton import GAIN, ITERATIONS, Updated
+from .problem import Lost
+
+PREFIX = "shooting_"
+# SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
+# a smaller one, and relative to the state.
+RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
+# Residual relative to the linear oscillation at which a fixed point nearby is taken.
+NEARBY = 1e-8
+# Unknowns up to which matrices of the period map are made whole.
+WHOLE = 1200
+# Motions of so many modes and more are first looked for with so many times fewer steps, but so many at least
+# to each order of the loads, to this residual relative to the first one; not from a state whose residual is
+# no larger than what fewer steps cost.
+MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
+
+
+def shoot(
+    period: Period,
+    state: np.ndarray,
+    frequency: float,
+    factor: float = 1.0,
+    jacobian: str = "auto",
+    iterations: int | None = None,
+) -> FixedPoint:
+    """Fixed point of a period near a state, by SNES.
+
+    Parameters
+    ----------
+    period : Period
+    state : (2 m,) array
+        First guess of x(0).
+    frequency : float
+        Hz.
+    factor : float
+        On the oscillating loads.
+    jacobian : {"auto", "dense", "matrix-free", "differences"}
+        "dense": the exact derivative as a matrix and its LU factors; "matrix-free": as products, with GMRES
+        preconditioned by the motion without contact; "differences": finite differences, an integration for
+        each unknown (the paper's way); "auto": matrix-free above 1200 unknowns, otherwise the dense one, with
+        Broyden's rank-one updates from an iteration to the next while they gain enough.
+    iterations : int, optional
+        Newton iterations at most. Default: `newton.ITERATIONS`.
+
+    Raises
+    ------
+    SolveError
+        If Newton's method does not converge; the message gives the residual.
+    PetscFailure
+        If the iterations that ``-shooting_snes_max_it`` allows are used up.
+    """
+
+    def solve(kind: str) -> FixedPoint:
+        return Shooting(period.at(frequency, factor), kind, iterations).solve(state)
+
+    if jacobian != "auto":
+        return solve(jacobian)
+    if 2 * period.modes > WHOLE:
+        return solve("matrix-free")
+    if iterations is None and period.modes >= MANY:
+        found = _from_fewer_steps(period, state, frequency, factor)
+        if found is not None:
+            return found
+    try:
+        return solve("updated")
+    except PetscFailure:
+        raise
+    except SolveError:
+        return solve("dense")
+
+
+def _from_fewer_steps(
+    period: Period, state: np.ndarray, frequency: float, factor: float
+) -> FixedPoint | None:
+    """As `shoot`, by way of the motion with far fewer steps; None if that leads to none."""
+    steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
+    if 2 * steps > period.steps:
+        return None
+    driven = period.at(frequency, factor)
+    coarse = Shooting(period.in_steps(steps).at(frequency, factor), "updated")
+    coarse.relative = ROUGHLY
+    fine = Shooting(driven, "updated")
+    try:
+        residual = driven.run(state).residual
+        if np.linalg.norm(residual) <= ROUGH * driven.oscillation:
+            return None
+        rough = coarse.solve(state)
+        fine.near = coarse.derivative
+        return fine.solve(rough.state)
+    except PetscFailure:
+        raise
+    except SolveError:
+        return None
+
+
+def shoot_nearby(driven: DrivenPeriod, state: np.ndarray, derivative: np.ndarray) -> FixedPoint | None:
+    """Fixed point very near a state, by Newton's method with a derivative of the period that is known about:
+    that of a motion nearby, dx(T) / dx(0). None unless each iterate is at least ten times better.
+
+    To 1e-8 of the linear oscillation, for which a few periods are integrated and no derivative is made.
+    """
+    try:
+        inverse = Factors(derivative - np.eye(len(state)))
+    except Lost:
+        return None
+    aim = max(NEARBY * driven.oscillation, ROUND_OFF * float(np.linalg.norm(driven.linear_state)))
+    residuals: list[float] = []
+    while True:
+        motion = driven.run(state)
+        residuals.append(float(np.linalg.norm(motion.residual)))
+        if residuals[-1] <= aim:
+            return FixedPoint(state, driven, motion, tuple(residuals))
+        if len(residuals) > 1 and residuals[-1] > 0.1 * residuals[-2]:
+            return None
+        state = state - inverse.solve(motion.residual)
+
+
+class Shooting:
+    """SNES on x(T) - x(0) of a driven period.
+
+    Parameters
+    ----------
+    driven : DrivenPeriod
+    jacobian : {"updated", "dense", "matrix-free", "differences"}
+    iterations : int, optional
+    """
+
+    def __init__(self, driven: DrivenPeriod, jacobian: str, iterations: int | None = None):
+        self.driven, self.jacobian = driven, jacobian
+        self.iterations = ITERATIONS if iterations is None else iterations
+        self.relative = RELATIVE_UPDATED if jacobian == "updated" else RELATIVE
+        # derivative of x(T) - x(0) to begin with, and the last iteration's
+        self.near: np.ndarray | None = None
+        self.derivative: np.ndarray | None = None
+        self.residuals: list[float] = []
+        # the inverse of the updated one, and whether it is that of the matrix PETSc solves with
+        self.inverse = Updated(Factors(np.eye(1)))
+        self.known = False
+        self._key: bytes | None = None
+        self._last: tuple[np.ndarray, np.ndarray] | None = None
+
+    def solve(self, state: np.ndarray) -> FixedPoint:
+        """The fixed point near a state."""
+        require_thread()
+        driven, size = self.driven, len(state)
+        moving = max(driven.period.size(state), driven.oscillation, 1e-300)
+        snes = PETSc.SNES().create(PETSc.COMM_SELF)
+        snes.setOptionsPrefix(PREFIX)
+        x, f = PETSc.Vec().createSeq(size), PETSc.Vec().createSeq(size)
+        x.array = state
+        snes.setFunction(self._function, f)
+        ksp = snes.getKSP()
+        pc = ksp.getPC()
+        matrix, in_python = self._operator(ksp, pc, size)
+        snes.setJacobian(self._jacobian, matrix)
+        largest = max(float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(state)), 1e-300)
+        snes.setTolerances(
+            rtol=self.relative, atol=finite(ROUND_OFF * largest), stol=0.0, max_it=self.iterations
+        )
+        snes.setMonitor(lambda _, iteration, norm: self.residuals.append(float(norm)))
+        try:
+            try:
+                with scripted(*in_python):
+                    configure(snes)
+                    snes.solve(None, x)
+            except (PETSc.Error, Lost) as error:
+                why = f"PETSc's error {error.ierr}" if isinstance(error, PETSc.Error) else error
+                raise on_all_ranks(
+                    SolveError(
+                        f"periodic: the linear system of Newton's method cannot be solved ({why}): an "
+                        "undamped resonance, or a motion as a rigid body, leaves the periodic motion "
+                        "undetermined"
+                    )
+                ) from None
+            self._check(snes, moving)
+            found = x.array_r.copy()
+            motion = self._motion(found)
+            if self._last is not None:
+                self.derivative = matrix.getDenseArray().copy()
+        finally:
+            # also what Python alone still holds: PETSc would only put it aside until all ranks collect
+            for item in (snes, ksp, pc, x, f, matrix):
+                item.destroy()
+        return FixedPoint(found, driven, motion, tuple(self.residuals))
+
+    def _operator(
+        self, ksp: PETSc.KSP, pc: PETSc.PC, size: int
+    ) -> tuple[PETSc.Mat, tuple[PETSc.Mat | PETSc.PC, ...]]:
+        """The Jacobian for its kind and how it is solved with, and what of it is written in Python."""
+        if self.jacobian == "matrix-free":
+            matrix = PETSc.Mat().createPython([size, size], context=_Products(self), comm=PETSc.COMM_SELF)
+            matrix.setUp()
+            ksp.setType(PETSc.KSP.Type.GMRES)
+            ksp.setGMRESRestart(min(size, 200))
+            ksp.setTolerances(rtol=1e-11, max_it=2 * size)
+            pc.setType(PETSc.PC.Type.PYTHON)
+            pc.setPythonContext(_Uncoupled(self))
+            return matrix, (matrix, pc)
+        matrix = PETSc.Mat().createDense([size, size], comm=PETSc.COMM_SELF)
+        matrix.setUp()
+        ksp.setType(PETSc.KSP.Type.PREONLY)
+        if self.jacobian != "updated":
+            pc.setType(PETSc.PC.Type.LU)
+            return matrix, ()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Broyden(self))
+        return matrix, (pc,)
+
+    def _motion(self, array: np.ndarray) -> PeriodMotion:
+        key = array.tobytes()
+        if key != self._key:
+            self._key, self._kept = key, self.driven.run(array)
+        return self._kept
+
+    def _function(self, snes, x, f) -> None:
+        f.array[:] = self._motion(x.array_r).residual
+
+    def _jacobian(self, snes, x, matrix, preconditioner) -> None:
+        motion, state = self._motion(x.array_r), x.array_r.copy()
+        if self.jacobian == "matrix-free":
+            matrix.getPythonContext().motion = motion
+        elif self.jacobian == "differences":
+            self._by_differences(state, motion, matrix.getDenseArray())
+        elif self.jacobian == "dense":
+            matrix.getDenseArray()[:] = self._derivative(motion)
+        else:
+            self._by_update(state, motion, matrix.getDenseArray())
+        matrix.assemble()
+
+    def _derivative(self, motion: PeriodMotion) -> np.ndarray:
+        unit = np.eye(len(motion.residual))
+        return self.driven.carried(motion, unit) - unit
+
+    def _by_differences(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
+        step = np.sqrt(np.finfo(float).eps) * max(
+            np.linalg.norm(state), np.linalg.norm(self.driven.linear_state), 1e-300
+        )
+        for k, unit in enumerate(np.eye(len(state))):
+            array[:, k] = (self.driven.run(state + step * unit).residual - motion.residual) / step
+
+    def _by_update(self, state: np.ndarray, motion: PeriodMotion, array: np.ndarray) -> None:
+        """Broyden's update of the last iteration's derivative, if that was good enough."""
+        residual, last = motion.residual, self._last
+        if last is None:
+            array[:] = self._derivative(motion) if self.near is None else self.near
+            self.inverse = Updated(Factors(array))
+        elif np.linalg.norm(residual) <= GAIN * np.linalg.norm(last[1]):
+            step = state - last[0]
+            row = step / (step @ step)
+            added = residual - last[1] - array @ step
+            array += np.outer(added, row)
+            self.inverse.add(added, row)
+        else:
+            array[:] = self._derivative(motion)
+            self.inverse = Updated(Factors(array))
+        self._last, self.known = (state, residual), True
+
+    def _check(self, snes: PETSc.SNES, size: float) -> None:
+        reason = snes.getConvergedReason()
+        if reason > 0:
+            return
+        missed = (
+            f"x(T) - x(0) is at {snes.getFunctionNorm() / size:.2e} of the motion's size, from "
+            f"{(self.residuals or [math.nan])[0] / size:.2e}"
+        )
+        option = f"{PREFIX}snes_max_it"
+        if reason == PETSc.SNES.ConvergedReason.DIVERGED_MAX_IT and PETSc.Options().hasName(option):
+            raise on_all_ranks(
+                PetscFailure(
+                    f"periodic: Newton's method has taken the {snes.getIterationNumber()} iterations that "
+                    f"-{option} {PETSc.Options().getInt(option)} allows: {missed}; allow more, or leave the "
+                    "option out"
+                )
+            )
+        raise on_all_ranks(
+            SolveError(
+                f"periodic: Newton's method did not converge ({snes_reason(reason)} after "
+                f"{snes.getIterationNumber()} iterations): {missed}; start from a neighbour, take more "
+                f"steps, or see -{PREFIX}snes_..."
+            )
+        )
+
+
+def snes_reason(reason: int) -> str:
+    """PETSc's name of a reason for which SNES stopped."""
+    return next(
+        (
+            name
+            for name, value in vars(PETSc.SNES.ConvergedReason).items()
+            if isinstance(value, int) and value == reason
+        ),
+        str(reason),
+    )
+
+
+class _Broyden:
+    """Preconditioner: the inverse that is updated from an iteration to the next."""
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def setUp(self, pc) -> None:
+        shooting = self.shooting
+        if not shooting.known:  # a matrix of PETSc's own, such as that of -shooting_snes_fd
+            shooting.inverse = Updated(Factors(pc.getOperators()[1].getDenseArray()))
+        shooting.known = False
+
+    def apply(self, pc, x, y) -> None:
+        y.array[:] = self.shooting.inverse.solve(x.array_r)
+
+
+class _Products:
+    """Phi - 1 as products: one linearised period each."""
+
+    motion: PeriodMotion
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def mult(self, matrix, x, y) -> None:
+        vector = x.array_r[:, None]
+        y.array[:] = (self.shooting.driven.carried(self.motion, vector) - vector)[:, 0]
+
+
+class _Uncoupled:
+    """Preconditioner: the motion without contact, closed form."""
+
+    def __init__(self, shooting: Shooting):
+        self.shooting = shooting
+
+    def setUp(self, pc) -> None:
+        pass
+
+    def apply(self, pc, x, y) -> None:
+        y.array[:] = self.shooting.driven.linear_resolvent(x.array_r)

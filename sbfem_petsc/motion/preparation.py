@@ -1,0 +1,182 @@
+"""From a user's periodic loads to the period map of a reduced model."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ..capacity import require_compiler, require_memory
+from ..checks import shown
+from ..parallel import collective
+from ..recording.excitations import LINES
+from ..reduction.reduced_model import ReducedModel
+from ..signals.waves import Harmonic
+from ..system.model import Model
+from .excitation import Excitation
+from .loading import communicator, loading, serving
+from .period_map import Period
+from .step_plan import CONTACT_STEP, warn_if_coarse
+
+if TYPE_CHECKING:
+    from ..continuation.orbit import Orbit
+
+# Steps a forcing period, and most forcing periods that a common period of tones is looked for in.
+STEPS, LONGEST = 512, 64
+# Default steps a period of the loads' highest frequency, with contact: with 64, 32, 16 of them the sidebands
+# of a breathing crack are off by 6e-4, 1 %, 5 %.
+FAST_STEPS = 32
+# Directions of contact at an instant that the derivative keeps: of some twenty rows about so many remain.
+DIRECTIONS = 6
+
+
+@dataclass(frozen=True)
+class PeriodSettings:
+    """How the period of a steady state is integrated and shot at.
+
+    Attributes
+    ----------
+    periods : int or None
+        Forcing periods in one period of the motion; None: the fewest in which all tones fit.
+    steps : int or None
+        Time steps a forcing period; None: 512, or as many as keep the step below 0.8 of the shortest modal
+        period and 1 / 32 of that of the loads' highest frequency.
+    modes : int or None
+        None: all modes up to 8 times the loads' highest frequency, at least 80.
+    contact : bool
+    jacobian : {"auto", "dense", "matrix-free", "differences"}
+    longest : int
+        Most forcing periods in a common period of tones.
+    segments : int
+        The default number of steps is such that the period's is a multiple of it.
+    band : float or None
+        Highest forcing frequency that the modes are to serve, Hz; None: the one of the period.
+    """
+
+    periods: int | None = None
+    steps: int | None = None
+    modes: int | None = None
+    contact: bool = True
+    jacobian: str = "auto"
+    longest: int = LONGEST
+    segments: int = 1
+    band: float | None = None
+
+
+def prepare(
+    owner: str,
+    system: Model | ReducedModel,
+    load,
+    frequency: float,
+    *,
+    settings: PeriodSettings,
+    guess: Orbit | None = None,
+) -> Period:
+    """The period map of checked input. Collective.
+
+    Parameters
+    ----------
+    owner : str
+        The analysis, for messages.
+    guess : Orbit, optional
+        A motion to begin from, of the same reduced model.
+    """
+    with collective(communicator(system)):
+        loads = loading(owner, system, load, lambda value: Harmonic(value, frequency))
+        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+    require_compiler(owner, communicator(system))
+    unknown = any(signal.highest_frequency is None for signal in loads.signals)
+    highest = max(frequency if unknown else 0.0, loads.highest_frequency)
+    highest *= (settings.band or frequency) / frequency
+    modes = settings.modes
+    if modes is None and guess is not None and guess.reduced is not None and isinstance(system, Model):
+        modes = len(guess.reduced.omega)
+    reduced = serving(owner, system, loads, modes, highest)
+    with collective(communicator(system)):
+        if guess is not None:
+            check_guess(owner, guess, reduced)
+    excitation = excitation.moving(reduced, frequency)
+    steps, contact = settings.steps, settings.contact and len(reduced.initial_gap) > 0
+    fastest = max((signal.highest_frequency or 0.0 for signal in loads.signals), default=0.0)
+    if steps is None:
+        steps = STEPS
+        if contact:
+            steps = max(steps, math.ceil(reduced.frequencies.max(initial=0.0) / (CONTACT_STEP * frequency)))
+            steps = max(steps, math.ceil(FAST_STEPS * fastest / frequency))
+        if len(excitation.orders) > LINES:  # none of them is to fold back
+            steps = max(steps, math.ceil((2 * excitation.orders.max() + 1) / excitation.periods))
+        multiple = settings.segments // math.gcd(settings.segments, excitation.periods)
+        steps = multiple * math.ceil(steps / multiple)
+    elif contact:
+        warn_if_coarse(owner, steps, frequency, fastest, period="forcing period")
+    require_period(owner, reduced, steps * excitation.periods, len(excitation.orders), settings.contact)
+    return Period(reduced, excitation, steps * excitation.periods, settings.contact)
+
+
+def period_memory(reduced: ReducedModel, steps: int, orders: int, contact: bool = True) -> float:
+    """Bytes of the motion over a period of so many steps and of its derivative, while contact acts at half of
+    the instants; `orders` are the multiples of the base frequency in the loads.
+    """
+    modes, rows = len(reduced.omega), len(reduced.initial_gap) if contact else 0
+    # two motions, the linear one and its gaps; the rows that are condensed for the derivative
+    motion = 6 * modes + 6 * rows + 8 * min(orders, LINES)
+    return 8.0 * steps * (motion + 0.5 * min(rows, DIRECTIONS) * 7 * modes)
+
+
+def require_period(
+    owner: str, reduced: ReducedModel, steps: int, orders: int, contact: bool = True, further: float = 0.0
+) -> None:
+    """Refuse a period whose motion and derivative, and `further` bytes, would take more memory than is free.
+    Collective.
+
+    Raises
+    ------
+    ValueError
+        On all ranks.
+    """
+    require_memory(
+        owner,
+        reduced.comm,
+        period_memory(reduced, steps, orders, contact) + further,
+        f"{steps:,d} steps a period of {len(reduced.omega)} modes",
+        lambda share: "give fewer steps or modes, or use static for so slow a load",
+    )
+
+
+def finer(owner: str, period: Period, times: int) -> Period:
+    """A period in so many times the steps, if there is room for it. Collective.
+
+    Raises
+    ------
+    ValueError
+        On all ranks.
+    """
+    steps, orders = times * period.steps, len(period.excitation.orders)
+    require_period(owner, period.reduced, steps, orders, period.pairs > 0)
+    return period.in_steps(steps)
+
+
+def check_reduction(owner: str, reduction: object) -> None:
+    """Raise TypeError unless it is "modes" or None."""
+    if reduction is not None and not (isinstance(reduction, str) and reduction == "modes"):
+        raise TypeError(
+            f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in "
+            "the place of the model"
+        )
+
+
+def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:
+    """A motion's state has a meaning in the modes of its own model alone."""
+    if guess.reduced is None:
+        raise ValueError(f"{owner}: the motion to begin from is that of an unreduced model")
+    same = guess.reduced is reduced or (
+        guess.reduced.model is not None
+        and guess.reduced.model is reduced.model
+        and len(guess.reduced.omega) == len(reduced.omega)
+    )
+    if not same:
+        raise ValueError(
+            f"{owner}: the motion to begin from belongs to another model or another number of modes "
+            f"({len(guess.reduced.omega)}, not {len(reduced.omega)}); give one of the same model, or its "
+            "reduced model in the place of the model"
+        )

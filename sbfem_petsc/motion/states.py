@@ -1,0 +1,312 @@
+"""How the instants of a motion are kept: in modal coordinates, or as samples of an unreduced model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from ..errors import SolveError, UnknownName, listed, on_all_ranks
+from ..reduction.outputs import LinearOutput
+from ..reduction.reduced_model import ReducedModel
+from ..system.places import checked_place
+from ..system.sampling import Field
+from ..system.tip_facts import TipFacts
+from .unreduced.kept_fields import KeptFields
+
+# The name of a point, or coordinates in m.
+Point = str | tuple[float, float]
+
+NOT_KEPT = (
+    "a motion of an unreduced model keeps its fields up to 256 MB a rank, and neither in files nor when it "
+    "goes on from one; name further points, keep fewer steps (decimation), or use the reduced model"
+)
+
+
+class States(Protocol):
+    """What every motion can be asked, (n, ...) over its instants."""
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+
+    @property
+    def tip_facts(self) -> TipFacts:
+        """What kind of tips they are."""
+
+    @property
+    def pairs(self) -> int:
+        """Number of contact rows that are node pairs."""
+
+    @property
+    def contact(self) -> np.ndarray:
+        """(n, c): forces of all contact rows, N."""
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, c): gaps of all contact rows, m."""
+
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n, 2), m."""
+
+    def bound(self) -> float:
+        """No named point moves further, m."""
+
+    def velocity(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s."""
+
+    def acceleration(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s^2."""
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): xx, yy, xy, Pa. Collective."""
+
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective."""
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+
+    def field(self, instant: int) -> Field:
+        """Displacements of this rank's nodes, and what contact does inside the tips' S-elements.
+        Collective."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModalStates:
+    """Instants of a reduced model's motion.
+
+    Attributes
+    ----------
+    q, v : (n, m) arrays
+        Modal coordinates and their rates.
+    amplitudes : (n, l) array
+        Of the unit loads.
+    contact : (n, c) array
+        N, compression positive.
+    reduced : ReducedModel
+    """
+
+    q: np.ndarray
+    v: np.ndarray
+    amplitudes: np.ndarray
+    contact: np.ndarray
+    reduced: ReducedModel
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+        return self.reduced.tips.names
+
+    @property
+    def tip_facts(self) -> TipFacts:
+        """What kind of tips they are."""
+        return self.reduced.tip_facts
+
+    @property
+    def pairs(self) -> int:
+        """Number of contact rows that are node pairs."""
+        return self.reduced.pairs
+
+    @property
+    def gap(self) -> np.ndarray:
+        """(n, c): gaps of all contact rows, m."""
+        return self.reduced.gap(self.q, self.amplitudes, self.contact) + self.reduced.initial_gap
+
+    @property
+    def modal_acceleration(self) -> np.ndarray:
+        """(n, m): second derivative of q, from the equations of motion."""
+        r = self.reduced
+        forces = self.amplitudes @ r.load_modes.T + self.contact @ r.gap.modes
+        return forces - 2.0 * r.damping * r.omega * self.v - r.omega**2 * self.q
+
+    def _output(self, point: Point) -> LinearOutput:
+        if isinstance(point, str):
+            return self.reduced.points.of(point, "point")
+        return self.reduced.output_at("displacement", checked_place("displacement", point))
+
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n, 2), m."""
+        return self._output(point)(self.q, self.amplitudes, self.contact)
+
+    def bound(self) -> float:
+        """No named point moves further, m: by the largest of each coordinate, load and contact force, which
+        is a fraction of the work that their displacements are.
+        """
+        output, total = self.reduced.points, 0.0
+        for rows, values in (
+            (output.modes, self.q),
+            (output.loads, self.amplitudes),
+            (output.contact, self.contact),
+        ):
+            largest = np.maximum(values.max(axis=0, initial=0.0), -values.min(axis=0, initial=0.0))
+            total = total + np.abs(rows) @ largest
+        return float(np.linalg.norm(total, axis=-1).max(initial=0.0))
+
+    def velocity(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s, of the modes: the residual flexibility moves without inertia and is left out."""
+        return self._output(point).rates(self.v)
+
+    def acceleration(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s^2, of the modes (see `velocity`)."""
+        return self._output(point).rates(self.modal_acceleration)
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): xx, yy, xy, Pa. Collective."""
+        if isinstance(place, str):
+            self.reduced.points.of(place, "point")
+            model = self.reduced.model
+            # without a model any place gets the sentence that says so
+            place = (0.0, 0.0) if model is None else model.points[place][0]
+        output = self.reduced.output_at("stress", checked_place("stress", place))
+        return output(self.q, self.amplitudes, self.contact)
+
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective."""
+        u, stress = (
+            self.reduced.output_along(kind, points)(self.q, self.amplitudes, self.contact)
+            for kind in ("displacement", "stress")
+        )
+        return u.reshape(len(u), len(points), 2), stress.reshape(len(u), len(points), 3)
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+        return self.reduced.tips.of(tip, "crack tip")(self.q, self.amplitudes, self.contact)
+
+    def field(self, instant: int) -> Field:
+        """Displacements of this rank's nodes, residual flexibility included, and what contact does inside the
+        tips' S-elements. Collective.
+        """
+        return self.reduced.field(self.q[instant], self.amplitudes[instant], self.contact[instant])
+
+
+@dataclass(frozen=True, eq=False)
+class SampledStates:
+    """Instants of an unreduced model's motion: what was sampled while it ran.
+
+    Attributes
+    ----------
+    displacements, velocities, accelerations : dict of str to (n, 2) array
+        Of the named points, m, m/s, m/s^2.
+    contact, gap : (n, c) arrays
+        N (mean of the step that ends at the instant) and m.
+    pairs : int
+    intensities : dict of str to (n, 2) array
+        Pa m^(1/2), or as `tip_facts` says.
+    tip_facts : TipFacts
+    fields : KeptFields or None
+        For any other place.
+    """
+
+    displacements: dict[str, np.ndarray]
+    velocities: dict[str, np.ndarray]
+    accelerations: dict[str, np.ndarray]
+    contact: np.ndarray
+    gap: np.ndarray
+    pairs: int
+    intensities: dict[str, np.ndarray]
+    tip_facts: TipFacts
+    fields: KeptFields | None = None
+
+    def _fingerprint(self) -> object:
+        """What tells it from others, the same on all ranks."""
+        return self.displacements, self.contact, self.gap
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What is pickled or copied: without the fields, which are those of a model in this process."""
+        return {**self.__dict__, "fields": None}
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return tuple(self.displacements)
+
+    @property
+    def tips(self) -> tuple[str, ...]:
+        """Names of the crack tips."""
+        return tuple(self.intensities)
+
+    def displacement(self, point: Point) -> np.ndarray:
+        """(n, 2), m. Collective for a place (x, y)."""
+        if isinstance(point, str):
+            return _of(self.displacements, point, "point")
+        place = checked_place("displacement", point)
+        return self._kept("displacement").along("displacement", [place], self.contact)[:, 0]
+
+    def bound(self) -> float:
+        """No named point moves further, m."""
+        moves = self.displacements.values()
+        return max((float(np.linalg.norm(u, axis=-1).max()) for u in moves), default=0.0)
+
+    def velocity(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s."""
+        return _of(self.velocities, point, "point")
+
+    def acceleration(self, point: Point) -> np.ndarray:
+        """(n, 2), m/s^2, extrapolated from the mean ones of the last two steps; at first the mean of the
+        first step.
+        """
+        return _of(self.accelerations, point, "point")
+
+    def stress_intensity(self, tip: str) -> np.ndarray:
+        """(n, 2): K_I and K_II, Pa m^(1/2)."""
+        return _of(self.intensities, tip, "crack tip")
+
+    def stress(self, place: Point) -> np.ndarray:
+        """(n, 3): xx, yy, xy, Pa. Collective.
+
+        Raises
+        ------
+        SolveError
+            If the fields are not kept; on all ranks.
+        """
+        fields = self._kept("stress")
+        if isinstance(place, str):
+            _of(self.displacements, place, "point")
+            place = fields.model.points[place][0]
+        return fields.along("stress", [checked_place("stress", place)], self.contact)[:, 0]
+
+    def along(self, points: list[tuple[float, float]]) -> tuple[np.ndarray, np.ndarray]:
+        """Displacement (n, points, 2), m, and stress (n, points, 3), Pa. Collective.
+
+        Raises
+        ------
+        SolveError
+            If the fields are not kept; on all ranks.
+        """
+        fields = self._kept("along")
+        u, stress = (fields.along(kind, points, self.contact) for kind in ("displacement", "stress"))
+        return u, stress
+
+    def field(self, instant: int) -> Field:
+        """Displacements of this rank's nodes, and what contact does inside the tips' S-elements. Collective.
+
+        Raises
+        ------
+        SolveError
+            If the fields are not kept; on all ranks.
+        """
+        return self._kept("field").field(instant, self.contact[instant])
+
+    def _kept(self, what: str) -> KeptFields:
+        if self.fields is None:
+            raise on_all_ranks(SolveError(f"{what}: {NOT_KEPT}"))
+        return self.fields
+
+
+def _of(table: dict[str, np.ndarray], name: Point, kind: str) -> np.ndarray:
+    if not isinstance(name, str):
+        raise on_all_ranks(SolveError(f"{kind} {name!r}: {NOT_KEPT}"))
+    if name not in table:
+        raise UnknownName(f"{kind} {name!r} does not exist; the model has {listed(table)}")
+    return table[name]

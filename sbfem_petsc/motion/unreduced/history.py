@@ -1,0 +1,298 @@
+"""Time histories of the unreduced model: average acceleration on PETSc (prefix ``newmark_``), contact
+implicit.
+
+A step solves (4/h^2 M + 2/h C + K) (u1 - u0) = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T force with a matrix
+factorised once (`unreduced_steps`). Nodes on crack faces have mass here. The contact force is that of the
+step alone (Kane et al. 1999; Deuflhard, Krause and Ertel 2008): it is not carried into the next step's
+acceleration, so contact dissipates and never feeds energy in. A node that closes loses the energy of its own
+mass, however short the step: over the burst of a lightly damped cantilever 7e-3, 1.9e-3, 2.2e-3, 1.0e-3 and
+1.2e-3 of what is supplied with 400, 800, 1600, 3200 and 6400 steps a period of the first mode. Halving steps,
+as those of reduced models are, would not take this away.
+
+The model's damping ratio is that of the computed modes, C = sum of 2 zeta omega (M phi)(M phi)^T; everything
+above them is undamped but for Rayleigh's a M + b K.
+
+Scheme "paper" is that of eqs. (28)-(34) of Sepehry et al.: pairs that penetrate are tied in one pass, tension
+allowed, and the multiplier is carried in the acceleration. It is there to be compared with: contact feeds
+energy in without bound, the sooner the smaller the step.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from ...errors import SolveError, on_all_ranks
+from ...loads import Load
+from ...petsc import stage
+from ...signals.signal import Signal
+from ...system.demand import require_steps
+from ...system.equilibrium import equilibrium
+from ...system.model import Model
+from ...system.modes import lowest_modes
+from ...system.pencil import Pencil
+from ...system.resolution import warn_of_tips
+from ...system.tip_facts import TipFacts
+from ..drive import Drive
+from ..energy import Energy
+from ..history import History
+from ..initial import unreduced_state
+from ..integration import Column, Recorder, Rows, Steps
+from ..states import SampledStates
+from .kept_fields import KeptFields
+from .steps import KEPT_RESPONSES, UnreducedSteps
+
+# Steps between two settlements of the state, records on disk and reports of progress.
+CHUNK = 256
+# The paper's scheme is stopped when its energy exceeds what was supplied by this factor.
+RUNAWAY = 1.1
+
+
+class UnreducedIntegrator:
+    """An unreduced model on its way; an `integration.Integrator` and a context manager.
+
+    Parameters
+    ----------
+    model : Model
+    units : sequence of Load
+    signals : sequence of Signal
+        One for each unit load.
+    steps : Steps
+        Their scheme is "implicit" or "paper".
+    initial : {"rest", "equilibrium"} or (displacement, velocity)
+        Functions of x and y (m, arrays) that give (u_x, u_y), or None for zero.
+    modes : int
+        Number of modes that are computed where the model has a damping ratio.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        units: Sequence[Load],
+        signals: Sequence[Signal],
+        *,
+        steps: Steps,
+        initial,
+        modes: int,
+    ):
+        model.require_support("the transient analysis")
+        warn_of_tips("transient", model)
+        self.model, self.steps = model, steps
+        self.drive = Drive(model.comm, signals, steps.step)
+        self.comm, self.chunk = model.comm, CHUNK
+        require_steps("transient", model, modes if model.damping else 0, KEPT_RESPONSES)
+        found = lowest_modes(model, modes, auxiliary_tolerance=0.0) if model.damping else None
+        with contextlib.ExitStack() as freed:  # here, if there is an error before anything is integrated
+            self.pencil = Pencil(model, 1.0, 0.0)
+            freed.callback(self.pencil.destroy)
+            self.march = UnreducedSteps(model, self.pencil, units, steps, found)
+            freed.callback(self.march.release)
+            self.columns = unreduced_columns(model)
+            self.fields = KeptFields(model, units, steps.kept)
+            self.force = self._set_initial(units, initial)
+            self._freed = freed.pop_all()
+        self.march.stored = self.march.stored_in(self.force)
+        # energy at t = 0 and largest work of the loads so far, J
+        self.begun = initial if isinstance(initial, str) else "functions"
+        self.initial, self.supplied = float(self.march.energies().sum()), 0.0
+
+    def __enter__(self) -> UnreducedIntegrator:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._freed.close()
+
+    def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
+        """Tell a recorder what the history will hold. Collective."""
+        model, march = self.model, self.march
+        settings = self.steps.settings | {
+            "initial": self.begun,
+            "initial_norms": np.sqrt(march.summed(np.array([march.u @ march.u, march.v @ march.v]))),
+            "chunk": self.chunk,
+            "damping": model.damping,
+            "damped_modes": len(march.omega),
+            "rayleigh": np.array(model.rayleigh),
+            "pairs": model.gap_operator.pairs,
+            "continued_fraction": model.continued_fraction,
+            "unknowns": model.unknowns,
+        }
+        record.begin(
+            self.columns,
+            settings,
+            signals,
+            texts={"points": tuple(model.points)},
+            tips=model.tips.facts,
+            fingerprint=march.fingerprint(),
+        )
+
+    def first(self) -> Rows:
+        """The row of t = 0."""
+        march = self.march
+        amplitudes, sums = self.drive.sums(0, 1)
+        march.slope = march.first_slope(sums[0])
+        march.amplitudes = amplitudes[0]
+        gap = march.displacements()[: march.pairs] + march.gap0 + march.load_gaps @ march.amplitudes
+        gap = gap + march.own_flexibility @ self.force
+        return self._stacked([self._row(0.0, march.slope, self.force, gap, march.energies())])
+
+    @stage("Steps")
+    def advance(self, done: int, steps: int, decimation: int) -> Rows:
+        """Take some steps, that end with a settled state; the rows of those that are kept."""
+        march, kept = self.march, []
+        time = (done + np.arange(steps + 1)) * march.step
+        amplitudes, sums = self.drive.sums(done, steps)
+        for k in range(steps):
+            slope = march.slope
+            force, gap = march.advance(sums[k], amplitudes[k + 1])
+            keep = (done + k + 1) % decimation == 0
+            if keep or march.scheme == "paper":
+                energies = march.energies()
+                if march.scheme == "paper" and done + k > 20:
+                    self._check_energy(energies, time[k + 1])
+                if keep:
+                    kept.append(self._row(time[k + 1], 1.5 * march.slope - 0.5 * slope, force, gap, energies))
+        march.settle()
+        return self._stacked(kept)
+
+    def _check_energy(self, energies: np.ndarray, time: float) -> None:
+        """Stop the paper's scheme where it has produced energy of its own."""
+        work = self.march.work[0]
+        self.supplied = max(self.supplied, abs(work))
+        if sum(energies) > RUNAWAY * (self.initial + self.supplied + 1e-300):
+            raise on_all_ranks(
+                SolveError(
+                    f'transient: the energy of scheme "paper" has run away at t = {time:.6g} s '
+                    f"({sum(energies):.3g} J for {work:.3g} J of work done): the multiplier carried "
+                    "in the acceleration of contact nodes with mass feeds energy in; use the default scheme"
+                )
+            )
+
+    def _row(
+        self, time: float, acceleration: np.ndarray, force: np.ndarray, gap: np.ndarray, energies: np.ndarray
+    ) -> tuple:
+        """Values at the present instant."""
+        places, speeds = self.march.at_points()
+        energies = np.concatenate([energies, self.march.work])
+        forces_and_gaps = self.march.padded(force, gap)
+        intensities = self.march.intensities()
+        if self.fields.wanted:
+            self.fields.add(self.march.owned(), self.march.amplitudes)
+        return (np.float64(time), places, speeds, acceleration, *forces_and_gaps, energies, intensities)
+
+    def _stacked(self, rows: list[tuple]) -> Rows:
+        if not rows:
+            return {name: np.zeros((0, *column.shape)) for name, column in self.columns.items()}
+        return {name: np.array(part) for name, part in zip(self.columns, zip(*rows))}
+
+    def checkpoint(self) -> np.ndarray:
+        """This rank's state, and what every rank knows of the account of work."""
+        march = self.march
+        numbers = [
+            self.initial,
+            self.supplied,
+            march.stored,
+            *march.work,
+            *march.carried,
+            *march.slope.ravel(),
+        ]
+        return np.concatenate([numbers, march.contact.state, march.u, march.v]).astype(float)
+
+    def restore(self, checkpoint: np.ndarray) -> None:
+        """Go on from a checkpoint."""
+        march = self.march
+        sizes = (3, 3, march.pairs, march.slope.size, march.pairs, march.u.size, march.u.size)
+        head, work, carried, slope, rows, u, v = np.split(checkpoint, np.cumsum(sizes)[:-1])
+        self.initial, self.supplied, march.stored = map(float, head)
+        march.work[:], march.carried, march.slope = work, carried.copy(), slope.reshape(-1, 2)
+        self.fields.wanted = False  # those of the former run are gone
+        march.contact.state[:], march.u[:], march.v[:] = rows, u, v
+        march.settle(fold=False)
+
+    def history(self, rows: Rows) -> History:
+        """The motion of all rows."""
+        model = self.model
+        return unreduced_history(
+            rows,
+            SampledRun(
+                tuple(model.points),
+                model.tips.facts,
+                model.gap_operator.pairs,
+                self.march.step,
+                len(self.march.omega),
+            ),
+            fields=self.fields.complete(len(rows["time"])),
+        )
+
+    def _set_initial(self, units: Sequence[Load], initial) -> np.ndarray:
+        """Set the state at t = 0; the contact forces there."""
+        model, march = self.model, self.march
+        force = np.zeros(march.pairs)
+        if isinstance(initial, str):
+            if initial == "rest" or not units:
+                return force
+            columns = model.load_columns(units)
+            amplitudes = self.drive(np.zeros(1))[0]
+            found = equilibrium(model, columns.combined(amplitudes), self.steps.contact)
+            march.u[: self.pencil.owned] = found.owned
+            force = found.force[: march.pairs].copy()
+        else:
+            for state, function, what in zip((march.u, march.v), initial, ("displacement", "velocity")):
+                state[:] = unreduced_state(self.pencil, function, what)
+        march.force = force
+        march.settle(fold=False)
+        return force
+
+
+def unreduced_columns(model: Model) -> dict[str, Column]:
+    """What is kept of each instant."""
+    return sampled_columns(len(model.points), len(model.tips.names), len(model.gap_operator))
+
+
+def sampled_columns(points: int, tips: int, size: int) -> dict[str, Column]:
+    """The same of so many points, crack tips and contact rows."""
+    return {
+        "time": Column((), "s", "instants"),
+        "displacement": Column((points, 2), "m", "of the named points"),
+        "velocity": Column((points, 2), "m/s", "of the named points"),
+        "acceleration": Column((points, 2), "m/s^2", "of the named points"),
+        "contact_force": Column((size,), "N", "forces of the contact rows, compression positive"),
+        "gap": Column((size,), "m", "gaps of the contact rows"),
+        "energies": Column((5,), "J", "kinetic, strain, external, damping, contact"),
+        "stress_intensity": Column((tips, 2), "Pa m^(1/2)", "K_I and K_II of the tips"),
+    }
+
+
+class SampledRun(NamedTuple):
+    """What a history's rows do not tell: names of points, the tips, pairs, the step (s), damped modes."""
+
+    points: tuple[str, ...]
+    tips: TipFacts
+    pairs: int
+    step: float
+    damped_modes: int
+
+
+def unreduced_history(
+    rows: Rows, run: SampledRun, complete: bool = True, fields: KeptFields | None = None
+) -> History:
+    """A history from its rows by the names of `UnreducedIntegrator.columns`, and its fields."""
+    places, speeds, accelerations = (
+        {name: rows[field][:, k] for k, name in enumerate(run.points)}
+        for field in ("displacement", "velocity", "acceleration")
+    )
+    intensities = {name: rows["stress_intensity"][:, k] for k, name in enumerate(run.tips.names)}
+    states = SampledStates(
+        places,
+        speeds,
+        accelerations,
+        rows["contact_force"],
+        rows["gap"],
+        run.pairs,
+        intensities,
+        run.tips,
+        fields,
+    )
+    return History(rows["time"], states, Energy(*rows["energies"].T), run.step, 0, run.damped_modes, complete)

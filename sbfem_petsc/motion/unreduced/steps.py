@@ -1,0 +1,388 @@
+"""Steps of the unreduced model: one linear solve and one product with K each, everything else in a few
+numbers a step.
+
+A step solves for the increment d = u1 - u0, (4/h^2 M + 2/h C + K) d = 4/h M v0 - 2 K u0 + f0 + f1 + 2 G^T
+force, in which less is lost to round-off than in u1. d and K d carry u, v, K u and M v on by sums: the
+equation solved tells M d from K d, and a product with K, which leaves the auxiliary unknowns alone, costs a
+third of one with M. Gaps, displacements of the named points and at the loads are a few rows of the unknowns
+(probes); those of d alone are formed, and kept the same on every rank.
+
+Modal damping, C = sum of 2 zeta omega (M phi)(M phi)^T over computed modes, touches only what the modes
+carry, and there the equations of a step fall apart into single ones. The large vectors are therefore advanced
+without it, the modes with and without it beside them, and the difference of the two, a few numbers, is added
+to the probes and the energies in each step and to the large vectors now and then (`settle`).
+
+The contact problem of a step needs the responses to contact forces at the probes alone. The large vector
+follows from kept responses of all unknowns where the contact rows are few, else from a second solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import sparse
+
+from ...loads import Load
+from ...petsc import MPI, free, stage
+from ...system.modal_result import Modal
+from ...system.model import Model
+from ...system.pencil import CondensedSolve, Pencil
+from ...system.static_solver import block_width
+from ..initial import full_shapes
+from ..integration import Steps
+from .contact import StepContact
+from .kernels import Increment, Moving, StepFactors, add_columns, advance, form
+from .probes import SparseColumns, probe_rows
+
+# Contact rows up to which the responses of all unknowns are kept: adding more vectors takes longer than a
+# second solve does.
+KEPT_RESPONSES = 200
+
+
+@dataclass
+class _Solved:
+    """Solution of a step that is not yet taken: increments of probes and modes, contact forces, gaps."""
+
+    probes: np.ndarray
+    damped: np.ndarray
+    undamped: np.ndarray
+    force: np.ndarray
+    gap: np.ndarray
+
+
+class UnreducedSteps:
+    """State and constants of one run.
+
+    Parameters
+    ----------
+    model : Model
+    pencil : Pencil
+        With all auxiliary unknowns.
+    units : sequence of Load
+    steps : Steps
+        Their scheme is "implicit" or "paper".
+    found : Modal or None
+        The modes in which the model's damping ratio is met.
+
+    Attributes
+    ----------
+    u, v : (local unknowns,) arrays
+        This rank's state; that of the structure only after `settle`.
+    work : (3,) array
+        Work of the loads, of damping and of contact since the start, J.
+    contact : StepContact
+    carried : (c,) array
+        Contact force that the paper's scheme takes from a step to the next one, N.
+    slope : (points, 2) array
+        Mean acceleration of the named points over the last step, m/s^2.
+    stored : float
+        Energy in the contact rows' own flexibility, J.
+    """
+
+    def __init__(
+        self, model: Model, pencil: Pencil, units: Sequence[Load], steps: Steps, found: Modal | None
+    ):
+        self.model, self.pencil, self.scheme = model, pencil, steps.scheme
+        step = self.step = steps.step
+        a, b = self.rayleigh = model.rayleigh
+        self.stretch, self.inertia = 1.0 + 2.0 * b / step, 4.0 / step**2 + 2.0 * a / step
+        self.rate = 2.0 / step
+        self.solve = CondensedSolve(pencil, -self.inertia / self.stretch, prefix="newmark_", what="transient")
+        self.d, self.product, self.right = (pencil.stiffness.createVecRight() for _ in range(3))
+        size = self.d.getLocalSize()
+        self.u, self.v, self.mass_v, self.stiffness_u = (np.zeros(size) for _ in range(4))
+        try:
+            self._set_up(units, found, steps.contact)
+        except BaseException:
+            self.release()
+            raise
+
+    # ------------------------------------------------------------------ set-up
+    def _set_up(self, units, found: Modal | None, contact: bool) -> None:
+        """Everything but the large vectors and the factorisation."""
+        self._probes(units, contact)
+        self._modes(found)
+        self._respond()
+        flexibility = (
+            self.probe_responses[: self.pairs]
+            - (self.gap_modes * (1.0 / self.left - 1.0 / self.left_damped)) @ self.gap_modes.T
+        )
+        # the implicit force acts at its full value over the step, the paper's with half of it, the other half
+        # in the step after
+        self.share = 1.0 if self.scheme == "paper" else 2.0
+        self.contact = StepContact(
+            0.5 * self.share * (flexibility + flexibility.T) + self.own_flexibility, self.laws, self.scheme
+        )
+        self.q = self.p = self.q0 = self.p0 = np.zeros(len(self.omega))
+        self.work, self.carried = np.zeros(3), np.zeros(self.pairs)
+        self.slope = np.zeros((len(self.model.points), 2))
+        self.stored = 0.0
+        self.settle(fold=False)
+
+    def _probes(self, units, contact: bool) -> None:
+        """Rows over this rank's unknowns: gaps, unit loads, x and y of the named points."""
+        gap = self.model.gap_operator
+        count = len(gap) if contact else 0
+        self.gap0, self.own_flexibility = gap.initial[:count], gap.flexibility[:count, :count]
+        self.laws = gap.laws.first(count)
+        self.pairs, self.loads = count, len(units)
+        columns = self.model.load_columns(units)
+        self.load_gaps, self.load_tips = columns.gaps[:count], columns.tips
+        self.free_gap, self.force, self.amplitudes = self.gap0, np.zeros(count), np.zeros(self.loads)
+        gaps, forces, points = probe_rows(self.pencil, units, columns.forces, count)
+        self.probes = sparse.vstack([gaps, forces, points], format="csr")
+        self.gap_columns, self.load_columns = SparseColumns(gaps), SparseColumns(forces)
+
+    @stage("Contact")
+    def _respond(self) -> None:
+        """Responses to unit contact forces within a step: at the probes, and if they are kept of all
+        unknowns.
+        """
+        size, count = self.u.size, self.pairs
+        kept = count <= KEPT_RESPONSES
+        self.responses = np.empty((size, count), order="F") if kept else None
+        self.probe_responses = np.empty((self.probes.shape[0], count))
+        width = block_width(self.model)
+        for first in range(0, count, width):
+            block = slice(first, min(first + width, count))
+            found = self.solve.of_rows(self.model.gap_operator.rows, block)
+            found /= self.stretch
+            self.probe_responses[:, block] = self.probes @ found
+            if self.responses is not None:
+                self.responses[:, block] = found
+        self.probe_responses = self.summed(self.probe_responses)
+
+    def _modes(self, found: Modal | None) -> None:
+        """Modes over all unknowns, and the scalars of their steps."""
+        pencil = self.pencil
+        self.omega = 2.0 * np.pi * found.frequencies if found is not None else np.zeros(0)
+        self.phi = full_shapes(pencil, found) if found is not None else np.zeros((self.u.size, 0))
+        self.probe_modes = self.summed(self.probes @ self.phi)
+        self.gap_modes = self.probe_modes[: self.pairs]
+        self.tip_modes = self.model.tips.rows(self.phi[: pencil.owned])
+        self.friction = 2.0 * self.model.damping * self.omega
+        self.left = self.inertia + self.stretch * self.omega**2
+        self.left_damped = self.left + self.rate * self.friction
+
+    def summed(self, array: np.ndarray) -> np.ndarray:
+        """Sum over the ranks. Collective."""
+        array = np.ascontiguousarray(array)
+        self.model.comm.Allreduce(MPI.IN_PLACE, array)
+        return array
+
+    def _times(self, matrix, array: np.ndarray) -> np.ndarray:
+        self.d.array = array
+        matrix.mult(self.d, self.product)
+        return self.product.array_r.copy()
+
+    # ------------------------------------------------------------------ state
+    def settle(self, fold: bool = True) -> None:
+        """Bring the damping's share into the large vectors, and everything carried along beside u and v back
+        to what follows from them.
+
+        Called between chunks of steps: the continuation of a history depends on u and v alone, and round-off
+        does not pile up. Without `fold`, u and v have been set to the structure's state.
+        """
+        if fold:
+            self.u += self.phi @ (self.q - self.q0)
+            self.v += self.phi @ (self.p - self.p0)
+        self.mass_v, self.stiffness_u = (
+            self._times(self.pencil.mass, self.v),
+            self._times(self.pencil.stiffness, self.u),
+        )
+        self.at_u, self.at_v = self.summed(self.probes @ self.u), self.summed(self.probes @ self.v)
+        self.q, self.p = (
+            self.summed(self.phi.T @ self._times(self.pencil.mass, self.u)),
+            self.summed(self.phi.T @ self.mass_v),
+        )
+        self.q0, self.p0 = self.q.copy(), self.p.copy()
+        self.contact.forget()
+
+    def displacements(self) -> np.ndarray:
+        """Probes of the displacement."""
+        return self.at_u + self.probe_modes @ (self.q - self.q0)
+
+    def owned(self) -> np.ndarray:
+        """This rank's displacement unknowns."""
+        count = self.pencil.owned
+        return self.u[:count] + self.phi[:count] @ (self.q - self.q0)
+
+    def velocities(self) -> np.ndarray:
+        """Probes of the velocity."""
+        return self.at_v + self.probe_modes @ (self.p - self.p0)
+
+    def at_points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements and velocities (points, 2) of the named points."""
+        first = self.pairs + self.loads
+        places, speeds = (part[first:].reshape(-1, 2) for part in (self.displacements(), self.velocities()))
+        return places, speeds
+
+    def intensities(self) -> np.ndarray:
+        """(tips, 2): K_I and K_II, Pa m^(1/2)."""
+        tips = self.model.tips.rows
+        if not len(tips):
+            return np.zeros((0, 2))
+        moved = tips(self.u[: self.pencil.owned]) + self.tip_modes @ (self.q - self.q0)
+        inside = self.model.tips.contact[:, : self.pairs] @ self.force + self.load_tips @ self.amplitudes
+        return (moved + inside).reshape(-1, 2)
+
+    def padded(self, force: np.ndarray, gap: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Forces and gaps of all contact rows, also where contact is switched off: no forces then."""
+        operator = self.model.gap_operator
+        if self.pairs == len(operator):
+            return force, gap
+        modes = operator.rows(self.phi[: self.pencil.owned]) @ (self.q - self.q0)
+        return np.zeros(len(operator)), operator.rows(self.u[: self.pencil.owned]) + modes + operator.initial
+
+    def energies(self) -> np.ndarray:
+        """Kinetic and strain energy, J."""
+        local = self.summed(np.array([self.v @ self.mass_v, self.u @ self.stiffness_u]))
+        energies = 0.5 * (
+            local
+            + [
+                self.p @ self.p - self.p0 @ self.p0,
+                ((self.omega * self.q) ** 2).sum() - ((self.omega * self.q0) ** 2).sum(),
+            ]
+        )
+        return energies + [0.0, self.stored]
+
+    # ------------------------------------------------------------------ steps
+    def advance(self, drive: np.ndarray, after: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """One step under load amplitudes whose mean is half of `drive`, and which are `after` at its end;
+        contact forces and gaps there.
+        """
+        self.free_gap, self.amplitudes = self.gap0 + self.load_gaps @ after, after
+        solved = self._take(drive)
+        self.force = solved.force
+        stored, self.stored = self.stored, self.stored_in(solved.force)
+        self.work[2] += self.stored - stored
+        return solved.force, solved.gap
+
+    def advance_linearised(self, acting: np.ndarray) -> None:
+        """One step of a small disturbance of a motion whose rows `acting` (c,) keep their gaps in it."""
+        self._take(np.zeros(self.loads), acting)
+
+    def stored_in(self, force: np.ndarray) -> float:
+        """Energy that contact forces store in the rows' own flexibility, J."""
+        return 0.5 * float(force @ self.own_flexibility @ force)
+
+    def _take(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
+        """Solve a step and move the state."""
+        speed = self.velocities()
+        solved = self.solve_step(drive, acting)
+        self.pencil.stiffness.mult(self.d, self.product)
+        lost = advance(
+            Moving(self.u, self.v, self.mass_v, self.stiffness_u),
+            Increment(self.d.array_r, self.product.array_r, self.right.array_r),
+            StepFactors(self.inertia, self.stretch, self.rate),
+        )
+        for place, velocity, change in (
+            (self.at_u, self.at_v, solved.probes),
+            (self.q, self.p, solved.damped),
+            (self.q0, self.p0, solved.undamped),
+        ):
+            place += change
+            velocity *= -1.0
+            velocity += self.rate * change
+        self.slope = (self.velocities() - speed)[self.pairs + self.loads :].reshape(-1, 2) / self.step
+        applied, change = (
+            self.share * solved.force + self.carried,
+            solved.probes + self.probe_modes @ (solved.damped - solved.undamped),
+        )
+        self.work[0] += 0.5 * drive @ change[self.pairs : self.pairs + self.loads]
+        self.work[1] += (self.friction * solved.damped) @ solved.damped / self.step
+        self.work[2] += 0.5 * applied @ change[: self.pairs]
+        if any(self.rayleigh):
+            # the large vectors moved as the undamped modes do: these are exchanged for the damped ones
+            a, b = self.rayleigh
+            local = float(self.summed(np.array([a * lost[0] + b * lost[1]]))[0])
+            self.work[1] += (
+                local + (a + b * self.omega**2) @ (solved.damped**2 - solved.undamped**2)
+            ) / self.step
+        if self.scheme == "paper":
+            self.carried = solved.force
+        return solved
+
+    def solve_step(self, drive: np.ndarray, acting: np.ndarray | None = None) -> _Solved:
+        """Solve a step for `d` with its contact problem, whose forces join `right`; the state stays.
+
+        With `acting` (c,) the problem is the linearised one: these rows keep their gaps, there are no others.
+        """
+        form(self.right.array, self.mass_v, self.stiffness_u, self.rate)
+        if self.loads:
+            self.load_columns.add(self.right.array, drive)
+        if self.carried.any():
+            self.gap_columns.add(self.right.array, self.carried)
+        self._solve_for_increment()
+        probes = self.summed(self.probes @ self.d.array_r)
+        modal_force = (
+            self.probe_modes[self.pairs : self.pairs + self.loads].T @ drive + self.gap_modes.T @ self.carried
+        )
+        damped, undamped = self._modal(modal_force)
+        force, gap = np.zeros(self.pairs), np.zeros(self.pairs)
+        if self.pairs:
+            gap = (self.displacements() + probes + self.probe_modes @ (damped - undamped))[: self.pairs]
+            if acting is None:
+                gap = gap + self.free_gap
+                touched = self.laws.touched(gap).any()
+            else:
+                touched = acting.any()
+            if touched:
+                force, gap = self.contact.solve(gap) if acting is None else self.contact.kept(gap, acting)
+                self._push(self.share * force)
+                probes += self.probe_responses @ (self.share * force)
+                damped, undamped = self._modal(modal_force + self.gap_modes.T @ (self.share * force))
+            else:
+                self.contact.open()
+        return _Solved(probes, damped, undamped, force, gap)
+
+    def _solve_for_increment(self) -> None:
+        """d of `right`."""
+        self.solve.apply(None, self.right, self.d)
+        if self.stretch != 1.0:
+            self.d.scale(1.0 / self.stretch)
+
+    def _push(self, force: np.ndarray) -> None:
+        """Let contact forces join `right`, and what they do `d`."""
+        if not force.any():
+            return
+        self.gap_columns.add(self.right.array, force)
+        if self.responses is None:
+            self._solve_for_increment()
+        else:
+            add_columns(self.d.array, self.responses, force)
+
+    def _modal(self, force: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Increments of the modal coordinates, damped and not."""
+        return tuple(
+            (2.0 * (self.rate * p - self.omega**2 * q) + force) / left
+            for q, p, left in ((self.q, self.p, self.left_damped), (self.q0, self.p0, self.left))
+        )
+
+    def first_slope(self, drive: np.ndarray) -> np.ndarray:
+        """(points, 2): mean acceleration over the first step, m/s^2."""
+        solved = self.solve_step(drive)
+        self.contact.open()
+        self.contact.forget()
+        change = solved.probes + self.probe_modes @ (solved.damped - solved.undamped)
+        return (self.rate * (change / self.step - self.velocities()))[self.pairs + self.loads :].reshape(
+            -1, 2
+        )
+
+    def fingerprint(self) -> np.ndarray:
+        """(probes, pairs + loads): responses of the probes to unit contact forces and unit loads within a
+        step, which tell models apart. Collective.
+        """
+        responses = np.empty((self.u.size, self.loads))
+        for k in range(self.loads):
+            self.right.array = self.probes[[self.pairs + k]].toarray()[0]
+            self._solve_for_increment()
+            responses[:, k] = self.d.array_r
+        return np.concatenate([self.probe_responses, self.summed(self.probes @ responses)], axis=1)
+
+    def release(self) -> None:
+        """Free the PETSc objects."""
+        free(self.model.comm, self.d, self.product, self.right)
+        self.solve.release()
