@@ -9,7 +9,7 @@ import sys
 from typing import Any
 
 from ..parallel import on_root
-from ..study.case import Case, read_case
+from ..study.case.case import Case, read_case
 from ..study.watch import watch_for
 from .terminal import tell
 
@@ -60,7 +60,8 @@ def mesh(options: Options, comm: Any) -> int:
     """Draw the discretisation, or show it in gmsh's window."""
     from meshing.gmsh.window import show_mesh
 
-    from ..study import objects, pictures
+    from ..study import pictures
+    from ..study.case import objects
 
     case = _case(options, comm)
     path = options.output or f"{os.path.splitext(options.case)[0]}.mesh.png"

@@ -19,9 +19,9 @@ from pydantic_core import PydanticUndefined
 import sbfem_petsc as sb
 
 from ..options import unit_of
-from .analysis_tables import ANALYSES, Noise, Output, Range, StartAxisTable, SweepTable
-from .case import CaseTables
-from .geometry_tables import (
+from .analysis_tables import ANALYSES, StartAxisTable
+from .case.case import CaseTables, Output
+from .case.geometry import (
     MESH_KEYS,
     BeamGeometry,
     CrackLine,
@@ -36,7 +36,8 @@ from .geometry_tables import (
     RayleighBand,
     Support,
 )
-from .load_tables import SIGNALS, EdgeLoad, PointForce, SupportMotion
+from .case.loads import SIGNALS, EdgeLoad, PointForce, SupportMotion
+from .case.sweep import Noise, Range, SweepTable
 
 _HEAD = """# The case file
 

@@ -13,8 +13,8 @@ import math
 from typing import Any
 
 from ..parallel import collective
-from . import parameters
-from .case import Case
+from .case import parameters
+from .case.case import Case
 from .solve import Structure, common_period, steps_of_two_tones
 from .tones import check_tones
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from ..indicators.detection import contact_duty
 from ..indicators.lines import harmonic_ratios
-from .analysis_tables import Noise
-from .case import Case
-from .load_tables import COMPONENTS
+from .case.case import Case
+from .case.loads import COMPONENTS
+from .case.sweep import Noise
 from .solve import modulation, stresses
 from .summaries import line_values, lines_of
 

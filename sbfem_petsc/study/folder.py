@@ -9,7 +9,7 @@ from typing import Any
 import sbfem_petsc as sb
 from meshing.folder_index import HeldFolder, make_folder
 
-from .case import Case
+from .case.case import Case
 from .storage import read_json, write_json
 
 PARTS = "analyses"

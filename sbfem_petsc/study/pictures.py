@@ -22,7 +22,7 @@ from ..plot.sweeps import plot_swept
 from ..plot.tones import plot_backbone, plot_lines, plot_sidebands
 from ..plot.tori import plot_quasi_periodic
 from ..results.vtu import write_modes, write_vtu
-from .case import Case
+from .case.case import Case
 from .solve import modulation
 
 # Cracks of a model that are drawn.

@@ -16,7 +16,7 @@ from ..parallel import on_root
 from ..recording.hdf5 import opened
 from ..writing import spare_folder
 from . import pictures, run, sweep_file
-from .case import Case, case_from_text
+from .case.case import Case, case_from_text
 from .csv_tables import write_tables
 from .estimates import duration
 from .folder import PARTS

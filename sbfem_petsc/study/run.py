@@ -19,12 +19,12 @@ from ..errors import OutOfMemory, SolveError
 from ..parallel import agreed, collective
 from ..recording.hdf5 import new_hdf5, opened
 from . import pictures
-from .case import Case, read_case
+from .case.case import Case, read_case
+from .case.objects import located
+from .case.problems import CaseError
 from .csv_tables import write_tables
 from .estimates import demand
 from .folder import Folder
-from .objects import located
-from .problems import CaseError
 from .quantities import Quantity, Tree, plain
 from .solve import Structure, no_locus
 from .storage import read_tree, write_json, write_tree

@@ -30,9 +30,9 @@ from ..analysis.options import (
 )
 from ..errors import SolveError
 from ..indicators.lines import sidebands
-from . import objects
-from .case import Case
-from .parameters import grid
+from .case import objects
+from .case.case import Case
+from .case.parameters import grid
 from .quantities import Tree
 from .summaries import tree_of
 

@@ -15,9 +15,9 @@ from ..errors import OutOfMemory, SolveError
 from ..indicators.detection import frequency_shift
 from ..parallel import agreed, alone, checked_communicator, collective
 from ..writing import spare_folder
-from . import parameters as paths
 from . import rows as row_files
-from .case import Case, read_case
+from .case import parameters as paths
+from .case.case import Case, read_case
 from .estimates import ROW, demand
 from .figures import figures
 from .folder import Folder

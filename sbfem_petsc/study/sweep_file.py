@@ -15,9 +15,9 @@ import sbfem_petsc as sb
 
 from ..recording.hdf5 import new_hdf5, opened
 from ..writing import replaced
-from .case import Case, CaseTables
-from .locations import parse
-from .parameters import unit_of, words_of
+from .case.case import Case, CaseTables
+from .case.locations import parse
+from .case.parameters import unit_of, words_of
 from .rows import Row
 from .run import write_case
 

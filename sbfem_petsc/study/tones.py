@@ -13,8 +13,8 @@ from ..motion.preparation import LONGEST
 from ..motion.two_tones import drives
 from ..signals.signal import Signal
 from ..signals.waves import Harmonic
-from .case import Case
-from .objects import load, located
+from .case.case import Case
+from .case.objects import load, located
 
 
 def check_tones(case: Case, varied: Iterable[str] = ()) -> None:

@@ -107,7 +107,7 @@ def test_contributing_names_what_exists():
 
 def test_examples_are_short():
     """Programs of at most 60 lines, case files that are valid."""
-    from sbfem_petsc.study.case import read_case
+    from sbfem_petsc.study.case.case import read_case
 
     programs = sorted((ROOT / "examples").glob("*.py"))
     cases = sorted((ROOT / "examples").glob("*.toml"))

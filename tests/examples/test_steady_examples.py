@@ -10,7 +10,7 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from sbfem_petsc.study.case import read_case
+from sbfem_petsc.study.case.case import read_case
 from tests.examples.test_transient_examples import cells, example
 from tests.parallel import ROOT, on_ranks
 from tests.systems import case_p

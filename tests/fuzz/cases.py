@@ -19,7 +19,7 @@ from mpi4py import MPI
 
 import meshing
 import sbfem_petsc
-from sbfem_petsc.study.problems import CaseError
+from sbfem_petsc.study.case.problems import CaseError
 
 from .examples import ARGUMENTS, CALLS, INTERNAL, NOT_CALLED, OBJECTS, public
 from .values import FEW, SLOW, USERS, VALUES, must_be_refused

@@ -10,9 +10,10 @@ import pytest
 from mpi4py import MPI
 
 import sbfem_petsc as sb
-from sbfem_petsc.study import documentation, objects
-from sbfem_petsc.study.case import case_from_text, read_case
-from sbfem_petsc.study.locations import parse
+from sbfem_petsc.study import documentation
+from sbfem_petsc.study.case import objects
+from sbfem_petsc.study.case.case import case_from_text, read_case
+from sbfem_petsc.study.case.locations import parse
 from sbfem_petsc.study.starter import KINDS, starter_text
 from tests.parallel import ROOT
 from tests.study.small_case import CASE, SWEEP, sbfem

@@ -17,8 +17,8 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from meshing.folder_index import INDEX
 from sbfem_petsc.study import revive
-from sbfem_petsc.study.case import case_from_text, read_case
-from sbfem_petsc.study.problems import CaseError
+from sbfem_petsc.study.case.case import case_from_text, read_case
+from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.run import read_run, run_case
 from sbfem_petsc.study.solve import Structure
 from tests.parallel import on_ranks

@@ -13,9 +13,10 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc import indicators
 from sbfem_petsc.plot.maps import indicator_figure
-from sbfem_petsc.study import parameters, rows
-from sbfem_petsc.study.case import case_from_text, read_case
-from sbfem_petsc.study.parameters import words_of
+from sbfem_petsc.study import rows
+from sbfem_petsc.study.case import parameters
+from sbfem_petsc.study.case.case import case_from_text, read_case
+from sbfem_petsc.study.case.parameters import words_of
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.solve import Structure

@@ -6,9 +6,10 @@ import re
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.study import objects, rows
-from sbfem_petsc.study.case import case_from_text, read_case
-from sbfem_petsc.study.problems import CaseError
+from sbfem_petsc.study import rows
+from sbfem_petsc.study.case import objects
+from sbfem_petsc.study.case.case import case_from_text, read_case
+from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.run import run_case
 from sbfem_petsc.study.tones import check_tones
 from tests.study.small_case import CASE, SWEEP
@@ -443,14 +444,14 @@ count = 3
 
 
 def test_missing_file(tmp_path):
-    from sbfem_petsc.study.case import read_case
+    from sbfem_petsc.study.case.case import read_case
 
     with pytest.raises(CaseError, match="nowhere.toml: cannot be read .* sbfem new beam FILE"):
         read_case(tmp_path / "nowhere.toml")
 
 
 def test_binary_file(tmp_path):
-    from sbfem_petsc.study.case import read_case
+    from sbfem_petsc.study.case.case import read_case
 
     (tmp_path / "case.toml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CaseError, match=r"case\.toml: is no text in UTF-8"):

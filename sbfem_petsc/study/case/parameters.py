@@ -13,8 +13,8 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import qmc
 
-from .analysis_tables import Range, SweepTable
 from .problems import Path, Problem, from_validation, one_of, written
+from .sweep import Range, SweepTable
 
 _PART = re.compile(r'(?:^|\.)(?:"([^"]*)"|([A-Za-z0-9_-]+))|\[(\d+)\]')
 # Tables that decide over mesh, model and reduction.

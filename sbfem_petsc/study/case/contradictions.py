@@ -8,10 +8,10 @@ import re
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from .analysis_tables import MOST
-from .geometry_tables import MESH_KEYS
-from .load_tables import COMPONENTS
+from .geometry import MESH_KEYS
+from .loads import COMPONENTS
 from .problems import Path, Problem, one_of
+from .sweep import MOST
 
 # Names that the summary of a run uses itself.
 RESERVED = ("run",)

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Tag
 
-from ..options import item
+from ...options import item
 from .tables import Name, Table, by_kind
 
 

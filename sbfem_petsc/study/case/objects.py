@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import sbfem_petsc as sb
 from meshing.beam import Beam
@@ -14,9 +14,11 @@ from meshing.gmsh.reader import read_gmsh
 from meshing.plate import Plate
 from meshing.shapes.features import CrackLine, Hole, VNotch
 
-from .case import Case
-from .load_tables import COMPONENTS
+from .loads import COMPONENTS
 from .problems import CaseError, Path, one_of
+
+if TYPE_CHECKING:
+    from .case import Case
 
 
 @contextlib.contextmanager

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from ..options import Pair, item
+from ...options import Pair, item
 from .tables import AnyNames, Name, Table, by_kind
 
 

@@ -13,15 +13,30 @@ from pydantic import Field, ValidationError
 
 from meshing.whole_file import require_regular
 
-from ..options import Pair, item
-from .analysis_tables import Analysis, Output, SweepTable
+from ...options import Pair, item
+from ..analysis_tables import Analysis
 from .contradictions import contradictions
-from .geometry_tables import Geometry, Material, Mesh, ModelTable
-from .load_tables import Load
+from .geometry import Geometry, Material, Mesh, ModelTable
+from .loads import Load
 from .locations import parse, read_text
 from .parameters import STRUCTURE, parameter_problems, replaced_in
 from .problems import CaseError, Path, Problem, from_validation
+from .sweep import SweepTable
 from .tables import Name, Table
+
+
+class Output(Table):
+    """What is kept and drawn."""
+
+    points: list[Name] | None = item(None, text="points whose motion is kept; default: all named points")
+    pictures: bool = item(True, text="draw pictures into the folder's pictures/")
+    animation: bool = item(
+        False,
+        text="draw the first crack over each history and steady state of a reduced model, as a GIF in "
+        "pictures/",
+    )
+    vtu: bool = item(False, text="write modes and static displacements for ParaView")
+    csv: bool = item(False, text="write tables as CSV files into the folder's tables/")
 
 
 class CaseTables(Table):

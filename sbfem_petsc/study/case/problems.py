@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from ..checks import shown
+from ...checks import shown
 from .tables import kind_names, member_of
 
 Path = tuple[str | int, ...]

@@ -1,0 +1,1 @@
+"""The case file: its tables, where they stand in it, what is wrong with them, the objects they describe."""
