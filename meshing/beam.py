@@ -5,17 +5,16 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.complex import CellComplex
-from meshing.cells.crack_opening import open_cracks
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.extent import check_extent
 from meshing.geometry.beam_drawing import beam_drawing
 from meshing.geometry.beam_options import BeamOptions
-from meshing.gmsh.drawn import cells_of, refuse_openings, write_drawing
+from meshing.gmsh.drawn import discretised, write_drawing
 from meshing.recipe import Recipe
 from meshing.shapes.beam_shape import BeamShape
 
@@ -102,14 +101,10 @@ class Beam(BeamShape):
         given = {name: value for name, value in locals().items() if name != "self"}
         options = BeamOptions.checked(self, given)
         check_extent("beam", self.length, self.height)
-        drawn = cells_of(beam_drawing(self, options), options.order, "beam")
-        meshing = replace(options.cracks, tip_sizes=drawn.tip_sizes)
-        add_cracks(drawn.cells, drawn.crack_lines, meshing, "beam")
-        names = self.crack_names()[len(self.notches) :]
-        open_cracks(drawn.cells, {name: crack.opening for name, crack in zip(names, self.cracks)})
-        self._finish_notches(drawn.cells)
-        mesh = build_mesh(drawn.cells, options.order, drawn.materials, "beam")
-        return replace(mesh, clamped="left", recipe=Recipe(self.mesh, given))
+        cells = discretised(beam_drawing(self, options), options.order, "beam")
+        add_cracks(cells, options.cracks, "beam")
+        self._finish_notches(cells)
+        return build_mesh(cells, options.order, "beam", clamped="left", recipe=Recipe(self.mesh, given))
 
     def write(
         self,
@@ -140,11 +135,10 @@ class Beam(BeamShape):
         Raises
         ------
         ValueError, TypeError
-            As `mesh`; another ending; a crack whose `opening` is not 0; the file cannot be written.
+            As `mesh`; another ending; the file cannot be written.
         """
         given = {name: value for name, value in locals().items() if name not in ("self", "path")}
         options = BeamOptions.checked(self, given)
-        refuse_openings("Beam.write", dict(zip(self.crack_names()[len(self.notches) :], self.cracks)))
         write_drawing(beam_drawing(self, options), path, "Beam.write")
 
     def _finish_notches(self, cells: CellComplex) -> None:

@@ -181,14 +181,3 @@ def named_points(points: Any) -> Mapping[str, Any]:
     for name in points:
         checked_name("mesh: points has", name)
     return points
-
-
-def checked_faces(extent: float, face_size: Any, face_edges: Any) -> tuple[float | None, int]:
-    """Longest edge on the faces of cracks, m, and least number of edges; `extent` is the body's size, m."""
-    if face_size is not None:
-        face_size = length("mesh", "face_size", face_size)
-        if face_size < 1e-6 * extent:
-            raise ValueError(
-                f"mesh: face_size = {face_size:g} must be at least 1e-6 of the body's size, {extent:g} (m)"
-            )
-    return face_size, integer("mesh", "face_edges", face_edges, least=1, most=1000)

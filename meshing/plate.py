@@ -11,13 +11,12 @@ import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
 from meshing.cells.crack_meshing import CrackMeshing
-from meshing.cells.crack_opening import open_cracks
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
 from meshing.extent import check_extent
 from meshing.geometry.plate_drawing import plate_drawing
-from meshing.gmsh.drawn import cells_of, refuse_openings, write_drawing
-from meshing.input_checks import checked_order, flag, length, named_points
+from meshing.gmsh.drawn import discretised, write_drawing
+from meshing.input_checks import checked_order, length, named_points
 from meshing.recipe import Recipe
 from meshing.shapes.features import corners_of
 from meshing.shapes.plate_shape import PlateShape
@@ -102,16 +101,11 @@ class Plate(PlateShape):
         given = {name: value for name, value in locals().items() if name != "self"}
         order = checked_order(order)
         options = self._drawing_options(size, points)
-        flag("mesh", "tip_element", tip_element)
-        meshing = CrackMeshing.checked(self.diagonal, tip_element, tip_size, grading, face_size, face_edges)
+        meshing = CrackMeshing.checked(self.diagonal, given)
         check_extent("plate", *np.ptp(self.outline, axis=0))
-        recipe = Recipe(self.mesh, given)
-        drawn = cells_of(plate_drawing(self, *options), order, "plate")
-        add_cracks(drawn.cells, drawn.crack_lines, meshing, "plate")
-        open_cracks(
-            drawn.cells, {name: crack.opening for name, crack in zip(self.crack_names(), self.cracks)}
-        )
-        return build_mesh(drawn.cells, order, drawn.materials, "plate", recipe=recipe)
+        cells = discretised(plate_drawing(self, *options), order, "plate")
+        add_cracks(cells, meshing, "plate")
+        return build_mesh(cells, order, "plate", recipe=Recipe(self.mesh, given))
 
     def write(
         self,
@@ -134,10 +128,9 @@ class Plate(PlateShape):
         Raises
         ------
         ValueError, TypeError
-            As `mesh`; another ending; a crack whose `opening` is not 0; the file cannot be written.
+            As `mesh`; another ending; the file cannot be written.
         """
         options = self._drawing_options(size, points)
-        refuse_openings("Plate.write", dict(zip(self.crack_names(), self.cracks)))
         write_drawing(plate_drawing(self, *options), path, "Plate.write")
 
     def _drawing_options(

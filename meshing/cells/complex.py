@@ -95,12 +95,15 @@ class CrackFaces:
     name : str
     paths : list of FacePath
         Its unbranched lines, from a tip where there is one.
+    opening : float
+        Angle by which the faces are still to be moved apart, degrees.
     length : float or None
         m; None: that of the faces.
     """
 
     name: str
     paths: list[FacePath]
+    opening: float = 0.0
     length: float | None = None
 
 
@@ -123,6 +126,12 @@ class CellComplex:
         Named edges, pairs of vertices.
     points : dict of str to int
         Named vertices.
+    materials : list of str
+    groups : dict of str to list of (int, int)
+        Edges of cracks that are still to be made, by the names of physical curves: see
+        `meshing.cells.crack_lines`.
+    tip_sizes : dict of int to float
+        Wanted sizes of tips' elements at some vertices, m.
     cracks : list of CrackFaces
     """
 
@@ -131,6 +140,9 @@ class CellComplex:
     curves: dict[tuple[int, int], Curve] = field(default_factory=dict)
     edge_sets: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
     points: dict[str, int] = field(default_factory=dict)
+    materials: list[str] = field(default_factory=lambda: ["material"])
+    groups: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    tip_sizes: dict[int, float] = field(default_factory=dict)
     cracks: list[CrackFaces] = field(default_factory=list)
 
     def add_vertex(self, x: float, y: float) -> int:

@@ -1,7 +1,15 @@
-"""Cracks as lines through a mesh of cells: named groups of edges put in order, existing faces recognised."""
+"""Cracks as lines through a mesh of cells: named groups of edges put in order, existing faces recognised.
+
+"crack:NAME" is a line inside the material, which may end inside, reach the outline, branch and cross others;
+"crack:NAME:opening=DEGREES" the same with faces that stand apart by this angle at the mouth;
+"crack:NAME:right" and "crack:NAME:left" are existing faces that share a tip, or faces of two bodies that face
+each other.
+"""
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -10,8 +18,10 @@ import numpy as np
 from meshing.cells.complex import CellComplex, TipCell, edge_key
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
 from meshing.cells.face_matching import match_faces
+from meshing.shapes.features import WIDEST_OPENING
 
 Edge = tuple[int, int]
+_GROUP = re.compile(r"crack:([^:]+)(?::(right|left)|:opening=([^:]+))?")
 
 
 @dataclass
@@ -33,26 +43,27 @@ class Line:
 
 @dataclass
 class CrackLines:
-    """A crack; `where` names it in messages, `length` is that of its lines before they are divided, m."""
+    """A crack; `where` names it in messages, `opening` is what is wanted, degrees, `length` is that of its
+    lines before they are divided, m.
+    """
 
     name: str
     where: str
+    opening: float = 0.0
     lines: list[Line] = field(default_factory=list)
     length: float = 0.0
 
 
-def crack_lines(
-    cells: CellComplex, groups: dict[str, list[Edge]], origin: str
-) -> tuple[list[CrackLines], set[int]]:
-    """The lines of each crack, from their tips where they have one, and the vertices of the outline; see
-    `crack_splitting.add_cracks`.
+def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackLines], set[int]]:
+    """The lines of each crack in a complex' groups, from their tips where they have one, and the vertices of
+    the outline; see `crack_splitting.add_cracks`.
     """
     cracks = []
     uses = cells.edge_uses()
     outline = {vertex for edge, count in uses.items() if count == 1 for vertex in edge}
     owner: dict[Edge, str] = {}
-    for name, parts in _named_parts(groups, {*cells.edge_sets, *cells.points}, origin).items():
-        crack = CrackLines(name, f"{origin}: crack {name!r}")
+    for name, (parts, opening) in _named_parts(cells, origin).items():
+        crack = CrackLines(name, f"{origin}: crack {name!r}", opening)
         if "" in parts:
             edges = list(dict.fromkeys(edge_key(edge) for edge in parts[""]))
             for edge in edges:
@@ -87,22 +98,27 @@ def edges_of(path: Sequence[int]) -> list[Edge]:
     return list(zip(path, path[1:]))
 
 
-def _named_parts(
-    groups: dict[str, list[Edge]], taken: set[str], origin: str
-) -> dict[str, dict[str, list[Edge]]]:
-    cracks: dict[str, dict[str, list[Edge]]] = {}
-    for group, edges in groups.items():
-        _, name, *sides = group.split(":")
-        side = sides[0] if sides else ""
-        if not name or side not in ("", "right", "left") or not edges:
+def _named_parts(cells: CellComplex, origin: str) -> dict[str, tuple[dict[str, list[Edge]], float]]:
+    """Edges of each crack by their side, "" for both, and its opening, degrees."""
+    cracks: dict[str, tuple[dict[str, list[Edge]], float]] = {}
+    for group, edges in cells.groups.items():
+        found = _GROUP.fullmatch(group)
+        if not found or not edges:
             raise ValueError(
-                f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, crack:NAME:right and "
-                "crack:NAME:left are known."
+                f"{origin}: physical curve {group!r} is empty or misnamed; crack:NAME, "
+                "crack:NAME:opening=DEGREES, crack:NAME:right and crack:NAME:left are known."
             )
-        cracks.setdefault(name, {})[side] = edges
-    for name, parts in cracks.items():
+        name, side, opening = found[1], found[2] or "", _degrees(found[3] or "0")
+        if not 0.0 <= opening <= WIDEST_OPENING:
+            raise ValueError(
+                f"{origin}: physical curve {group!r} gives its crack the opening {found[3]}, 0 to "
+                f"{WIDEST_OPENING:g} degrees were expected; draw a wider notch by its faces."
+            )
+        parts, known = cracks.get(name, ({}, 0.0))
+        cracks[name] = parts | {side: parts.get(side, []) + edges}, max(known, opening)
+    for name, (parts, _) in cracks.items():
         for face in (f"{name}_right", f"{name}_left"):
-            if face in taken:
+            if face in cells.edge_sets or face in cells.points:
                 raise ValueError(
                     f"{origin}: the name {face!r} is that of a face of crack {name!r} and is given to "
                     "something else too; choose another."
@@ -113,6 +129,13 @@ def _named_parts(
                 f"give either crack:{name} alone or both crack:{name}:right and crack:{name}:left."
             )
     return cracks
+
+
+def _degrees(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
 
 
 def _paths(edges: list[Edge]) -> list[list[int]]:

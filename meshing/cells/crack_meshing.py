@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import Any
 
-from meshing.input_checks import checked_faces, length, number
+from meshing.input_checks import flag, integer, length, number
 
 
 @dataclass(frozen=True)
@@ -26,9 +27,6 @@ class CrackMeshing:
     face_edges : int
     sectors : bool
         No rings around tips but closed cells that meet in the tip.
-    tip_sizes : mapping of int to float
-        Largest distance of the open cell's boundary from the tip at some vertices, in the place of
-        `tip_size`, m.
     """
 
     tip_element: bool = True
@@ -37,26 +35,33 @@ class CrackMeshing:
     face_size: float | None = None
     face_edges: int = 12
     sectors: bool = False
-    tip_sizes: Mapping[int, float] = field(default_factory=dict)
 
     @classmethod
-    def checked(
-        cls,
-        extent: float,
-        tip_element: bool,
-        tip_size: float | None,
-        grading: float,
-        face_size: float | None,
-        face_edges: int,
-    ) -> CrackMeshing:
-        """The arguments that say how cracks are meshed, checked; `extent` is the body's size, m."""
-        tip_size = None if tip_size is None else length("mesh", "tip_size", tip_size)
-        if tip_size is not None and tip_size < 1e-7 * extent:
-            raise ValueError(
-                f"mesh: tip_size {tip_size:g} m is below 1e-7 of the body's size {extent:g} m, round-off "
-                "would show; make it larger."
-            )
-        grading = number("mesh", "grading", grading)
+    def checked(cls, extent: float, given: Mapping[str, Any], sectors: bool = False) -> CrackMeshing:
+        """What is given of it among the arguments of a function that meshes, checked.
+
+        Parameters
+        ----------
+        extent : float
+            The body's size, m; 0 where it is not known yet.
+        given : mapping of str to object
+            Arguments by their names.
+        """
+        sizes = {}
+        for name, least in (("tip_size", 1e-7), ("face_size", 1e-6)):
+            sizes[name] = None if given.get(name) is None else length("mesh", name, given[name])
+            if sizes[name] is not None and sizes[name] < least * extent:
+                raise ValueError(
+                    f"mesh: {name} {sizes[name]:g} m is below {least:g} of the body's size {extent:g} m, "
+                    "round-off would show; make it larger."
+                )
+        grading = number("mesh", "grading", given["grading"])
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
-        return cls(tip_element, tip_size, grading, *checked_faces(extent, face_size, face_edges))
+        return cls(
+            flag("mesh", "tip_element", given.get("tip_element", True)),
+            grading=grading,
+            face_edges=integer("mesh", "face_edges", given.get("face_edges", 12), least=1, most=1000),
+            sectors=sectors,
+            **sizes,
+        )

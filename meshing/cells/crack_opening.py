@@ -13,15 +13,8 @@ from scipy.sparse.linalg import spsolve
 from meshing.cells.complex import CellComplex, CrackFaces, FacePath, TipCell, edge_key
 
 
-def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
-    """Move the faces of cracks apart, in place.
-
-    Parameters
-    ----------
-    cells : CellComplex
-        With its cracks, all closed.
-    openings : mapping of str to float
-        Full angle between the faces of each crack, degrees.
+def open_cracks(cells: CellComplex) -> None:
+    """Move the faces of closed cracks apart by their `opening`, in place.
 
     Raises
     ------
@@ -31,25 +24,25 @@ def open_cracks(cells: CellComplex, openings: Mapping[str, float]) -> None:
     """
     moved: dict[int, np.ndarray] = {}
     for faces in cells.cracks:
-        angle = math.radians(openings.get(faces.name, 0.0))
-        if angle:
-            _add_moves(cells, faces, angle, moved)
+        if faces.opening:
+            _add_moves(cells, faces, math.radians(faces.opening), moved)
     if not moved:
         return
     _follow(cells, moved)
     for cell in cells.cells:
         polygon = shapely.Polygon([cells.vertices[v] for v in cell.vertices])
         if cell.closed and not (polygon.is_valid and polygon.exterior.is_ccw):
+            widest = max(faces.opening for faces in cells.cracks)
             x, y = np.mean([cells.vertices[v] for v in cell.vertices], axis=0)
             raise ValueError(
-                f"crack opening: the faces of a crack that opens by up to {max(openings.values()):g} degrees "
-                f"run into the cells near ({x:.6g}, {y:.6g}) m; draw so wide a notch as part of the outline."
+                f"crack opening: the faces of a crack that opens by up to {widest:g} degrees run into the "
+                f"cells near ({x:.6g}, {y:.6g}) m; draw so wide a notch as part of the outline."
             )
 
 
 def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[int, np.ndarray]) -> None:
     """Moves of the vertices on a crack's faces, and what it says of its length and opening."""
-    path, start = _path_to_open(cells, faces, angle)
+    path, start = _path_to_open(cells, faces)
     rights, lefts = ([face[0][0], *(edge[1] for edge in face)] for face in (path.right, path.left))
     line = np.array([cells.vertices[v] for v in rights])
     steps = np.diff(line, axis=0)
@@ -71,7 +64,7 @@ def _add_moves(cells: CellComplex, faces: CrackFaces, angle: float, moved: dict[
             tip.opening = angle
 
 
-def _path_to_open(cells: CellComplex, faces: CrackFaces, angle: float) -> tuple[FacePath, TipCell]:
+def _path_to_open(cells: CellComplex, faces: CrackFaces) -> tuple[FacePath, TipCell]:
     """The only path of a crack's faces, and the tip from which it opens.
 
     Raises
@@ -79,7 +72,7 @@ def _path_to_open(cells: CellComplex, faces: CrackFaces, angle: float) -> tuple[
     ValueError
         It has no tip or several paths, or meets another crack.
     """
-    opening = f"crack {faces.name!r}: opening is {math.degrees(angle):g} degrees"
+    opening = f"crack {faces.name!r}: opening is {faces.opening:g} degrees"
     path = faces.paths[0] if len(faces.paths) == 1 else None
     if path is None or path.start is None:
         raise ValueError(f"{opening}, but it has no tip to open from; give 0.")

@@ -11,6 +11,7 @@ import numpy as np
 from meshing.cells.complex import Cell, CellComplex, CrackFaces, FacePath, TipCell, edge_key
 from meshing.cells.crack_lines import CrackLines, Edge, Line, crack_lines, edges_of
 from meshing.cells.crack_meshing import CrackMeshing
+from meshing.cells.crack_opening import open_cracks
 from meshing.cells.face_division import divide_faces, with_inserted
 from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
@@ -23,18 +24,13 @@ _NEAR_CUT = math.radians(30.0)  # from a cell's edge at a tip to the direction w
 _AT_MOST = 0.5  # half-size of a tip's element, relative to the cells there
 
 
-def add_cracks(cells: CellComplex, groups: dict[str, list[Edge]], meshing: CrackMeshing, origin: str) -> None:
-    """Give the cells their cracks, in place.
+def add_cracks(cells: CellComplex, meshing: CrackMeshing, origin: str) -> None:
+    """Make the cracks of the groups of a complex, in place.
 
     Parameters
     ----------
     cells : CellComplex
-        Without these cracks; edge sets and points by its present vertices.
-    groups : dict of str to list of (int, int)
-        Edges of "crack:NAME" (lines inside the material, which may end inside, reach the outline, branch and
-        cross each other), or "crack:NAME:right" and "crack:NAME:left" (existing faces that share a tip, or
-        faces of two bodies that face each other). A crack without branches runs from its tip; one with two
-        tips or none as its first edge does.
+        A crack without branches runs from its tip; one with two tips or none as its first edge does.
     meshing : CrackMeshing
     origin : str
         For messages.
@@ -43,9 +39,9 @@ def add_cracks(cells: CellComplex, groups: dict[str, list[Edge]], meshing: Crack
     ------
     ValueError
         A line lies on the outline, two cracks share an edge, faces do not meet in a tip, an edge set or point
-        has the name of a face.
+        has the name of a face; a crack cannot be opened.
     """
-    cracks, outline = crack_lines(cells, groups, origin)
+    cracks, outline = crack_lines(cells, origin)
     _refine(cells, cracks, outline, meshing)
     _divide(cells, cracks, meshing)
     lines = [
@@ -55,6 +51,7 @@ def add_cracks(cells: CellComplex, groups: dict[str, list[Edge]], meshing: Crack
     for crack in cracks:
         _record(cells, crack, sides)
     _drop_missing(cells, origin)
+    open_cracks(cells)
 
 
 def _refine(
@@ -173,7 +170,7 @@ def _put_tip(
         )
     away = np.array([rings.cells.vertices[v] for v in found.chain]) - tip.position
     reach = float(np.hypot(*away.T).max())
-    size = meshing.tip_sizes.get(vertex)
+    size = rings.cells.tip_sizes.get(vertex)
     if size is None and meshing.tip_size is not None and meshing.tip_size > _AT_MOST * reach:
         raise ValueError(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
@@ -240,7 +237,7 @@ def _record(cells: CellComplex, crack: CrackLines, sides: dict[Edge, tuple[Edge,
             corners.append((left[0][0], right[0][0]))
         if line.mouths[1]:
             corners.append((right[-1][1], left[-1][1]))
-    cells.cracks.append(CrackFaces(crack.name, paths))
+    cells.cracks.append(CrackFaces(crack.name, paths, crack.opening))
     cells.edge_sets[f"{crack.name}_right"] = [edge for path in paths for edge in path.right]
     cells.edge_sets[f"{crack.name}_left"] = [edge for path in paths for edge in path.left]
     if len(corners) == 1:

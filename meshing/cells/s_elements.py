@@ -22,9 +22,9 @@ _ADMISSIBLE = 1e-3
 def build_mesh(
     cells: CellComplex,
     order: int,
-    material_names: tuple[str, ...] = ("material",),
     origin: str = "mesh",
     *,
+    clamped: str | None = None,
     recipe: Recipe | None = None,
 ) -> BoundaryMesh:
     """Turn cells into S-elements.
@@ -34,9 +34,10 @@ def build_mesh(
     cells : CellComplex
     order : int
         Polynomial order of the edges.
-    material_names : tuple of str
     origin : str
         What is being meshed, for messages.
+    clamped : str, optional
+        Edge set that a model holds fixed unless told otherwise.
     recipe : Recipe, optional
         How the mesh can be made again.
 
@@ -111,12 +112,13 @@ def build_mesh(
             for number, i in enumerate(sequence)
             if cells.cells[i].sectors is not None
         },
-        material_names=tuple(material_names),
+        material_names=tuple(cells.materials),
         edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
         points={name: node_of_vertex[vertex] for name, vertex in cells.points.items()},
         pairs=without_doubles(join_pairs(pairs)),
         cracks=tuple(cracks),
         tips=tuple(tips),
+        clamped=clamped,
         recipe=recipe,
     )
 

@@ -59,8 +59,8 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     drawing.conform(near)
     drawing.points["A"] = _found(drawing, beam.length, beam.height, near)
     _name_sides(drawing, beam)
-    order = beam.crack_names()
-    drawing.groups = dict(sorted(drawing.groups.items(), key=lambda item: order.index(item[0].split(":")[1])))
+    angles = [*(0.0 for _ in beam.notches), *(crack.opening for crack in beam.cracks)]
+    drawing.name_openings(dict(zip(beam.crack_names(), angles)))
     return drawing
 
 

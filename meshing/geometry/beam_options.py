@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from meshing.cells.crack_meshing import CrackMeshing
@@ -36,14 +36,7 @@ class BeamOptions:
         size = _checked_size(beam, given["size"])
         _check_tip_size(beam, given["tip_size"])
         layout = choice("mesh", "layout", given.get("layout", "tip"), ("tip", "vertex"))
-        cracks = CrackMeshing.checked(
-            beam.height,
-            True,
-            given["tip_size"],
-            given["grading"],
-            given.get("face_size"),
-            given.get("face_edges", 12),
-        )
+        cracks = CrackMeshing.checked(beam.height, given, sectors=layout == "vertex")
         wanted, corners = given["corner_size"] is not None, _checked_corners(given["corners"])
         corner_size = length("mesh", "corner_size", given["corner_size"]) if wanted else math.nan
         if wanted and not _LEAST * beam.height <= corner_size < 0.5 * beam.height:
@@ -56,7 +49,7 @@ class BeamOptions:
         return cls(
             order,
             size,
-            replace(cracks, sectors=layout == "vertex"),
+            cracks,
             _checked_points(beam, given["points"]),
             corner_size if wanted else _CORNER_SIZE * beam.height,
             wanted,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -81,16 +81,10 @@ class Drawing(CellComplex):
         Surfaces that gmsh divides.
     arcs : dict of (int, int) to (x, y)
         Centre of edges that are arcs, lower vertex first, m.
-    groups : dict of str to list of (int, int)
-        Lines and faces of cracks: "crack:NAME", "crack:NAME:right", "crack:NAME:left".
-    tip_sizes : dict of int to float
-        Largest distance of the open S-element's boundary from a tip whose cells are all drawn here, m.
     """
 
     filled: list[Filled] = field(default_factory=list)
     arcs: dict[Edge, tuple[float, float]] = field(default_factory=dict)
-    groups: dict[str, list[Edge]] = field(default_factory=dict)
-    tip_sizes: dict[int, float] = field(default_factory=dict)
 
     @property
     def largest(self) -> float | None:
@@ -109,6 +103,15 @@ class Drawing(CellComplex):
             for edge in map(edge_key, surface.edges()):
                 uses[edge] = uses.get(edge, 0) + 1
         return uses
+
+    def name_openings(self, openings: Mapping[str, float]) -> None:
+        """Sort the cracks, and put their openings, degrees, into the names of their groups."""
+        self.groups = {
+            f"{group}:opening={angle!r}" if angle else group: edges
+            for name, angle in openings.items()
+            for group, edges in self.groups.items()
+            if group.split(":")[1] == name
+        }
 
     def vertex_at(self, x: float, y: float, near: float) -> int | None:
         """The lowest vertex at a place."""

@@ -33,4 +33,5 @@ def plate_drawing(plate: PlateShape, size: float, points: Mapping[str, Point]) -
     drawing = Drawing()
     graph = plane_graph(plate.outline, list(holes.values()), lines, points)
     draw_filled(drawing, graph, size, plate.side_names, list(holes))
+    drawing.name_openings({name: crack.opening for name, crack in zip(lines, plate.cracks)})
     return drawing

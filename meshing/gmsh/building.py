@@ -23,39 +23,29 @@ _FLATTEST = 0.05  # smallest sine of a corner of a quadrilateral that gmsh made 
 _DEGENERATE = 1e-12  # smallest area of a cell relative to the square of its extent
 
 
-class Builder:
-    """Makes cells of what a file holds.
+def cells_of(model: FileModel, origin: str) -> CellComplex:
+    """Cells, edge sets, points and lines of cracks of what a file holds; `origin` names it in messages.
 
-    Parameters
-    ----------
-    model : FileModel
-    origin : str
-        For messages.
-
-    Attributes
-    ----------
-    cells : CellComplex
-    crack_lines : dict of str to list of (int, int)
-        Edges of each physical curve "crack:...".
-    tip_sizes : dict of int to float
-        Sizes given at vertices all of whose cells are S-elements as drawn, m: there they can only mean the
-        element on a crack's tip.
-    materials : tuple of str
-    vertex_of : dict of int to int
-        Vertex of a node tag.
+    Raises
+    ------
+    ValueError
+        One sentence: surfaces in no group or two, cells that are not plane or inverted, names like those of
+        cracks, curves that do not lie on edges of cells.
     """
+    return _Builder(model, origin).cells
 
+
+class _Builder:
     def __init__(self, model: FileModel, origin: str) -> None:
         self.cells = CellComplex()
         self.vertex_of: dict[int, int] = {}
-        self.crack_lines: dict[str, list[Edge]] = {}
         self._whole: set[int] = set()
         self._model, self._origin = model, origin
         surfaces = model.entities(2)
         self._check_surfaces(surfaces)
-        self.materials = tuple(dict.fromkeys(name.removeprefix(WHOLE) for name in surfaces))
+        self.cells.materials = list(dict.fromkeys(name.removeprefix(WHOLE) for name in surfaces))
         for name, entities in surfaces.items():
-            material = self.materials.index(name.removeprefix(WHOLE))
+            material = self.cells.materials.index(name.removeprefix(WHOLE))
             count = len(self.cells.cells)
             for entity in entities:
                 self._add_surface(entity, material)
@@ -68,7 +58,7 @@ class Builder:
             self._put_on_curve(first, last, points)
         self._add_curves(model.entities(1))
         self._add_points(model.entities(0))
-        self.tip_sizes = self._tip_sizes()
+        self.cells.tip_sizes = self._tip_sizes()
 
     def _fail(self, sentence: str) -> NoReturn:
         raise ValueError(f"{self._origin}: {sentence}.")
@@ -174,6 +164,9 @@ class Builder:
         return [(a, b) for a, b in edges if (b, a) not in known]
 
     def _tip_sizes(self) -> dict[int, float]:
+        """Sizes given at vertices all of whose cells are S-elements as drawn: there they can only mean the
+        element on a crack's tip.
+        """
         sizes = {self.vertex_of[tag]: h for tag, h in self._model.sizes.items() if tag in self.vertex_of}
         for number, cell in enumerate(self.cells.cells):
             if number not in self._whole:
@@ -233,7 +226,7 @@ class Builder:
             if not self._model.unnamed:
                 self._check_name(name, edges, uses)
             if name.startswith("crack:"):
-                self.crack_lines[name] = list(by_key.values())
+                self.cells.groups[name] = list(by_key.values())
             elif edges:
                 self.cells.edge_sets[name] = edges
             elif not self._model.unnamed:

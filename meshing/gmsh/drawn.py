@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
 from pathlib import Path
 
+from meshing.cells.complex import CellComplex
 from meshing.geometry.drawing import Drawing
-from meshing.gmsh.building import Builder
+from meshing.gmsh.building import cells_of
 from meshing.gmsh.describe import describe
 from meshing.gmsh.discretise import OPTIONS, boundary_discretisation
 from meshing.gmsh.draw import draw_geometry
 from meshing.gmsh.model import from_answer
 from meshing.gmsh_session import gmsh_session
 from meshing.input_checks import path as checked_path
-from meshing.shapes.features import CrackLine
 from meshing.whole_file import replaced
 
 ENDING = ".geo_unrolled"
 
 
-def cells_of(drawing: Drawing, order: int, origin: str) -> Builder:
-    """Cells, lines of cracks and points of a drawing.
+def discretised(drawing: Drawing, order: int, origin: str) -> CellComplex:
+    """Cells of a drawing, before its cracks are made.
 
     Parameters
     ----------
@@ -40,17 +39,7 @@ def cells_of(drawing: Drawing, order: int, origin: str) -> Builder:
         draw_geometry(drawing, gmsh)
         groups, _ = boundary_discretisation(gmsh, drawing.largest)
         told, arrays = describe(gmsh, groups, order, True)
-    return Builder(from_answer(told, arrays, 1.0), origin)
-
-
-def refuse_openings(origin: str, cracks: Mapping[str, CrackLine]) -> None:
-    """ValueError for a crack that stands open, which the drawing of its line would not say."""
-    for name, crack in cracks.items():
-        if crack.opening:
-            raise ValueError(
-                f"{origin}: crack {name!r} has the opening {crack.opening:g} degrees, which a line in a gmsh "
-                "model does not carry; write it with 0, or draw its two faces as part of the outline."
-            )
+    return cells_of(from_answer(told, arrays, 1.0), origin)
 
 
 def write_drawing(drawing: Drawing, path: str | os.PathLike[str], origin: str) -> None:

@@ -7,24 +7,22 @@ import functools
 import os
 import tempfile
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.cells.complex import edge_key
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_splitting import add_cracks
 from meshing.cells.s_elements import build_mesh
-from meshing.gmsh.building import Builder
+from meshing.gmsh.building import cells_of
 from meshing.gmsh.confined import Rights, ask, landlock_version
 from meshing.gmsh.files import FOREIGN, SCRIPTS, checked_content
 from meshing.gmsh.length_units import Units
 from meshing.gmsh.model import from_answer
 from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
 from meshing.gmsh.unjoined import check_joined
-from meshing.input_checks import checked_faces, checked_order, flag, length, number, positive
+from meshing.input_checks import checked_order, flag, length, positive
 from meshing.input_checks import path as checked_path
 from meshing.recipe import Recipe
 
@@ -55,7 +53,8 @@ def read_gmsh(
     crack is
 
     - one physical curve ``crack:NAME``: a line along cell edges, one end inside the material (the tip), the
-      other on the outline (the mouth); its two faces are made here; or
+      other on the outline (the mouth); its two faces are made here, and stand apart by an angle, degrees, at
+      the mouth where it is called ``crack:NAME:opening=ANGLE``; or
     - two physical curves ``crack:NAME:right`` and ``crack:NAME:left``: two existing faces that share the
       tip's node and match, e.g. the flanks of a notch, or a line along which gmsh's Crack plugin has
       duplicated the nodes; or two faces of two bodies, that share no node and need not match, e.g. the arc of
@@ -139,12 +138,9 @@ def read_gmsh(
         scale = length("read_gmsh", "scale", scale)
     if size is not None:
         length("read_gmsh", "size", size)
-    tip_element = flag("read_gmsh", "tip_element", tip_element)
+    flag("read_gmsh", "tip_element", tip_element)
     trust = flag("read_gmsh", "trust", trust)
-    if tip_size is not None:
-        length("mesh", "tip_size", tip_size)
-    number("mesh", "grading", grading)
-    checked_faces(0.0, face_size, face_edges)
+    CrackMeshing.checked(0.0, given)
     most = int(positive("read_gmsh", "max_unknowns", max_unknowns))
     seconds = positive("read_gmsh", "time_limit", time_limit, "s")
     memory = int(
@@ -167,18 +163,15 @@ def read_gmsh(
     model = from_answer(*answer, units.factor)
     refuse_empty_groups(model, origin)
     pass_on(model, origin)
-    built = Builder(model, origin)
-    where = np.array(built.cells.vertices)
+    cells = cells_of(model, origin)
+    where = np.array(cells.vertices)
     check_units(units, model.merged_step, origin, where)
-    extent = float(np.ptp(where, axis=0).max())
-    faces = {edge_key(edge) for edges in built.crack_lines.values() for edge in edges}
-    check_joined(built.cells, faces, origin)
-    meshing = CrackMeshing.checked(extent, tip_element, tip_size, grading, face_size, face_edges)
-    if tip_size is None:
-        meshing = replace(meshing, tip_sizes=built.tip_sizes)
-    add_cracks(built.cells, built.crack_lines, meshing, origin)
+    check_joined(cells, origin)
+    if tip_size is not None:
+        cells.tip_sizes = {}
+    add_cracks(cells, CrackMeshing.checked(float(np.ptp(where, axis=0).max()), given), origin)
     recipe = Recipe(functools.partial(read_gmsh, path.resolve()), given)
-    return build_mesh(built.cells, order, built.materials, origin, recipe=recipe)
+    return build_mesh(cells, order, origin, recipe=recipe)
 
 
 @contextlib.contextmanager

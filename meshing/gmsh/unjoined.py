@@ -15,15 +15,13 @@ _SAG = 5e-5  # of the chords between _FINE from a curved edge, relative to its l
 _WITHIN = 1e-3  # depth inside a cell that is no round-off, relative to the cell's extent
 
 
-def check_joined(cells: CellComplex, faces: set[tuple[int, int]], origin: str) -> None:
+def check_joined(cells: CellComplex, origin: str) -> None:
     """Refuse surfaces that overlap; warn of outlines that lie on one another and are not joined.
 
     Parameters
     ----------
     cells : CellComplex
-        Before its cracks are split.
-    faces : set of (int, int)
-        Edges of crack lines and faces, lower vertex first: what lies there is meant.
+        Before its cracks are made: what lies on one of these is meant.
     origin : str
         For messages.
 
@@ -32,6 +30,7 @@ def check_joined(cells: CellComplex, faces: set[tuple[int, int]], origin: str) -
     ValueError
         A piece of outline lies inside a cell.
     """
+    faces = {edge_key(edge) for edges in cells.groups.values() for edge in edges}
     outline = [edge for edge, count in cells.edge_uses().items() if count == 1 and edge not in faces]
     if not outline:
         return

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from meshing.input_checks import choice, length, number, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
-_WIDEST_OPENING = 30.0  # degrees, of a crack
+WIDEST_OPENING = 30.0  # degrees, of a crack
 
 
 @dataclass(frozen=True)
@@ -146,9 +146,9 @@ class CrackLine:
             )
         object.__setattr__(self, "points", corners_of(item, "points", self.points, 2))
         object.__setattr__(self, "opening", number(item, "opening", self.opening))
-        if not 0 <= self.opening <= _WIDEST_OPENING:
+        if not 0 <= self.opening <= WIDEST_OPENING:
             raise ValueError(
-                f"{item}: opening is {self.opening:g} degrees, 0 (closed crack) to {_WIDEST_OPENING:g} was "
+                f"{item}: opening is {self.opening:g} degrees, 0 (closed crack) to {WIDEST_OPENING:g} was "
                 "expected; draw a wider notch as part of the outline."
             )
         for first, second in zip(self.points, self.points[1:]):
