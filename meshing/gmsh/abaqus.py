@@ -18,7 +18,7 @@ from typing import Any, NoReturn
 import numpy as np
 
 from meshing.gmsh.confined import Refusal
-from meshing.gmsh.foreign import ForeignMesh, described
+from meshing.gmsh.foreign import described
 
 # CAX4P and R3D3 are what meshio calls quadrilaterals and triangles
 _PLANE = re.compile(r"(?:CPS|CPE|CPEG|M3D|S|STRI|R3D)([34689])(?!\d{2})[A-Z0-9]*|CAX(4)P")
@@ -73,13 +73,11 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     groups = deck.materials() | deck.curves()
     used = {name.upper() for _, name in groups}
     node_sets = {
-        found.name: np.array(list(found.labels), np.int64)
+        found.name: list(found.labels)
         for key, found in deck.node_sets.items()
         if key not in used and not found.hidden
     }
-    tags = np.array(list(deck.nodes), np.int64)
-    positions = np.array(list(deck.nodes.values())).reshape(-1, 3)
-    return described(ForeignMesh(tags, positions, groups, node_sets), **options)
+    return described(deck.nodes, groups, node_sets, **options)
 
 
 def _cards(text: str) -> Iterator[_Card]:

@@ -1,4 +1,4 @@
-"""What gmsh's present model holds, as plain facts and arrays, which `meshing.gmsh.model` reads."""
+"""What gmsh's present model holds, as plain data."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from meshing.gll import gll_nodes
+from meshing.gmsh.model import Block, FileModel
 
 WHOLE = "selement:"  # a physical surface of this name: each of its surfaces is one S-element
 MATERIAL = "material"
@@ -14,7 +15,6 @@ KIND = ("point", "curve", "surface", "volume")
 NO_SIZE = 1e21  # gmsh's "no size given" is 1e22
 
 Groups = list[list[Any]]  # [dimension, name, entities] of each physical group
-Block = tuple[list[Any], np.ndarray]  # [dimension, entity, type, order, corners] and nodes of elements
 
 
 def physical_groups(gmsh: Any) -> Groups:
@@ -34,9 +34,7 @@ def whole_surfaces(groups: Groups) -> list[int]:
     return list(dict.fromkeys(found))
 
 
-def describe(
-    gmsh: Any, groups: Groups, order: int, geometry: bool
-) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+def describe(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel:
     """The meshed model by few calls.
 
     Parameters
@@ -48,38 +46,30 @@ def describe(
         Order of the S-elements' edges.
     geometry : bool
         gmsh has meshed a geometry: its points have sizes, its curves a shape.
-
-    Returns
-    -------
-    told : dict
-        Of what JSON knows.
-    arrays : dict of str to array
     """
     tags, positions, _ = gmsh.model.mesh.getNodes()
     points = _point_nodes(gmsh)
     curves, surfaces = ([tag for _, tag in gmsh.model.getEntities(d)] for d in (1, 2))
-    whole = whole_surfaces(groups)
-    meshed = [tag for tag in surfaces if tag not in set(whole)] if geometry else surfaces
-    ends = {node for nodes in points.values() for node in nodes}
-    blocks = _line_blocks(gmsh, curves, ends) if geometry else None
-    blocks = (_blocks(gmsh, 1, curves) if blocks is None else blocks) + _blocks(gmsh, 2, meshed)
-    arrays = {f"block{number}": nodes for number, (_, nodes) in enumerate(blocks)}
-    arrays |= {"node_tags": np.asarray(tags, np.int64), "node_positions": np.reshape(positions, (-1, 3))}
-    told: dict[str, Any] = {
-        "geometry": geometry,
-        "groups": groups,
-        "blocks": [facts for facts, _ in blocks],
-        "points": {str(tag): nodes for tag, nodes in points.items()},
-        "whole": whole,
-        "outlines": [],
-        "sizes": {},
-    }
+    whole: dict[int, list[int] | None] = dict.fromkeys(whole_surfaces(groups))
+    lines, shapes, sizes = None, {}, {}
     if geometry:
-        told["outlines"] = [_curves_around(gmsh, tag) for tag in whole]
-        sizes = gmsh.model.mesh.getSizes([(0, tag) for tag in points]) if whole else ()
-        told["sizes"] = {str(tag): float(h) for tag, h in zip(points, sizes) if 0 < h < NO_SIZE}
-        arrays |= _true_curves(gmsh, order, curves)
-    return told, arrays
+        surfaces = [tag for tag in surfaces if tag not in whole]
+        lines = _line_blocks(gmsh, curves, {node for nodes in points.values() for node in nodes})
+        whole = {tag: _curves_around(gmsh, tag) for tag in whole}
+        given = gmsh.model.mesh.getSizes([(0, tag) for tag in points]) if whole else ()
+        sizes = {node: float(h) for tag, h in zip(points, given) if 0 < h < NO_SIZE for node in points[tag]}
+        shapes = _true_curves(gmsh, order, curves)
+    return FileModel(
+        geometry,
+        groups,
+        (_blocks(gmsh, 1, curves) if lines is None else lines) + _blocks(gmsh, 2, surfaces),
+        np.asarray(tags, np.int64),
+        np.reshape(positions, (-1, 3)),
+        points,
+        whole=whole,
+        sizes=sizes,
+        **shapes,
+    )
 
 
 def _blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block]:
@@ -89,7 +79,7 @@ def _blocks(gmsh: Any, dimension: int, entities: list[int]) -> list[Block]:
         for kind, _, nodes in zip(*gmsh.model.mesh.getElements(dimension, entity)):
             name, _, order, count, _, corners = gmsh.model.mesh.getElementProperties(kind)
             table = np.asarray(nodes, np.int64).reshape(-1, count)
-            blocks.append(([dimension, entity, name, order, corners], table))
+            blocks.append(Block(dimension, entity, name, order, corners, table))
     return blocks
 
 
@@ -110,7 +100,7 @@ def _line_blocks(gmsh: Any, curves: list[int], ends: set[int]) -> list[Block] | 
     if list(kinds) != [1] or len(nodes[0]) != 2 * len(curves) or not ends >= set(nodes[0].tolist()):
         return None
     lines = np.reshape(nodes[0], (-1, 1, 2)).astype(np.int64)
-    return [([1, tag, "Line 2", 1, 2], line) for tag, line in zip(curves, lines)]
+    return [Block(1, tag, "Line 2", 1, 2, line) for tag, line in zip(curves, lines)]
 
 
 def _curves_around(gmsh: Any, surface: int) -> list[int]:

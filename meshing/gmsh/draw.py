@@ -44,6 +44,9 @@ class _Pen:
         whole = [self.surface([cell.vertices]) for cell in drawing.cells]
         filled = [self.surface(surface.loops) for surface in drawing.filled]
         inside = [self.inside(surface) for surface in drawing.filled]
+        # Twice, as when a file is read: only then the plane that gmsh lays through a surface, in whose
+        # coordinates it fills it, is the same however often this is done again.
+        self.geo.synchronize()
         self.geo.synchronize()
         for tag, embedded in zip(filled, inside):
             for dimension, tags in enumerate(embedded):

@@ -11,7 +11,6 @@ from meshing.gmsh.building import cells_of
 from meshing.gmsh.describe import describe
 from meshing.gmsh.discretise import OPTIONS, boundary_discretisation
 from meshing.gmsh.draw import draw_geometry
-from meshing.gmsh.model import from_answer
 from meshing.gmsh_session import gmsh_session
 from meshing.input_checks import path as checked_path
 from meshing.whole_file import replaced
@@ -38,8 +37,8 @@ def discretised(drawing: Drawing, order: int, origin: str) -> CellComplex:
     with gmsh_session(origin) as gmsh:
         draw_geometry(drawing, gmsh)
         groups, _ = boundary_discretisation(gmsh, drawing.largest)
-        told, arrays = describe(gmsh, groups, order, True)
-    return cells_of(from_answer(told, arrays, 1.0), origin)
+        found = describe(gmsh, groups, order, True)
+    return cells_of(found, origin)
 
 
 def write_drawing(drawing: Drawing, path: str | os.PathLike[str], origin: str) -> None:

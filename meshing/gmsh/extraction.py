@@ -1,6 +1,6 @@
 """gmsh opens, meshes and describes a user's model; runs in the child process only.
 
-The answer of `extract` is what `meshing.gmsh.model` reads: facts in a dictionary, numbers in arrays.
+The answer of `extract` is a `FileModel`, packed.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ import contextlib
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -82,15 +83,10 @@ def extract(
         groups = _numbered_entities(gmsh) if suffix in CAD else physical_groups(gmsh)
         if geometry:
             _mesh(gmsh, whole_surfaces(groups), size, guard)
-    told, arrays = describe(gmsh, groups, order, geometry)
-    told |= {"unnamed": suffix in CAD, "empty": [] if suffix in CAD else _empty_groups(gmsh)}
-    told |= _said(gmsh, script)
-    cells = {3: 0, 4: 0}
-    for number, (dimension, *_, corners) in enumerate(told["blocks"]):
-        if dimension == 2 and corners in cells:
-            cells[corners] += len(arrays[f"block{number}"])
-    guard.check_cells(cells[3], cells[4])
-    return told, arrays
+    found = describe(gmsh, groups, order, geometry)
+    guard.check_cells(found)
+    empty = [] if suffix in CAD else _empty_groups(gmsh)
+    return replace(found, unnamed=suffix in CAD, empty=empty, **_said(gmsh, script)).packed()
 
 
 @contextlib.contextmanager

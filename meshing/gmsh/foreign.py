@@ -1,56 +1,41 @@
-"""Meshes of other programs in one form, and what `meshing.gmsh.model` reads of them; in the child process
-only.
-"""
+"""Meshes of other programs to a `FileModel`; in the child process only."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from meshing.gmsh.confined import Refusal
+from meshing.gmsh.model import Block, FileModel
 from meshing.gmsh.size_guard import Guard
 
-# dimension and nodes of an element: its order and corners
-KINDS = {
-    (1, 2): (1, 2),
-    (1, 3): (2, 2),
-    (2, 3): (1, 3),
-    (2, 6): (2, 3),
-    (2, 4): (1, 4),
-    (2, 8): (2, 4),
-    (2, 9): (2, 4),
-}
-
-
-@dataclass(frozen=True)
-class ForeignMesh:
-    """A plane mesh as another program has written it.
-
-    Attributes
-    ----------
-    tags : (n,) int array
-        Of the nodes.
-    positions : (n, 3) array
-        In the file's unit.
-    groups : dict of (int, str) to list of list of int
-        Elements of each curve (1, name) and each material (2, name): node tags, corners first. An element may
-        be of several curves, and of one material.
-    node_sets : dict of str to (k,) int array
-        Node tags.
-    """
-
-    tags: np.ndarray
-    positions: np.ndarray
-    groups: dict[tuple[int, str], list[list[int]]]
-    node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+Groups = Mapping[tuple[int, str], Sequence[Sequence[int]]]
 
 
 def described(
-    mesh: ForeignMesh, *, size: float | None, order: int, most_unknowns: int
+    nodes: Mapping[int, Sequence[float]],
+    groups: Groups,
+    node_sets: Mapping[str, Sequence[int]],
+    *,
+    size: float | None,
+    order: int,
+    most_unknowns: int,
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
-    """The answer of `meshing.gmsh.extraction.extract`.
+    """A plane mesh as another program has written it as a `FileModel`, packed.
+
+    Parameters
+    ----------
+    nodes : mapping of int to (x, y, z)
+        Positions by tag, in the file's unit.
+    groups : mapping of (int, str) to sequence of sequence of int
+        Elements of each curve (1, name) and each material (2, name): node tags, corners first. An element may
+        be of several curves, and of one material.
+    node_sets : mapping of str to sequence of int
+        Node tags.
+    size, order, most_unknowns
+        See `meshing.gmsh.extraction.extract`.
 
     Raises
     ------
@@ -59,56 +44,36 @@ def described(
     """
     if size is not None:
         raise Refusal("it is a mesh already, size has no meaning for it; leave it out.")
-    if not any(dimension == 2 and cells for (dimension, _), cells in mesh.groups.items()):
+    tags, positions = np.array(list(nodes), np.int64), np.array(list(nodes.values()), float).reshape(-1, 3)
+    model = FileModel(False, [], [], tags, positions, {})
+    for (dimension, name), elements in groups.items():
+        _add(model, dimension, name, elements)
+    cells = [(block.nodes, block.corners) for block in model.blocks if block.dimension == 2]
+    if not cells:
         raise Refusal("it has no triangles or quadrilaterals; check that the file is complete.")
-    told: dict[str, Any] = {
-        "geometry": False,
-        "unnamed": False,
-        "groups": [],
-        "empty": [],
-        "skipped": [],
-        "log": [],
-        "merged_step": None,
-        "blocks": [],
-        "points": {},
-    }
-    arrays = {"node_tags": mesh.tags, "node_positions": mesh.positions}
-
-    def add(dimension: int, name: str, elements: dict[int, np.ndarray]) -> None:
-        entity = len(told["groups"]) + 1
-        told["groups"].append([dimension, name, [entity]])
-        for count, nodes in elements.items():
-            arrays[f"block{len(told['blocks'])}"] = nodes
-            told["blocks"].append([dimension, entity, f"{count} nodes", *KINDS[dimension, count]])
-
-    counts, sides = {3: 0, 4: 0}, [np.zeros((0, 2), np.int64)]
-    for (dimension, name), elements in mesh.groups.items():
-        by_count = _by_count(elements)
-        add(dimension, name, by_count)
-        for count, nodes in by_count.items() if dimension == 2 else ():
-            corners = KINDS[2, count][1]
-            counts[corners] += len(nodes)
-            sides += [nodes[:, [i, (i + 1) % corners]] for i in range(corners)]
-    Guard(order, most_unknowns).check_cells(counts[3], counts[4])
+    Guard(order, most_unknowns).check_cells(model)
+    sides = [nodes[:, [i, (i + 1) % corners]] for nodes, corners in cells for i in range(corners)]
     found, uses = np.unique(np.sort(np.vstack(sides), axis=1), axis=0, return_counts=True)
     outline = found[uses == 1]
-    for name, tags in mesh.node_sets.items():
-        tags = np.unique(tags)
-        if len(tags) == 1:
-            told["points"][str(len(told["groups"]) + 1)] = tags.tolist()
-            add(0, name, {})
-            continue
+    for name, labels in node_sets.items():
+        tags = np.unique(np.array(labels, np.int64))
         edges = outline[np.isin(outline, tags).all(axis=1)]
-        if len(edges):
-            add(1, name, {2: edges})
+        if len(tags) == 1:
+            model.points[_add(model, 0, name, ())] = tags.tolist()
+        elif len(edges):
+            _add(model, 1, name, edges)
         else:
-            told["empty"].append([1, name])
-    return told, arrays
+            model.empty.append([1, name])
+    return model.packed()
 
 
-def _by_count(elements: list[list[int]]) -> dict[int, np.ndarray]:
-    """Elements of one number of nodes together."""
-    rows: dict[int, list[list[int]]] = {}
-    for element in elements:
-        rows.setdefault(len(element), []).append(element)
-    return {count: np.array(nodes, np.int64) for count, nodes in rows.items()}
+def _add(model: FileModel, dimension: int, name: str, elements: Sequence[Sequence[int]]) -> int:
+    """Add a group to a model, elements of one number of nodes together; its entity."""
+    entity = len(model.groups) + 1
+    model.groups.append([dimension, name, [entity]])
+    for count in dict.fromkeys(map(len, elements)):
+        corners = 2 if dimension == 1 else 3 if count in (3, 6) else 4
+        own = np.array([element for element in elements if len(element) == count], np.int64)
+        order = 1 if count == corners else 2
+        model.blocks.append(Block(dimension, entity, f"{count} nodes", order, corners, own))
+    return entity

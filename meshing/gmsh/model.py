@@ -1,16 +1,15 @@
-"""What a file holds, as plain data: the child process' answer."""
+"""What a file or gmsh holds, as plain data; also the answer of the child process that reads a file."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 
-@dataclass(frozen=True)
-class Block:
+class Block(NamedTuple):
     """Elements of one type in one entity.
 
     Attributes
@@ -34,27 +33,18 @@ class Block:
 
 @dataclass(frozen=True)
 class FileModel:
-    """A user's model as it was read, coordinates in m.
+    """A user's model as it was read, or a drawing as gmsh has meshed it.
 
     Attributes
     ----------
     geometry : bool
-        It was meshed here; `curved_points` then lie on the true curves.
-    unnamed : bool
-        The format has no groups; all names are made from numbers.
+        gmsh has meshed it here; `curved_points` then lie on the true curves.
     groups : list of (int, str, list of int)
         Dimension, name and entities of each physical group.
-    empty : list of (int, str)
-        Dimension and name of groups that hold nothing.
-    skipped : list of (int, int, str)
-        Dimension and number of entities that do not exist, and the group that names them.
-    log : list of str
-        gmsh's warnings.
-    merged_step : str or None
-        A STEP file that a script reads, whose lengths gmsh converts to m.
-    where : dict of int to (3,) array
-        Positions of the nodes by tag, m.
     blocks : list of Block
+    node_tags : (n,) int array
+    node_positions : (n, 3) array
+        Of these nodes, m.
     points : dict of int to list of int
         Node tags of each point entity.
     curved_ends : (n, 2) int array
@@ -66,22 +56,62 @@ class FileModel:
         run the other way.
     sizes : dict of int to float
         Sizes that a geometry gives at points, by their node tags, m.
+    unnamed : bool
+        The format has no groups; all names are made from numbers.
+    empty : list of (int, str)
+        Dimension and name of groups that hold nothing.
+    skipped : list of (int, int, str)
+        Dimension and number of entities that do not exist, and the group that names them.
+    log : list of str
+        gmsh's warnings.
+    merged_step : str or None
+        A STEP file that a script reads, whose lengths gmsh converts to m.
     """
 
     geometry: bool
-    unnamed: bool
-    groups: list[tuple[int, str, list[int]]]
-    empty: list[tuple[int, str]]
-    skipped: list[tuple[int, int, str]]
-    log: list[str]
-    merged_step: str | None
-    where: dict[int, np.ndarray]
+    groups: list[list[Any]]
     blocks: list[Block]
+    node_tags: np.ndarray
+    node_positions: np.ndarray
     points: dict[int, list[int]]
-    curved_ends: np.ndarray
-    curved_points: np.ndarray
+    curved_ends: np.ndarray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
+    curved_points: np.ndarray = field(default_factory=lambda: np.zeros((0, 2, 2)))
     whole: dict[int, list[int] | None] = field(default_factory=dict)
     sizes: dict[int, float] = field(default_factory=dict)
+    unnamed: bool = False
+    empty: list[list[Any]] = field(default_factory=list)
+    skipped: list[list[Any]] = field(default_factory=list)
+    log: list[str] = field(default_factory=list)
+    merged_step: str | None = None
+
+    def packed(self) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
+        """Facts that JSON knows, and arrays."""
+        told = {item.name: getattr(self, item.name) for item in fields(self)}
+        arrays = {name: told.pop(name) for name in list(told) if isinstance(told[name], np.ndarray)}
+        told["blocks"] = [block[:-1] for block in self.blocks]
+        return told, arrays | {f"block{i}": block.nodes for i, block in enumerate(self.blocks)}
+
+    @classmethod
+    def unpacked(cls, told: dict[str, Any], arrays: dict[str, np.ndarray], scale: float) -> FileModel:
+        """The model that was packed, its lengths times `scale`."""
+        blocks = [Block(*facts, arrays.pop(f"block{i}")) for i, facts in enumerate(told["blocks"])]
+        by_tag = {
+            name: {int(tag): value for tag, value in told[name].items()}
+            for name in ("points", "whole", "sizes")
+        }
+        by_tag["sizes"] = {tag: size * scale for tag, size in by_tag["sizes"].items()}
+        for name in ("node_positions", "curved_points"):
+            arrays[name] = arrays[name] * scale
+        positions = arrays["node_positions"]
+        if len(positions):  # z from round-off, e.g. of a rotation, is none
+            flat = np.abs(positions[:, 2]) <= 1e-9 * np.ptp(positions, axis=0).max()
+            positions[flat, 2] = 0.0
+        return cls(**{**told, **arrays, **by_tag, "blocks": blocks})
+
+    @cached_property
+    def where(self) -> dict[int, np.ndarray]:
+        """Positions of the nodes by tag, m."""
+        return dict(zip(self.node_tags.tolist(), self.node_positions))
 
     def entities(self, dimension: int) -> dict[str, list[int]]:
         """Entities of the groups of a dimension by the groups' names."""
@@ -102,36 +132,3 @@ class FileModel:
         for block in self.blocks:
             found.setdefault((block.dimension, block.entity), []).append(block)
         return found
-
-
-def from_answer(told: dict[str, Any], arrays: dict[str, np.ndarray], scale: float) -> FileModel:
-    """The answer of `meshing.gmsh.describe`, and of who opened a file, its lengths times `scale`."""
-    positions = arrays["node_positions"] * scale
-    if len(positions):  # z from round-off, e.g. of a rotation, is none
-        flat = np.abs(positions[:, 2]) <= 1e-9 * np.ptp(positions, axis=0).max()
-        positions[flat, 2] = 0.0
-    points = {int(tag): nodes for tag, nodes in told["points"].items()}
-    outlines = told.get("outlines") or [None] * len(told.get("whole", ()))
-    return FileModel(
-        geometry=bool(told["geometry"]),
-        unnamed=bool(told.get("unnamed")),
-        groups=[(int(d), str(name), [int(e) for e in entities]) for d, name, entities in told["groups"]],
-        empty=[(int(d), str(name)) for d, name in told.get("empty", ())],
-        skipped=[(int(d), int(entity), str(name)) for d, entity, name in told.get("skipped", ())],
-        log=[str(line) for line in told.get("log", ())],
-        merged_step=told.get("merged_step"),
-        where=dict(zip(arrays["node_tags"].tolist(), positions)),
-        blocks=[
-            Block(dimension, entity, name, order, corners, arrays[f"block{i}"])
-            for i, (dimension, entity, name, order, corners) in enumerate(told["blocks"])
-        ],
-        points=points,
-        curved_ends=arrays.get("curved_ends", np.zeros((0, 2), int)),
-        curved_points=arrays.get("curved_points", np.zeros((0, 2, 2))) * scale,
-        whole=dict(zip(told.get("whole", ()), outlines)),
-        sizes={
-            node: size * scale
-            for tag, size in told.get("sizes", {}).items()
-            for node in points.get(int(tag), ())
-        },
-    )

@@ -19,7 +19,7 @@ from meshing.gmsh.building import cells_of
 from meshing.gmsh.confined import Rights, ask, landlock_version
 from meshing.gmsh.files import FOREIGN, SCRIPTS, checked_content
 from meshing.gmsh.length_units import Units
-from meshing.gmsh.model import from_answer
+from meshing.gmsh.model import FileModel
 from meshing.gmsh.report import check_units, pass_on, refuse_empty_groups
 from meshing.gmsh.unjoined import check_joined
 from meshing.input_checks import checked_order, flag, length, positive
@@ -160,7 +160,7 @@ def read_gmsh(
     with _place(path, suffix, content) as place:
         module = FOREIGN.get(suffix, "meshing.gmsh.extraction")
         answer = ask(origin, place, module, Rights(seconds, memory, trusted), options)
-    model = from_answer(*answer, units.factor)
+    model = FileModel.unpacked(*answer, units.factor)
     refuse_empty_groups(model, origin)
     pass_on(model, origin)
     cells = cells_of(model, origin)

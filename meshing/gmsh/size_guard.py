@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 from meshing.gmsh.confined import Refusal
+from meshing.gmsh.model import FileModel
 
 _TRIANGLES = 4 / math.sqrt(3)  # equilateral triangles of side 1 in an area of 1
 
@@ -24,7 +25,6 @@ class Guard:
         self._order, self._most = order, most_unknowns
         # A mesh of n triangles has about n / 2 vertices and 3 n / 2 edges, and two unknowns a node.
         self._a_triangle = 3 * order - 2
-        self._a_quadrilateral = 4 * order - 2
 
     def check_area(self, area: float, size: float | None, largest: float | None) -> None:
         """The cells of side `size`, or of the largest side the file allows, in `area`."""
@@ -60,11 +60,13 @@ class Guard:
         if edges * self._a_triangle > self._most:
             self._refuse(f"its curves have {edges} edges", edges * self._a_triangle, "give larger sizes")
 
-    def check_cells(self, triangles: int, quadrilaterals: int) -> None:
+    def check_cells(self, model: FileModel) -> None:
         """The mesh as it is."""
-        unknowns = triangles * self._a_triangle + quadrilaterals * self._a_quadrilateral
+        cells = [(len(block.nodes), block.corners) for block in model.blocks if block.dimension == 2]
+        unknowns = sum(count * (corners * self._order - 2) for count, corners in cells)
         if unknowns > self._most:
-            self._refuse(f"it has {triangles + quadrilaterals} cells", unknowns, "mesh it more coarsely")
+            what = f"it has {sum(count for count, _ in cells)} cells"
+            self._refuse(what, unknowns, "mesh it more coarsely")
 
     def _refuse(self, what: str, unknowns: float, mend: str) -> None:
         raise Refusal(

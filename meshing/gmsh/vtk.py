@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from meshing.gmsh.confined import Refusal
-from meshing.gmsh.foreign import ForeignMesh, described
+from meshing.gmsh.foreign import described
 
 _PLANE = ("triangle", "triangle6", "quad", "quad8", "quad9")  # meshio's names
 _IGNORED = ("vertex", "line", "line3")
@@ -57,4 +57,4 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
             groups.setdefault((2, name), []).append(nodes)
     positions = np.zeros((len(mesh.points), 3))
     positions[:, : mesh.points.shape[1]] = mesh.points
-    return described(ForeignMesh(np.arange(len(positions)), positions, groups), **options)
+    return described(dict(enumerate(positions)), groups, {}, **options)
