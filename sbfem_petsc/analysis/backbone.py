@@ -11,12 +11,12 @@ import numpy as np
 
 from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import index_of
-from ..continuation.orbit import Orbit, axis_number, make_orbit, modal_motion
+from ..continuation.orbit import Orbit, Orbits, make_orbit, modal_motion
 from ..continuation.problems.free import FreeMotion, FreeSystem
 from ..continuation.problems.free_branch import ADDED, FreeBranch, Pace
 from ..continuation.problems.free_stability import free_multipliers
 from ..continuation.problems.free_start import first_motion
-from ..errors import SolveError, at_point, on_all_ranks
+from ..errors import SolveError, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.fixed_point import FixedPoint
 from ..motion.loading import communicator
@@ -41,7 +41,7 @@ HARMONICS = 20
 
 
 @dataclass(frozen=True, eq=False)
-class Backbone:
+class Backbone(Orbits):
     """Free periodic motions, point by point along their branch.
 
     Attributes
@@ -112,11 +112,6 @@ class Backbone:
         return self._system.reduced
 
     @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
-
-    @property
     def stable(self) -> np.ndarray:
         """(n,) bool: no multiplier outside the unit circle by more than 1e-5; True throughout where stability
         was not asked for.
@@ -124,14 +119,6 @@ class Backbone:
         if not self.multipliers.shape[1]:
             return np.ones(len(self.energy), dtype=bool)
         return np.abs(self.multipliers[:, 0]) <= 1.0 + UNCERTAIN
-
-    def amplitude(self, point: str) -> np.ndarray:
-        """(n,): half the peak-to-peak of the y displacement of a point, m."""
-        return self.point_amplitudes[:, self._index(point)]
-
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
-        """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
-        return self.point_harmonics[:, self._index(point), axis_number(direction)]
 
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a named point by its harmonics, m; less than `least` where that is known to
@@ -148,9 +135,6 @@ class Backbone:
         motion = driven.run(self.states[k])
         shot = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         return make_orbit(shot, self.multipliers[k], UNCERTAIN, "point of a backbone")
-
-    def _index(self, point: str) -> int:
-        return at_point({name: k for k, name in enumerate(self.points)}, point)
 
     def __repr__(self) -> str:
         return (

@@ -8,19 +8,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..checks import index_of, names_of, shown
-from ..errors import UnknownName
+from ..checks import index_of, names_of
 from ..motion.fixed_point import FixedPoint
 from ..motion.period_map import Period
+from ..motion.states import Point
 from ..reduction.reduced_model import ReducedModel
 from ..system.plausibility import furthest_of_lines
 from ..writing import write_table
 from .bifurcations import Bifurcation
-from .orbit import FLOOR, Orbit, axis_number, make_orbit, multiplier_error, verdict_of
+from .orbit import FLOOR, Orbit, Orbits, axis_number, make_orbit, multiplier_error, verdict_of
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Orbits):
     """A branch of periodic motions, point by point in order of arc length.
 
     Attributes
@@ -80,11 +80,6 @@ class Branch:
         return self.period.reduced
 
     @property
-    def points(self) -> tuple[str, ...]:
-        """Named points."""
-        return self.reduced.points.names
-
-    @property
     def frequency(self) -> np.ndarray:
         """(n,): forcing frequency, Hz."""
         return self.value if self.parameter == "frequency" else np.full(len(self.value), self.fixed_frequency)
@@ -111,14 +106,6 @@ class Branch:
         """(n,) bool: every point that is kept has converged."""
         return np.ones(len(self.value), dtype=bool)
 
-    def amplitude(self, point: str) -> np.ndarray:
-        """(n,): half the peak-to-peak of the y displacement of a point, m."""
-        return self.point_amplitudes[:, self._index(point)]
-
-    def harmonics(self, point: str, direction: str = "y") -> np.ndarray:
-        """(n, 21) complex: harmonics 0 to 20 of the displacement of a point, m."""
-        return self.point_harmonics[:, self._index(point), axis_number(direction)]
-
     def subharmonics(self, point: str, direction: str = "y") -> np.ndarray:
         """(n, periods) complex: amplitudes at j f / periods, m; the first is the mean."""
         return self.point_subharmonics[:, self._index(point), axis_number(direction)]
@@ -129,7 +116,7 @@ class Branch:
         """
         return furthest_of_lines(self.point_harmonics[..., None], least)
 
-    def peak(self, point: str) -> Peak:
+    def peak(self, point: Point) -> Peak:
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
 
@@ -179,13 +166,6 @@ class Branch:
     def conditions(self, value: float) -> tuple[float, float]:
         """Forcing frequency (Hz) and load factor of a value of the parameter."""
         return (value, 1.0) if self.fixed_frequency is None else (self.fixed_frequency, value)
-
-    def _index(self, point: str) -> int:
-        if not isinstance(point, str) or point not in self.points:
-            raise UnknownName(
-                f"point {shown(point)} does not exist; the model has {', '.join(map(repr, self.points))}"
-            )
-        return self.points.index(point)
 
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""

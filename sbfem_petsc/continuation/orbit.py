@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 
 from ..checks import choice
-from ..errors import SolveError, on_all_ranks
+from ..errors import SolveError, at_point, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.fixed_point import FixedPoint
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
 from ..motion.states import ModalStates, Point
+from ..reduction.reduced_model import ReducedModel
 from .multipliers import multipliers_of
 from .shooting import WHOLE, shoot, shoot_nearby
 
@@ -123,9 +124,9 @@ class Orbit(Motion):
         """
         return self.spectrum(point, direction)[: self.periods]
 
-    def amplitude(self, point: Point) -> float:
-        """Half the peak-to-peak of the y displacement of a point, m."""
-        return 0.5 * float(np.ptp(self.displacement(point)[:, 1]))
+    def amplitude(self, point: Point, direction: str = "y") -> float:
+        """Half the peak-to-peak of the displacement of a point, m."""
+        return 0.5 * float(np.ptp(self.displacement(point)[:, axis_number(direction)]))
 
     def __repr__(self) -> str:
         verdict = "stability not asked for" if self.reduced is not None else "stability not computed"
@@ -139,6 +140,57 @@ class Orbit(Motion):
             f"iterations, {verdict}, peak contact resultant "
             f"{'; '.join([f'{self.contact_resultant.max(initial=0.0):.6g} N', *self.notes])})"
         )
+
+
+class Orbits:
+    """What the motions of a branch are asked at a point. Those kept are of named points, amplitudes of u_y;
+    for others each motion is integrated again from its state.
+    """
+
+    point_harmonics: np.ndarray
+    point_amplitudes: np.ndarray
+
+    @property
+    def reduced(self) -> ReducedModel:
+        """The reduced model whose motions these are."""
+        raise NotImplementedError
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    def orbit(self, k: int) -> Orbit:
+        """The k-th motion."""
+        raise NotImplementedError
+
+    def amplitude(self, point: Point, direction: str = "y") -> np.ndarray:
+        """(n,): half the peak-to-peak of the displacement of a named point, or of any point (x, y) in m, in
+        m. Collective for (x, y).
+        """
+        axis = axis_number(direction)
+        if isinstance(point, str):
+            index = self._index(point)
+            if axis == 1:
+                return self.point_amplitudes[:, index]
+        count = len(self.point_amplitudes)
+        return np.array([self.orbit(k).amplitude(point, direction) for k in range(count)])
+
+    def harmonics(self, point: Point, direction: str = "y") -> np.ndarray:
+        """(n, 21) complex: harmonics 0 to 20 of the displacement of a named point, or of any point (x, y) in
+        m, in m. Collective for (x, y).
+        """
+        axis = axis_number(direction)
+        if isinstance(point, str):
+            return self.point_harmonics[:, self._index(point), axis]
+        found = np.zeros((len(self.point_harmonics), self.point_harmonics.shape[-1]), dtype=complex)
+        for k, row in enumerate(found):
+            values = self.orbit(k).harmonics(point, direction)[: len(row)]
+            row[: len(values)] = values
+        return found
+
+    def _index(self, point: str) -> int:
+        return at_point({name: k for k, name in enumerate(self.points)}, point)
 
 
 def orbit_stability(

@@ -8,17 +8,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
 from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 
-from ..checks import Bounds, choice, integer, real, shown
+from ..checks import Bounds, integer, real, shown
 from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
 from ..parallel import agreed, collective, on_root
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
-from .drawing import BLUE, VERMILION, crack_title, figure, style
+from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, Region, gather_outline, gather_region
+from .picture import CHECKS
 from .units import force_unit, length_unit, time_unit
 
 DOTS = 100  # per inch
@@ -74,13 +76,12 @@ def animate_crack(
     with collective(model.comm):
         frames = integer("animate_crack", "frames", frames, least=2, most=1000)
         real("animate_crack", "seconds", seconds, "s", within=Bounds(least=0.1, most=600.0))
-        if magnification is not None:
-            real("animate_crack", "magnification", magnification, within=Bounds(above=0.0))
-        if not 0 <= integer("animate_crack", "crack", crack, least=0) < len(model.cracks):
+        for name, value in (("magnification", magnification), ("crack", crack), ("colour", colour)):
+            CHECKS[name]("animate_crack", name, value)
+        if crack >= len(model.cracks):
             raise ValueError(
                 f"animate_crack: crack = {crack} does not exist; the model has {len(model.cracks)}"
             )
-        choice("animate_crack", "colour", colour, ("von_mises", "displacement"))
         instants = _instants(motion, between, frames)
         writer = _writer(path, len(instants) / seconds)
     facts = model.cracks[crack]
@@ -95,10 +96,10 @@ def animate_crack(
     closed = (motion.contact_force[:, rows] > 0.0).sum(axis=1)
 
     def write() -> str:
-        window = Window(facts, half, colour)
-        film = _Film(window, regions, outline, motion.time, curves, magnification)
-        pairs = [f"{count} of {len(rows)} pairs closed" for count in closed]
-        film.write(path, writer, instants, crack_title(facts), pairs)
+        with rc_context(STYLE):
+            film = _Film(Window(facts, half, colour), regions, outline, motion.time, curves, magnification)
+            pairs = [f"{count} of {len(rows)} pairs closed" for count in closed]
+            film.write(path, writer, instants, crack_title(facts), pairs)
         return os.fspath(path)
 
     return on_root(model.comm, write)
@@ -166,26 +167,27 @@ class _Film:
         self.window, self.regions, self.outline, self.time = window, states, outline, time
         self.factor = magnification or round_down(0.12 * window.half / window.largest(states))
         self.colours = window.colours(states)
-        self.drawing = figure(3.3)
-        grid = self.drawing.add_gridspec(2, 2, width_ratios=(1.35, 1.0))
-        self.axes = self.drawing.add_subplot(grid[:, 0])
+        sheet = Sheet("animate_crack", None)
+        layout = [["crack", "gap"], ["crack", "resultant"]]
+        self.axes, *panels = sheet.panels(layout, 3.3, width_ratios=(1.35, 1.0))
+        self.drawing = sheet.figure
         self.unit_of_time, name = time_unit(float(time[-1]))
         self.curves, self.marks = [], []
         units = {"gap": length_unit, "resultant": force_unit}
         labels = {"gap": "gap at the mouth", "resultant": "contact resultant"}
         for row, (key, values) in enumerate(curves.items()):
             scale, unit = units[key](float(np.abs(values).max()))
-            axes = self.drawing.add_subplot(grid[row, 1])
+            axes = panels[row]
             axes.plot(time * self.unit_of_time, values * scale, color=(BLUE, VERMILION)[row], linewidth=1.0)
             axes.set_ylabel(f"{labels[key]} ({unit})")
             axes.set_xlim(time[0] * self.unit_of_time, time[-1] * self.unit_of_time)
-            axes.grid(color="#DDDDDD", linewidth=0.4)
-            style(axes)
+            axes.grid()
             self.curves.append(values * scale)
             self.marks += axes.plot([], [], "o", color="black", markersize=4, clip_on=False, zorder=5)
         axes.set_xlabel(f"time ({name})")
         self.drawing.align_ylabels()
         window.frame(self.axes)
+        sheet.finished(self.axes, "")
         self.unit_name = name
 
     def write(
@@ -209,9 +211,9 @@ class _Film:
         for number, instant in enumerate(instants):
             painted = self._state(number, int(instant))
             at = f"{self.time[instant] * self.unit_of_time:.4g} {self.unit_name}"
-            self.axes.set_title(f"{title}\n{at}, {told[instant]}", fontsize=8)
+            self.axes.set_title(f"{title}\n{at}, {told[instant]}")
             if number == 0:  # the layout of the first is that of all
-                self.colours.bar(self.drawing, painted[0], self.axes)
+                self.colours.bar(painted[0], self.axes)
                 self.drawing.draw_without_rendering()
                 self.drawing.set_layout_engine(None)  # which would draw every state twice
             writer.grab_frame()

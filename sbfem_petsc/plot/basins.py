@@ -3,26 +3,30 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap, to_rgb
 
-from ..checks import instance
 from ..continuation.basins import Basins, StartAxis
-from .arguments import check
-from .drawing import BLACK, CYCLE, figure, style
+from ..petsc import MPI
+from .drawing import BLACK, CYCLE, Sheet
+from .picture import picture
 from .units import impulse_unit, length_unit, velocity_unit
 
-GREY = "#BBBBBB"
+UNSETTLED = "#BBBBBB"
 # Share of white in the colour of a basin, in which the orbits' marks are to be seen.
 LIGHT = 0.55
 # Modal coordinates have no smaller units.
 _UNITS = {"m": length_unit, "m/s": velocity_unit, "N s": impulse_unit}
 
 
-def plot_basins(basins: Basins, *, title: str = "") -> Axes:
-    """Draw which orbit each initial state of a grid of two axes leads to.
+@picture(Basins)
+def plot_basins(
+    basins: Basins, *, title: str = "", ax: Any = None, comm: MPI.Comm | None = None
+) -> Axes | None:
+    """Draw which orbit each initial state of a grid of two axes leads to. Collective.
 
     The orbits' own states at t = 0 are marked where they fall in the plane, unstable ones by a cross; of a
     model with several modes they are its two coordinates alone. What has not settled is grey.
@@ -30,38 +34,35 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
     Parameters
     ----------
     basins : Basins
-        Of two axes with at least two values each.
-    title : str
+        Of two axes with at least two values each; on rank 0 at least.
+    title, ax, comm
+        As for `plot_branches`.
 
     Returns
     -------
-    Axes
+    Axes on rank 0, None elsewhere; `save_picture` writes them
 
     Raises
     ------
     TypeError, ValueError
         For something else than basins over two axes.
     """
-    owner = "plot_basins"
-    instance(owner, "basins", basins, Basins, "Basins")
-    check(owner, title=title)
     if len(basins.axes) != 2 or min(basins.reached.shape) < 2:
         raise ValueError(
-            f"{owner}: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a grid of "
-            "two axes with at least two values each is expected"
+            f"plot_basins: basins has {len(basins.axes)} axes and the shape {basins.reached.shape}; a "
+            "grid of two axes with at least two values each is expected"
         )
     (across, x_label), (up, y_label) = (_scale(axis) for axis in basins.axes)
     first, second = (factor * np.array(axis.values) for factor, axis in zip((across, up), basins.axes))
     count = len(basins.orbits)
     colours = [CYCLE[k % len(CYCLE)] for k in range(count)]
     pale = [(1.0 - LIGHT) * np.array(to_rgb(colour)) + LIGHT for colour in colours]
-    drawing = figure(3.6, 5.2)
-    axes = drawing.add_subplot()
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6, 5.2)
     axes.pcolormesh(
         first,
         second,
         basins.reached.T,
-        cmap=ListedColormap([to_rgb(GREY), *map(tuple, pale)]),
+        cmap=ListedColormap([to_rgb(UNSETTLED), *map(tuple, pale)]),
         vmin=-1.5,
         vmax=count - 0.5,
         shading="nearest",
@@ -84,16 +85,14 @@ def plot_basins(basins: Basins, *, title: str = "") -> Axes:
             label=f"orbit {k}, {times}: {reached}",
         )
     if (basins.reached < 0).any():
-        axes.plot([], [], linestyle="none", marker="s", color=GREY, label="not settled")
+        axes.plot([], [], linestyle="none", marker="s", color=UNSETTLED, label="not settled")
     axes.set(
         xlabel=x_label,
         ylabel=y_label,
         xlim=(first[0], first[-1]),
         ylim=(second[0], second[-1]),
     )
-    axes.set_title(title, fontsize=9)
-    axes.legend(fontsize=7, frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
-    style(axes)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0))
     return axes
 
 

@@ -4,9 +4,9 @@ bifurcations.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -16,29 +16,74 @@ from ..analysis.backbone import Backbone
 from ..checks import instance
 from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
-from ..parallel import agreed, collective, on_root
+from ..motion.states import Point
 from ..petsc import MPI
-from .arguments import check
-from .drawing import BLACK, BLUE, CYCLE, GREEN, VERMILION, by_name, figure, style
+from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above
+from .picture import named, picture, place_name
 from .units import divisors, frequency_unit, length_unit
 
-GREY = "#8A8A8A"
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
-DASHED = (0, (3.0, 1.6))
 # Lines between two points of a branch.
 BETWEEN = 12
 
+Part = tuple[bool, np.ndarray, np.ndarray]
 
-@agreed("branches", "backbone")
+
+@dataclass(frozen=True)
+class Height:
+    """What is drawn of periodic motions: half the peak-to-peak of a displacement, or one of its harmonics.
+
+    Attributes
+    ----------
+    point : str or (x, y)
+    direction : {"x", "y"}
+    harmonic : int or None
+    """
+
+    point: Point
+    direction: str = "y"
+    harmonic: int | None = None
+
+    def along(self, motions: Branch | Backbone) -> np.ndarray:
+        """(n,) of the points of a branch, m."""
+        if self.harmonic is None:
+            return motions.amplitude(self.point, self.direction)
+        return np.abs(motions.harmonics(self.point, self.direction)[:, self.harmonic])
+
+    def at(self, curve: Branch, item: Bifurcation) -> float:
+        """At a bifurcation of a branch, integrated from its state, m."""
+        alone = replace(
+            curve,
+            value=np.array([item.own_value]),
+            states=item.state[None],
+            multipliers=np.zeros((1, 0), dtype=complex),
+            multiplier_error=np.zeros(1),
+        )
+        orbit = alone.orbit(0)
+        if self.harmonic is None:
+            return orbit.amplitude(self.point, self.direction)
+        return float(np.abs(orbit.harmonics(self.point, self.direction)[self.harmonic]))
+
+    @property
+    def label(self) -> str:
+        """In words, for an axis."""
+        what = "amplitude" if self.harmonic is None else f"harmonic {self.harmonic}"
+        return f"{what} of $u_{self.direction}$({place_name(self.point)})"
+
+
+@picture(Branch, several=True)
 def plot_branches(
     branches: Branch | Mapping[str, Branch],
-    point: str = "A",
+    point: Point = "A",
+    direction: str = "y",
     *,
+    harmonic: int | None = None,
     forces: Mapping[str, float] | None = None,
     window: tuple[float, float] | None = None,
     title: str = "",
     every: bool = False,
     backbone: Backbone | None = None,
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw branches in one picture: stable parts solid, unstable parts dashed, bifurcations marked by
@@ -50,9 +95,14 @@ def plot_branches(
     Parameters
     ----------
     branches : Branch or dict of str to Branch
-        All over the frequency, or all over the load; on rank 0 at least.
-    point : str
-        Whose amplitude, half the peak-to-peak of u_y, is drawn.
+        All over the frequency, or all over the load; on rank 0 at least, on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m. Motions at a place are integrated again.
+    direction : {"y", "x"}
+        Of the displacement whose amplitude, half the peak-to-peak, is drawn; for x motions are integrated
+        again.
+    harmonic : int, optional
+        Draw the modulus of this harmonic instead.
     forces : dict of str to float, optional
         N: amplitudes are divided by them. What is linear then falls on one line.
     window : (float, float), optional
@@ -64,6 +114,8 @@ def plot_branches(
     backbone : Backbone, optional
         Free motions of the mode, on which the peaks stand as damping falls: a dotted line below branches over
         the frequency, without `forces`.
+    ax : axes, sequence of axes, figure or subfigure of Matplotlib, optional
+        What is drawn on. Default: a new figure.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -71,24 +123,83 @@ def plot_branches(
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_branches", point=point, forces=forces, window=window, title=title, every=every, comm=comm)
-    named = by_name("plot_branches", branches, Branch)
-    with collective(comm or MPI.COMM_WORLD):
-        if backbone is not None:
-            instance("plot_branches", "backbone", backbone, Backbone, "a Backbone")
-            if forces is not None or any(curve.parameter == "load" for curve in named.values()):
-                raise ValueError(
-                    "plot_branches: backbone has its place below branches over the frequency whose "
-                    "amplitudes are not divided by forces; leave it out"
-                )
-    return on_root(
-        comm or MPI.COMM_WORLD, lambda: _draw(named, point, forces, backbone, _Frame(window, title, every))
-    )
+    curves = named(branches)
+    _check_parameter(curves, backbone, forces)
+    shown, divisor = Height(point, direction, harmonic), divisors("plot_branches", curves, forces)
+    heights = {name: shown.along(curve) / divisor[name] for name, curve in curves.items()}
+    factor, unit = length_unit(max(float(h.max()) for h in heights.values()))
+    along, label = abscissa(curves)
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
+    shades = iter(CYCLE * len(curves))
+    broken, kinds = False, set[str]()
+    for name, curve in curves.items():
+        y, scale = heights[name] * factor, factor / divisor[name]
+        if not curve.period.pairs:
+            axes.plot(curve.value * along, y, color=GREY, linewidth=1.6, zorder=1.5, label=name or "_")
+            continue
+        shade = next(shades)
+        axes.plot([], [], color=shade, linewidth=1.1, label=name or "_")
+        marks = marks_of(curve, shown, along, scale)
+        broken |= draw_parts(axes, smooth(split(curve.value * along, y, curve.stable, marks)), shade)
+        kinds |= _draw_marks(axes, curve, marks, shade, every)
+    top = axes.get_ylim()[1]
+    if backbone is not None:
+        free = (backbone.frequency * along, shown.along(backbone) * factor)
+        axes.plot(*free, color=BLACK, linewidth=1.1, linestyle=":", zorder=1.6, label="free motion")
+    name_verdicts(axes, broken)
+    for kind in KINDS:
+        if kind in kinds:
+            _mark(axes, [], [], kind, BLACK, kind)
+    values = np.concatenate([curve.value for curve in curves.values()])
+    start, stop = window or (float(values.min()), float(values.max()))
+    axes.set(xlim=(start * along, stop * along), xlabel=label, ylim=(0.0, top))
+    axes.set_ylabel(shown.label + (f" ({unit})" if forces is None else f" / force ({unit}/N)"))
+    if any(curves) or broken or kinds:
+        axes.legend()
+    return axes
+
+
+def _check_parameter(
+    curves: Mapping[str, Branch], backbone: Backbone | None, forces: Mapping[str, float] | None
+) -> None:
+    """Raise unless all that is drawn is over the same parameter."""
+    over = {curve.parameter for curve in curves.values()}
+    if len(over) > 1:
+        raise ValueError(
+            "plot_branches: some branches are over the frequency and some over the load; draw them apart"
+        )
+    if backbone is not None:
+        instance("plot_branches", "backbone", backbone, Backbone, "a Backbone")
+        if forces is not None or over == {"load"}:
+            raise ValueError(
+                "plot_branches: backbone has its place below branches over the frequency whose "
+                "amplitudes are not divided by forces; leave it out"
+            )
+
+
+def marks_of(curve: Branch, shown: Height, along: float, scale: float) -> list[tuple[int, float, float]]:
+    """The bifurcations of a curve for `split`, in order; parameter and height in drawn units."""
+    return [(item.after, item.own_value * along, shown.at(curve, item) * scale) for item in in_order(curve)]
+
+
+def draw_parts(axes: Axes, parts: Iterable[Part], colour: str, width: float = 1.1) -> bool:
+    """Draw the parts of a curve, stable ones solid, unstable ones dashed; whether there are unstable ones."""
+    broken = False
+    for stable, x, y in parts:
+        axes.plot(x, y, color=colour, linewidth=width, linestyle="-" if stable else DASHED, zorder=2)
+        broken = broken or not stable
+    return broken
+
+
+def name_verdicts(axes: Axes, broken: bool) -> None:
+    """Entries of the legend for stable and unstable parts, where there are unstable ones."""
+    for name, dashes in (("stable", "-"), ("unstable", DASHED)) if broken else ():
+        axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=dashes, label=name)
 
 
 def split(
     value: np.ndarray, height: np.ndarray, stable: np.ndarray, marks: Sequence[tuple[int, float, float]] = ()
-) -> list[tuple[bool, np.ndarray, np.ndarray]]:
+) -> list[Part]:
     """Stable and unstable parts of a curve, each beginning where the one before it ends.
 
     Parameters
@@ -122,18 +233,6 @@ def split(
     return parts
 
 
-def amplitude_at(curve: Branch, item: Bifurcation, point: str) -> float:
-    """Amplitude of a point at a bifurcation, integrated from its state, m."""
-    alone = replace(
-        curve,
-        value=np.array([item.own_value]),
-        states=item.state[None],
-        multipliers=np.zeros((1, 0), dtype=complex),
-        multiplier_error=np.zeros(1),
-    )
-    return alone.orbit(0).amplitude(point)
-
-
 def in_order(curve: Branch) -> list[Bifurcation]:
     """Bifurcations in order of arc length, also those between the same two points."""
 
@@ -146,7 +245,7 @@ def in_order(curve: Branch) -> list[Bifurcation]:
     return sorted(curve.bifurcations, key=place)
 
 
-def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool, np.ndarray, np.ndarray]]:
+def smooth(parts: Sequence[Part]) -> Sequence[Part]:
     """The parts of a curve with points between theirs: monotone cubics of the arc length, without
     overshoot.
     """
@@ -170,101 +269,6 @@ def smooth(parts: list[tuple[bool, np.ndarray, np.ndarray]]) -> list[tuple[bool,
     return result
 
 
-class _Frame(NamedTuple):
-    """The part of the parameter that is shown, the title, and whether all bifurcations are marked."""
-
-    window: tuple[float, float] | None
-    title: str
-    every: bool
-
-
-def _draw(
-    curves: Mapping[str, Branch],
-    point: str,
-    forces,
-    backbone: Backbone | None,
-    frame: _Frame,
-) -> Axes:
-    window, title, every = frame
-    if not curves:
-        raise ValueError("plot_branches: no branch is given")
-    if len({curve.parameter for curve in curves.values()}) > 1:
-        raise ValueError(
-            "plot_branches: some branches are over the frequency and some over the load; draw them apart"
-        )
-    divisor = divisors("plot_branches", curves, forces)
-    heights = {name: curve.amplitude(point) / divisor[name] for name, curve in curves.items()}
-    factor, unit = length_unit(max(float(h.max()) for h in heights.values()))
-    along, label = abscissa(curves)
-    drawing = figure(3.6)
-    axes = drawing.subplots()
-    colour, kinds, dashed = iter(CYCLE * len(curves)), set(), False
-    for name, curve in curves.items():
-        if not curve.period.pairs:
-            axes.plot(
-                curve.value * along,
-                heights[name] * factor,
-                color=GREY,
-                linewidth=1.6,
-                zorder=1.5,
-                label=name or "_",
-            )
-            continue
-        shade = next(colour)
-        found = in_order(curve)
-        marks = [
-            (item.after, item.own_value, amplitude_at(curve, item, point) / divisor[name]) for item in found
-        ]
-        # the legend shows the solid line whichever part comes first
-        axes.plot([], [], color=shade, linewidth=1.1, label=name or "_")
-        for stable, x, y in smooth(split(curve.value, heights[name], curve.stable, marks)):
-            axes.plot(
-                x * along,
-                y * factor,
-                color=shade,
-                linewidth=1.1,
-                linestyle="-" if stable else DASHED,
-                zorder=2,
-            )
-            dashed = dashed or not stable
-        for item, (_, at, height) in zip(found, marks):
-            if every or _decides(curve, item):
-                _mark(axes, at * along, height * factor, item.kind, shade)
-                kinds.add(item.kind)
-    limits = window or (
-        min(float(c.value.min()) for c in curves.values()),
-        max(float(c.value.max()) for c in curves.values()),
-    )
-    top = axes.get_ylim()[1]
-    if backbone is not None:
-        axes.plot(
-            backbone.frequency * along,
-            backbone.amplitude(point) * factor,
-            color=BLACK,
-            linewidth=1.1,
-            linestyle=":",
-            zorder=1.6,
-            label="free motion",
-        )
-        axes.set_ylim(top=top)
-    if dashed:
-        axes.plot([], [], color=BLACK, linewidth=1.1, linestyle=DASHED, label="unstable")
-    for kind in KINDS:
-        if kind in kinds:
-            _mark(axes, [], [], kind, BLACK, kind)
-    axes.set(
-        xlim=(limits[0] * along, limits[1] * along),
-        xlabel=label,
-        ylabel=f"amplitude of $u_y$({point})" + (f" ({unit})" if forces is None else f" / force ({unit}/N)"),
-    )
-    axes.set_ylim(bottom=0.0)
-    axes.set_title(title, fontsize=8, loc="left")
-    if any(curves) or dashed or kinds:
-        axes.legend(fontsize=7, frameon=False)
-    style(axes)
-    return axes
-
-
 def _decides(curve: Branch, item: Bifurcation) -> bool:
     """Whether a bifurcation is marked in any case: it changes the verdict, or other branches begin or turn
     there.
@@ -272,6 +276,18 @@ def _decides(curve: Branch, item: Bifurcation) -> bool:
     return item.kind not in ("Neimark-Sacker", "grazing") or bool(
         curve.stable[item.after] != curve.stable[item.after - 1]
     )
+
+
+def _draw_marks(
+    axes: Axes, curve: Branch, marks: Sequence[tuple[int, float, float]], colour: str, every: bool
+) -> set[str]:
+    """Mark the bifurcations of a curve; the kinds that are marked."""
+    kinds = set()
+    for item, (_, at, height) in zip(in_order(curve), marks):
+        if every or _decides(curve, item):
+            _mark(axes, at, height, item.kind, colour)
+            kinds.add(item.kind)
+    return kinds
 
 
 def _mark(axes, x, y, kind: str, colour: str, label: str | None = None) -> None:
@@ -304,10 +320,8 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
         for item, place in zip(marked, at)
         if curve.stable[item.after] != curve.stable[item.after - 1]
     ]
-    for stable, places, y in split(x, largest, curve.stable, crossings):
-        axes.plot(
-            places, y, color=BLUE if stable else VERMILION, linewidth=1.1, linestyle="-" if stable else DASHED
-        )
+    for part in split(x, largest, curve.stable, crossings):
+        draw_parts(axes, [part], BLUE if part[0] else VERMILION)
     for rows, colour, marker in ((curve.stable, BLUE, "."), (~curve.stable, VERMILION, "^")):
         axes.plot(x[rows], largest[rows], linestyle="none", marker=marker, markersize=3, color=colour)
     for kind in KINDS:
@@ -316,16 +330,7 @@ def draw_growth(axes: Axes, curve: Branch) -> None:
             _mark(axes, chosen, np.zeros(len(chosen)), kind, GREEN, kind)
     axes.set_xlabel(label)
     if marked:
-        axes.legend(
-            fontsize=7,
-            frameon=False,
-            loc="lower left",
-            bbox_to_anchor=(0.0, 1.0),
-            ncols=len(KINDS),
-            borderaxespad=0.0,
-            handletextpad=0.2,
-            columnspacing=1.0,
-        )
+        above(axes, len(KINDS), handletextpad=0.2)
 
 
 def abscissa(curves: Mapping[str, Branch]) -> tuple[float, str]:

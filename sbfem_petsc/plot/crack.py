@@ -12,20 +12,19 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
-from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from matplotlib.tri import Triangulation
 
-from ..checks import Bounds, choice, instance, real, shown
-from ..parallel import agreed, collective, on_root
+from ..checks import shown
+from ..parallel import collective, on_root
 from ..system.model import Model
-from .arguments import check
-from .drawing import BLACK, figure, style
+from .drawing import BLACK, Sheet, bar
 from .outlines import Piece, Region, gather_outline, gather_region
+from .picture import picture
 from .units import length_unit, place_unit, stress_unit
 
 
-@agreed()
+@picture(Model)
 def plot_crack(
     model: Model,
     fields: Mapping[str, Any],
@@ -33,6 +32,7 @@ def plot_crack(
     *,
     colour: str = "von_mises",
     magnification: float | None = None,
+    ax: Any = None,
 ) -> list[Axes] | None:
     """Deformed region of a crack, whole and around its tip, with the gap visible. Collective.
 
@@ -54,51 +54,41 @@ def plot_crack(
         What the colours show.
     magnification : float, optional
         Default: chosen for each panel and written into it.
+    ax
+        As for `plot_modes`.
 
     Returns
     -------
     Axes, two a field, on rank 0, None elsewhere; `save_picture` writes them
     """
-    instance("plot_crack", "model", model, Model, "a Model")
     with collective(model.comm):
-        check("plot_crack", crack=crack)
-        if magnification is not None:
-            real("plot_crack", "magnification", magnification, within=Bounds(above=0.0))
         if not isinstance(fields, Mapping) or not all(isinstance(name, str) for name in fields):
             raise TypeError(f"plot_crack: fields = {shown(fields)} must be a dict of fields by name")
         if not fields:
             raise ValueError("plot_crack: no displacement field is given")
         if crack >= len(model.cracks):
             raise ValueError(f"plot_crack: crack = {crack} does not exist; the model has {len(model.cracks)}")
-        choice("plot_crack", "colour", colour, ("von_mises", "displacement"))
     facts = model.cracks[crack]
     tip, half = np.array(facts.tip), np.array([1.1, 0.11]) * facts.length
     regions = {name: [gather_region(model, field, tip, h) for h in half] for name, field in fields.items()}
     outline = gather_outline(model, list(fields.values()), max(2 * model.order, 8))
-    return on_root(model.comm, lambda: _draw_crack(regions, outline, facts, half, colour, magnification))
 
-
-def _draw_crack(
-    regions: dict[str, list[Region | None]],
-    outline: list[Piece] | None,
-    crack,
-    halves: np.ndarray,
-    colour: str,
-    magnification: float | None,
-) -> list[Axes]:
-    drawing = figure(3.15 * len(regions) + 0.15)
-    grid = drawing.subplots(len(regions), 2, squeeze=False)
-    for row, (name, panels) in enumerate(regions.items()):
-        for axes, region, half in zip(grid[row], panels, halves):
+    def draw() -> list[Axes]:
+        panels = Sheet.of(ax).panels((len(regions), 2), 3.15 * len(regions) + 0.15)
+        windows = [Window(facts, h, colour) for h in half]
+        for number, axes in enumerate(panels):
+            name, window = list(regions)[number // 2], windows[number % 2]
+            region = regions[name][number % 2]
             assert region is not None and outline is not None  # on rank 0
-            window = Window(crack, half, colour)
-            factor = magnification or round_down(0.12 * half / window.largest([region]))
+            factor = magnification or round_down(0.12 * window.half / window.largest([region]))
             colours = window.colours([region])
-            painted = window.paint(axes, region, outline, row, factor=factor, colours=colours)
-            colours.bar(drawing, painted[0], axes)
+            painted = window.paint(axes, region, outline, number // 2, factor=factor, colours=colours)
+            colours.bar(painted[0], axes)
             window.frame(axes)
-            axes.set_title(f"{name}, {window.magnified} × {plain(factor)}", fontsize=8)
-    return list(grid.flat)
+            axes.set_title(f"{name}, {window.magnified} × {plain(factor)}")
+        return panels
+
+    return on_root(model.comm, draw)
 
 
 @dataclass(frozen=True)
@@ -110,14 +100,12 @@ class Colours:
     label: str
     more: bool
 
-    def bar(self, drawing: Figure, painted: Any, axes: Axes) -> None:
+    def bar(self, painted: Any, axes: Axes) -> None:
         """A colour bar beside the axes."""
         extend = "max" if self.more else "neither"
-        bar = drawing.colorbar(painted, ax=axes, extend=extend, shrink=0.85, pad=0.02)
-        bar.set_label(self.label, size=7)
-        bar.ax.tick_params(labelsize=6)
-        bar.locator = MaxNLocator(5)
-        bar.update_ticks()
+        drawn = bar(painted, axes, self.label, extend=extend, shrink=0.85, pad=0.02)
+        drawn.locator = MaxNLocator(5)
+        drawn.update_ticks()
 
 
 class Window:
@@ -170,7 +158,6 @@ class Window:
         axes.set_facecolor("white")
         axes.set_xlabel(f"x from the tip ({unit})")
         axes.set_ylabel(f"y from the tip ({unit})")
-        style(axes)
 
     def paint(
         self, axes: Axes, region: Region, outline: list[Piece], row: int, *, factor: float, colours: Colours

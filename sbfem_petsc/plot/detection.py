@@ -9,24 +9,35 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from ..checks import real_array
-from .arguments import check
-from .drawing import CYCLE, MARKERS, figure, style
+from ..petsc import MPI
+from .drawing import CYCLE, MARKERS, Sheet, bar
+from .picture import picture
 
 
-def plot_detection(depth: Any, place: Any, probability: Mapping[str, Any], *, title: str = "") -> list[Axes]:
-    """Draw the probability of detection of cracks of several depths at several places.
+@picture()
+def plot_detection(
+    depth: Any,
+    place: Any,
+    probability: Mapping[str, Any],
+    *,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> list[Axes] | None:
+    """Draw the probability of detection of cracks of several depths at several places. Collective.
 
     Parameters
     ----------
     depth, place : (n,) array
-        Depth and position of each crack, m: every depth at every place.
+        Depth and position of each crack, m: every depth at every place; on rank 0 at least.
     probability : dict of str to (n,) array
         Of each way to look for them, such as `indicators.detection_probability` gives it.
-    title : str
+    title, ax, comm
+        As for `plot_branches`.
 
     Returns
     -------
-    list of Axes
+    list of Axes on rank 0, None elsewhere
         First the mean over the places, over the depth; then a map of each way over place and depth.
 
     Raises
@@ -35,7 +46,6 @@ def plot_detection(depth: Any, place: Any, probability: Mapping[str, Any], *, ti
         If the arrays do not belong together.
     """
     owner = "plot_detection"
-    check(owner, title=title)
     depths = 1e3 * real_array(owner, "depth", depth, 1, "m")
     places = 1e3 * real_array(owner, "place", place, 1, "m")
     if not isinstance(probability, Mapping) or not probability:
@@ -56,8 +66,8 @@ def plot_detection(depth: Any, place: Any, probability: Mapping[str, Any], *, ti
         )
     order = np.lexsort((places, depths))
     maps = {name: values[order].reshape(len(steps), len(along)) for name, values in chances.items()}
-    drawing = figure(2.6, 3.0 + 1.6 * len(maps))
-    panels = drawing.subplots(1, 1 + len(maps), width_ratios=[2.0] + [1.0] * len(maps))
+    shape = (1, 1 + len(maps))
+    panels = Sheet.of(ax).panels(shape, 2.6, 3.0 + 1.6 * len(maps), width_ratios=[2.0] + [1.0] * len(maps))
     for k, (name, table) in enumerate(maps.items()):
         panels[0].plot(
             steps,
@@ -67,19 +77,11 @@ def plot_detection(depth: Any, place: Any, probability: Mapping[str, Any], *, ti
             markersize=3.5,
             label=name,
         )
-        drawn = panels[1 + k].pcolormesh(
-            along, steps, table, vmin=0.0, vmax=1.0, cmap="viridis", shading="nearest"
-        )
-        panels[1 + k].set_title(name, fontsize=8)
+        panels[1 + k].pcolormesh(along, steps, table, vmin=0.0, vmax=1.0, cmap="viridis", shading="nearest")
+        panels[1 + k].set_title(name)
         panels[1 + k].set(xlabel="position, mm", ylabel="depth, mm" if k == 0 else "")
     panels[0].set(xlabel="crack depth, mm", ylabel="probability, mean of positions", ylim=(-0.02, 1.02))
-    panels[0].legend(fontsize=7, frameon=False, loc="lower right")
-    panels[0].grid(linewidth=0.3, color="#DDDDDD")
-    if title:
-        drawing.suptitle(title, fontsize=9)
-    for panel in panels:
-        style(panel)
-    bar = drawing.colorbar(drawn, ax=list(panels[1:]))
-    bar.set_label("probability of detection", fontsize=7)
-    bar.ax.tick_params(labelsize=6)
-    return list(panels)
+    panels[0].legend(loc="lower right")
+    panels[0].grid()
+    bar(panels[1].collections[0], panels[1:], "probability of detection")
+    return panels

@@ -1,18 +1,18 @@
-"""Figures on the Agg canvas: palette, style, saving as files.
+"""Figures on the Agg canvas: palette, style, sheets to draw on, saving as files.
 
-Through matplotlib's object-oriented interface alone: no display, no global state.
+Matplotlib's settings hold while a picture is drawn; there is no display.
 """
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path
 from matplotlib.ticker import LogLocator, NullFormatter, ScalarFormatter
@@ -33,12 +33,101 @@ BLUE, VERMILION, GREEN, ORANGE, SKY, PURPLE, BLACK = (
 )
 CYCLE = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY, BLACK)
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
-MATERIAL = "#E8EDF2"
+MATERIAL, GRID, GREY = "#E8EDF2", "#DDDDDD", "#8A8A8A"
+DASHED = (0, (3.0, 1.6))
 WIDTH = 7.2  # inches: two columns of a journal
 RESOLUTION = 200  # dots per inch
 FORMATS = ("png", "svg", "pdf")
+# Matplotlib's settings while a picture is drawn: small type; values are read off as they are.
+STYLE: Any = {
+    "axes.titlesize": 8,
+    "axes.labelsize": 8,
+    "figure.titlesize": 8,
+    "legend.fontsize": 7,
+    "legend.frameon": False,
+    "grid.color": GRID,
+    "grid.linewidth": 0.4,
+    "axes.axisbelow": True,
+    "axes.formatter.useoffset": False,
+}
 
-Subject = TypeVar("Subject")
+
+class Sheet:
+    """What a picture is drawn on: a figure of its own, a given figure, or given axes.
+
+    Parameters
+    ----------
+    owner : str
+        The picture, for messages.
+    target : Axes, sequence of Axes, Figure, SubFigure or None
+        In fewer axes than there are panels the first of these are drawn.
+    """
+
+    def __init__(self, owner: str, target: Any):
+        self.owner, self.shared, self.columns = owner, False, 1
+        self.own: list[Axes] = []
+        self.figure: Any = target if isinstance(target, FigureBase) else None
+        self.given: list[Axes] = []
+        if target is None or self.figure is not None:
+            return
+        several = isinstance(target, (list, tuple, np.ndarray))
+        self.given = list(np.ravel(np.array(target, dtype=object))) if several else [target]
+        if not self.given or not all(isinstance(axes, Axes) for axes in self.given):
+            raise TypeError(f"{owner}: ax = {shown(target)} must be axes of Matplotlib, several, or a figure")
+
+    @classmethod
+    def of(cls, ax: Any) -> Sheet:
+        """The sheet that `picture` has made of an argument."""
+        assert isinstance(ax, cls)
+        return ax
+
+    def panels(
+        self,
+        layout: tuple[int, int] | Sequence[Sequence[str]],
+        height: float,
+        width: float = WIDTH,
+        **options,
+    ) -> list[Axes]:
+        """Axes to draw in.
+
+        Parameters
+        ----------
+        layout : (rows, columns), or names of the panels as in Matplotlib's `subplot_mosaic`
+        height, width : float
+            Of a figure of its own, inches.
+        **options
+            Of `subplot_mosaic`.
+        """
+        if isinstance(layout, tuple):
+            rows, columns = layout
+            layout = [[f"{row} {column}" for column in range(columns)] for row in range(rows)]
+        drawing: Any = self.figure or figure(height, width)
+        made = list(drawing.subplot_mosaic(layout, **options).values())
+        if len(self.given) > len(made):
+            raise ValueError(
+                f"{self.owner}: ax has {len(self.given)} axes, and the picture {len(made)}; give {len(made)}"
+            )
+        self.shared, self.columns = "sharex" in options, len(layout[0])
+        if not self.given:
+            self.figure, self.own = drawing, made
+        return [*self.given, *made[len(self.given) :]]
+
+    def finished(self, drawn: Any, title: str) -> Any:
+        """The axes to give back, with the style and the title; those that were given keep their own style."""
+        for axes in self.own:
+            style(axes)
+            if self.shared:
+                axes.label_outer()
+        if title:
+            if self.figure is not None and self.columns > 1:
+                self.figure.suptitle(title, x=0.01, horizontalalignment="left")
+            else:
+                (self.own or self.given)[0].set_title(title, loc="left")
+        return (
+            [axes for axes in drawn if axes in self.given]
+            if self.given and isinstance(drawn, list)
+            else drawn
+        )
 
 
 def figure(height: float, width: float = WIDTH) -> Figure:
@@ -114,19 +203,26 @@ def style(axes) -> None:
             formatter.set_useOffset(False)  # values are read off as they are
 
 
-def by_name(
-    owner: str, subjects: Subject | Mapping[str, Subject], kind: type[Subject]
-) -> Mapping[str, Subject]:
-    """What is to be drawn by its names in the legend; one alone has none."""
-    if isinstance(subjects, kind):
-        return {"": subjects}
-    wanted = f"give one {kind.__name__}, or a dict of them by name"
-    if not isinstance(subjects, Mapping):
-        raise TypeError(f"{owner}: {shown(subjects)} cannot be drawn; {wanted}")
-    for name, item in subjects.items():
-        if not isinstance(name, str) or not isinstance(item, kind):
-            raise TypeError(f"{owner}: {shown(name)}: {shown(item)} cannot be drawn; {wanted}")
-    return subjects
+def above(axes: Axes, columns: int = 1, **options) -> None:
+    """A legend above the axes, where curves leave no corner free."""
+    axes.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=columns,
+        borderaxespad=0.0,
+        columnspacing=1.0,
+        **options,
+    )
+
+
+def bar(painted: Any, panels: Axes | Sequence[Axes], label: str, **options) -> Any:
+    """A colour bar beside one or several panels."""
+    several = [panels] if isinstance(panels, Axes) else panels
+    beside = [axes for axes in several if axes.figure is painted.axes.figure]
+    drawn = painted.axes.figure.colorbar(painted, ax=beside, **options)
+    drawn.set_label(label, size=7)
+    drawn.ax.tick_params(labelsize=6)
+    return drawn
 
 
 def stems(axes: Axes, x, heights, *, floor: float, curve: tuple[int, str], size: float = 4.0) -> None:
@@ -139,16 +235,13 @@ def stems(axes: Axes, x, heights, *, floor: float, curve: tuple[int, str], size:
     axes.plot(x, heights, linestyle="none", marker=marker, markersize=size, color=colour, label=name or "_")
 
 
-def finish_stems(axes: Axes, names: Mapping[str, object], title: str) -> None:
-    """Ticks and grid of stems on a logarithmic scale, title, and a legend where there are names."""
+def finish_stems(axes: Axes, names: Mapping[str, object]) -> None:
+    """Ticks and grid of stems on a logarithmic scale, and a legend where there are names."""
     axes.yaxis.set_major_locator(LogLocator(numticks=12))
     axes.yaxis.set_minor_formatter(NullFormatter())
-    axes.grid(axis="y", color="#E2E2E2", linewidth=0.4)
-    axes.set_axisbelow(True)
-    axes.set_title(title, fontsize=8, loc="left")
+    axes.grid(axis="y")
     if any(names):
-        axes.legend(fontsize=7, frameon=False, loc="upper right")
-    style(axes)
+        axes.legend(loc="upper right")
 
 
 def crack_title(crack) -> str:

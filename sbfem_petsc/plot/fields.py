@@ -6,25 +6,28 @@ Rank 0 draws; the other ranks send sampled outlines.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
 from ..analysis.static import Static
-from ..checks import instance, integer, shown
-from ..parallel import agreed, collective, on_root
+from ..checks import integer, shown
+from ..parallel import collective, on_root
 from ..system.modal_result import Modal
 from ..system.model import Model
-from .arguments import check
-from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, by_name, crack_title, figure, fill, style
+from .drawing import BLUE, CYCLE, MARKERS, SKY, WIDTH, Sheet, crack_title, fill
 from .outlines import Piece, contact_lengths, gather_outline, loops
+from .picture import named, picture
 from .units import frequency_unit, length_unit, place_unit, stress_unit
 
 
 # ---------------------------------------------------------------------- mode shapes
-@agreed()
-def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int = 2) -> list[Axes] | None:
+@picture(Modal)
+def plot_modes(
+    modal: Modal, modes: Sequence[int] | None = None, *, columns: int = 2, ax: Any = None
+) -> list[Axes] | None:
     """Mode shapes on the structure's outline, the frequency in each title. Collective.
 
     Parameters
@@ -33,20 +36,20 @@ def plot_modes(modal: Modal, modes: Sequence[int] | None = None, *, columns: int
     modes : sequence of int, optional
         Modes to draw, 0 the lowest; default: the first twelve.
     columns : int
+    ax : axes, sequence of axes, figure or subfigure of Matplotlib, optional
+        What is drawn on; in fewer axes than there are panels the first of these. Default: a new figure.
 
     Returns
     -------
     Axes of the modes on rank 0, None elsewhere; `save_picture` writes them
     """
-    instance("plot_modes", "modal", modal, Modal, "a Modal")
     model = modal.model
     if not isinstance(model, Model):
         raise TypeError("plot_modes: modal must be the modes of a Model")
     with collective(model.comm):
-        check("plot_modes", columns=columns)
         chosen = _chosen(modes, len(modal.frequencies))
     pieces = gather_outline(model, [modal.nodal(m) for m in chosen], max(2 * model.order, 8))
-    return on_root(model.comm, lambda: _draw_modes(pieces, modal.frequencies, chosen, columns))
+    return on_root(model.comm, lambda: _draw_modes(Sheet.of(ax), pieces, modal.frequencies, chosen, columns))
 
 
 def _chosen(modes: Sequence[int] | None, count: int) -> list[int]:
@@ -59,7 +62,7 @@ def _chosen(modes: Sequence[int] | None, count: int) -> list[int]:
 
 
 def _draw_modes(
-    pieces: list[Piece] | None, frequencies: np.ndarray, modes: list[int], columns: int
+    sheet: Sheet, pieces: list[Piece] | None, frequencies: np.ndarray, modes: list[int], columns: int
 ) -> list[Axes]:
     assert pieces is not None  # on rank 0
     points = np.concatenate([p.positions for p in pieces])
@@ -70,63 +73,45 @@ def _draw_modes(
     size, slender = extent.max(), extent.max() > 8.0 * extent.min()
     amplitude = (0.08 if slender else 0.1) * size
     rows = -(-len(modes) // columns)
-    aside = 0.04 * size if slender else 1.15 * amplitude
-    width, tall = extent[0] + 2.0 * aside, extent[1] + 2.3 * amplitude
+    aside, margin = 0.04 * size if slender else 1.15 * amplitude, 1.15 * amplitude
+    width, tall = extent[0] + 2.0 * aside, extent[1] + 2.0 * margin
     height = (WIDTH - 0.7) / columns * tall / width + 0.26
-    drawing = figure(rows * height + 0.35)
-    grid = drawing.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
+    panels = sheet.panels((rows, columns), rows * height + 0.35, sharex=True, sharey=True)
     order = loops(pieces)
-    scale_drawn, unit = place_unit(float(size))
-    for axes, (k, mode) in zip(grid.flat, enumerate(modes)):
-        shape = np.concatenate([p.displacements[k] for p in pieces])
-        largest = np.abs(shape).max(axis=0)
-        scale = amplitude / largest.max()
-        if slender:
-            axial = largest[int(np.argmax(extent))]
-            bending = largest[int(np.argmin(extent))] > axial
-            scale = min(scale, 0.8 * extent.min() / axial) if bending else 0.03 * size / axial
-        # the sign of a mode is arbitrary: cracks are drawn open if that shows, else the largest displacement
-        # upwards or to the right
-        opening = _opening(pieces, k)
-        scale = np.copysign(
-            scale,
-            opening
-            if not slender and abs(opening) * scale > 0.005 * size
-            else shape.flat[np.abs(shape).argmax()],
-        )
-        fill(
-            axes,
-            [[pieces[i].positions for i in loop] for loop in order],
-            scale_drawn,
-            facecolor="none",
-            edgecolor="#999999",
-            linewidth=0.4,
-            linestyle=(0, (3, 2)),
-        )
-        fill(
-            axes,
-            [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order],
-            scale_drawn,
-            facecolor=SKY,
-            edgecolor=BLUE,
-            linewidth=0.6,
-        )
+    units, unit = place_unit(float(size))
+    at_rest: dict[str, Any] = {"facecolor": "none", "edgecolor": "#999999", "linestyle": (0, (3, 2))}
+    for axes, (k, mode) in zip(panels, enumerate(modes)):
+        scale = _magnification(pieces, k, extent, amplitude)
+        rest = [[pieces[i].positions for i in loop] for loop in order]
+        moved = [[pieces[i].positions + scale * pieces[i].displacements[k] for i in loop] for loop in order]
+        fill(axes, rest, units, linewidth=0.4, **at_rest)
+        fill(axes, moved, units, facecolor=SKY, edgecolor=BLUE, linewidth=0.6)
         tone, tone_unit = frequency_unit(float(frequencies[mode]))
         value = f"{frequencies[mode] * tone:#.5g}".rstrip(".")
-        axes.set_title(f"mode {mode + 1}:  {value} {tone_unit}", fontsize=8, pad=2)
-        axes.set_aspect("equal")
-        margin = 1.15 * amplitude
-        axes.set_xlim((lower[0] - aside) * scale_drawn, (upper[0] + aside) * scale_drawn)
-        axes.set_ylim((lower[1] - margin) * scale_drawn, (upper[1] + margin) * scale_drawn)
+        axes.set_title(f"mode {mode + 1}:  {value} {tone_unit}", pad=2)
+        axes.set(aspect="equal", xlabel=f"x ({unit})", ylabel=f"y ({unit})")
+        axes.set_xlim((lower[0] - aside) * units, (upper[0] + aside) * units)
+        axes.set_ylim((lower[1] - margin) * units, (upper[1] + margin) * units)
         axes.yaxis.set_major_locator(MaxNLocator(3))
-        style(axes)
-    for axes in list(grid.flat)[len(modes) :]:
+    for axes in panels[len(modes) :]:
         axes.set_axis_off()
-    for axes in grid[-1]:
-        axes.set_xlabel(f"x ({unit})")
-    for axes in grid[:, 0]:
-        axes.set_ylabel(f"y ({unit})")
-    return list(grid.flat)[: len(modes)]
+    return panels[: len(modes)]
+
+
+def _magnification(pieces: list[Piece], field: int, extent: np.ndarray, amplitude: float) -> float:
+    """Factor on a mode's displacements, with the sign in which cracks are drawn open if that shows, else the
+    largest displacement upwards or to the right: that of a mode is arbitrary.
+    """
+    shape = np.concatenate([p.displacements[field] for p in pieces])
+    largest, size = np.abs(shape).max(axis=0), extent.max()
+    scale, slender = amplitude / largest.max(), size > 8.0 * extent.min()
+    if slender:
+        axial = largest[int(np.argmax(extent))]
+        bending = largest[int(np.argmin(extent))] > axial
+        scale = min(scale, 0.8 * extent.min() / axial) if bending else 0.03 * size / axial
+    opening = _opening(pieces, field)
+    shows = not slender and abs(opening) * scale > 0.005 * size
+    return float(np.copysign(scale, opening if shows else shape.flat[np.abs(shape).argmax()]))
 
 
 def _opening(pieces: list[Piece], field: int) -> float:
@@ -143,8 +128,10 @@ def _opening(pieces: list[Piece], field: int) -> float:
 
 
 # ---------------------------------------------------------------------- contact along the crack
-@agreed()
-def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[Axes] | None:
+@picture(Static, several=True)
+def plot_contact(
+    cases: Static | Mapping[str, Static], crack: int = 0, *, ax: Any = None
+) -> list[Axes] | None:
     """Contact pressure and gap along a crack for several static cases. Collective.
 
     The pressure of a pair is its force divided by its share of the face. The pair on the tip element's
@@ -157,26 +144,27 @@ def plot_contact(cases: Static | Mapping[str, Static], crack: int = 0) -> list[A
         By the name of the load, of one model.
     crack : int
         Number of the crack, from 0.
+    ax
+        As for `plot_modes`.
 
     Returns
     -------
     [pressure, gap] on rank 0, None elsewhere; `save_picture` writes them
     """
-    cases = {"load": cases} if isinstance(cases, Static) else by_name("plot_contact", cases, Static)
-    if not cases:
-        raise ValueError("plot_contact: no static case is given")
-    model = next(iter(cases.values())).model
+    of_loads = {name or "load": case for name, case in named(cases).items()}
+    model = next(iter(of_loads.values())).model
     with collective(model.comm):
-        check("plot_contact", crack=crack)
         if crack >= len(model.cracks):
             raise ValueError(
                 f"plot_contact: crack = {crack} does not exist; the model has {len(model.cracks)}"
             )
     lengths = contact_lengths(model)
-    return on_root(model.comm, lambda: _draw_contact(model, cases, lengths, crack))
+    return on_root(model.comm, lambda: _draw_contact(Sheet.of(ax), model, of_loads, lengths, crack))
 
 
-def _draw_contact(model: Model, cases: Mapping[str, Static], lengths: np.ndarray, crack: int) -> list[Axes]:
+def _draw_contact(
+    sheet: Sheet, model: Model, cases: Mapping[str, Static], lengths: np.ndarray, crack: int
+) -> list[Axes]:
     pairs, length = model.pairs, model.cracks[crack].length
     rows = np.flatnonzero(pairs.crack == crack)
     drawn = lengths[rows].copy()
@@ -188,42 +176,26 @@ def _draw_contact(model: Model, cases: Mapping[str, Static], lengths: np.ndarray
     press, press_unit = stress_unit(max(float(np.nanmax(p, initial=0.0)) for p in pressures.values()))
     gaps = [pairs.gap[rows], *(case.gap[rows] for case in cases.values())]
     wide, wide_unit = length_unit(max(float(np.abs(gap).max(initial=0.0)) for gap in gaps))
-    drawing = figure(4.6)
-    pressure_axes, gap_axes = drawing.subplots(2, 1, sharex=True)
-    gap_axes.plot(
-        distance,
-        pairs.gap[rows] * wide,
-        color="#777777",
-        linestyle=(0, (4, 2)),
-        linewidth=0.9,
-        label="initial",
-    )
-    for (name, case), colour, marker in zip(
-        cases.items(), CYCLE * (1 + len(cases) // len(CYCLE)), MARKERS * (1 + len(cases) // len(MARKERS))
-    ):
-        shown = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
+    panels = pressure_axes, gap_axes = sheet.panels((2, 1), 4.6, sharex=True)
+    initial: dict[str, Any] = {"color": "#777777", "linestyle": (0, (4, 2)), "linewidth": 0.9}
+    gap_axes.plot(distance, pairs.gap[rows] * wide, label="initial", **initial)
+    for k, (name, case) in enumerate(cases.items()):
+        colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
+        marked: dict[str, Any] = dict(color=colour, marker=marker, markersize=3, linewidth=1.0)
         force = case.contact_force[rows].sum()
         # of several cracks it is not known apart
         inside = case.contact_resultant - force if len(model.cracks) == 1 else 0.0
         beside = f", the tip element's faces {inside:,.0f} N" if inside >= 0.5 else ""
-        pressure_axes.plot(
-            distance,
-            pressures[name] * press,
-            label=f"{name}  ({case.active[rows].sum()} of {len(rows)} pairs carry {force:,.0f} N{beside})",
-            **shown,
-        )
-        gap_axes.plot(distance, case.gap[rows] * wide, label=name, **shown)
-    pressure_axes.set_ylabel(f"contact pressure ({press_unit})")
+        carried = f"{name}  ({case.active[rows].sum()} of {len(rows)} pairs carry {force:,.0f} N{beside})"
+        pressure_axes.plot(distance, pressures[name] * press, label=carried, **marked)
+        gap_axes.plot(distance, case.gap[rows] * wide, label=name, **marked)
+    pressure_axes.set(ylabel=f"contact pressure ({press_unit})")
     pressure_axes.set_ylim(bottom=0.0)
-    pressure_axes.set_title(
-        f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face", fontsize=8
-    )
-    gap_axes.set_ylabel(f"gap ({wide_unit})")
-    gap_axes.set_xlabel(f"distance from the tip along the crack ({along_unit})")
-    gap_axes.set_xlim(0.0, length * along * 1.02)
-    for axes in (pressure_axes, gap_axes):
-        style(axes)
-        axes.grid(color="#DDDDDD", linewidth=0.4)
-        axes.set_axisbelow(True)
-        axes.legend(fontsize=7, frameon=False)
-    return [pressure_axes, gap_axes]
+    pressure_axes.set_title(f"{crack_title(model.cracks[crack])}: nodal contact force per area of the face")
+    gap_axes.set(ylabel=f"gap ({wide_unit})")
+    for axes in panels:
+        axes.set_xlabel(f"distance from the tip along the crack ({along_unit})")
+        axes.set_xlim(0.0, length * along * 1.02)
+        axes.grid()
+        axes.legend()
+    return panels

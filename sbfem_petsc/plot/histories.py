@@ -4,18 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import LogLocator, MaxNLocator
 
 from ..analysis.load_history import LoadHistory
-from ..checks import flag, instance, real, shown, text
+from ..checks import flag, instance, real, shown
 from ..motion.history import Motion
-from ..parallel import agreed, on_root
+from ..motion.states import Point
 from ..petsc import MPI
-from .arguments import check, curve
-from .drawing import BLACK, CYCLE, figure, style
+from .drawing import BLACK, CYCLE, Sheet, above
+from .picture import CHECKS, a_text, curve, optional, picture, place_name, table_of, two_numbers
 from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
@@ -49,7 +50,8 @@ class Panel:
     zero: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
-        check("Panel", quantity=self.quantity, window=self.window, title=self.title)
+        for name in ("quantity", "window", "title"):
+            CHECKS[name]("Panel", name, getattr(self, name))
         real("Panel", "scale", self.scale)
         flag("Panel", "zero", self.zero)
         if not isinstance(self.curves, Mapping) or not self.curves:
@@ -64,14 +66,18 @@ class Panel:
                 raise ValueError(f"Panel: curves[{name!r}] has no instant in window = {self.window!r}")
 
 
-@agreed("panels")
-def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> list[Axes] | None:
+@picture()
+def plot_histories(
+    panels: Sequence[Panel], *, ax: Any = None, comm: MPI.Comm | None = None
+) -> list[Axes] | None:
     """Draw time histories below each other. Collective.
 
     Parameters
     ----------
     panels : sequence of Panel
         On rank 0 at least.
+    ax : axes, sequence of axes, figure or subfigure of Matplotlib, optional
+        What is drawn on; in fewer axes than there are panels the first of these. Default: a new figure.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -79,21 +85,24 @@ def plot_histories(panels: Sequence[Panel], *, comm: MPI.Comm | None = None) -> 
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_histories", comm=comm)
     if not isinstance(panels, (list, tuple)):
         raise TypeError(f"plot_histories: panels = {panels!r} must be a sequence of Panel")
     for panel in panels:
         instance("plot_histories", "panels", panel, Panel, "of Panels")
-    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw_histories(list(panels)))
+    if not panels:
+        raise ValueError("plot_histories: no panel is given")
+    return _draw(Sheet.of(ax), panels)
 
 
-@agreed("motion")
+@picture(Motion, direction=optional(CHECKS["direction"]))
 def plot_history(
     motion: Motion,
-    point: str = "A",
+    point: Point = "A",
+    direction: str | None = None,
     *,
     window: tuple[float, float] | None = None,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw what a motion does over time: displacement of a point, and the contact resultant where there is
@@ -102,42 +111,36 @@ def plot_history(
     Parameters
     ----------
     motion : History or Orbit
-        On rank 0 at least.
-    point : str
+        On rank 0 at least; on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m.
+    direction : {"x", "y"}, optional
+        Default: both.
     window : (float, float), optional
         Times shown, s; default: all.
     title : str
-    comm : mpi4py communicator, optional
-        Default: MPI.COMM_WORLD.
+    ax, comm
+        As for `plot_histories`.
 
     Returns
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-
-    check("plot_history", point=point, window=window, title=title, comm=comm)
-
-    def draw() -> list[Axes]:
-        instance("plot_history", "motion", motion, Motion, "a History or an Orbit")
-        u, resultant = motion.displacement(point), motion.contact_resultant
-        scale, unit = length_unit(float(np.abs(u).max()))
-        curves = {f"$u_{axis}$": (motion.time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
-        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, window, title=title)]
-        if motion.states.contact.shape[1]:
-            scale, unit = force_unit(float(resultant.max(initial=0.0)))
-            panels.append(Panel(f"contact resultant ({unit})", {"": (motion.time, resultant)}, scale, window))
-        return _draw_histories(panels)
-
-    return on_root(MPI.COMM_WORLD if comm is None else comm, draw)
+    panels = [_displacement(motion, point, direction, window)]
+    if motion.states.contact.shape[1]:
+        panels.append(_resultant(motion, window))
+    return _draw(Sheet.of(ax), panels)
 
 
-@agreed("history")
+@picture(LoadHistory, crack=optional(a_text), direction=optional(CHECKS["direction"]))
 def plot_load_history(
     history: LoadHistory,
-    point: str = "A",
+    point: Point = "A",
+    direction: str | None = None,
     *,
     crack: str | None = None,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw static states under slowly changing loads: displacement of a point, contact resultant, and the
@@ -146,47 +149,55 @@ def plot_load_history(
     Parameters
     ----------
     history : LoadHistory
-        On rank 0 at least.
-    point : str
+        On rank 0 at least; on all ranks for a place (x, y).
+    point, direction
+        As for `plot_history`.
     crack : str, optional
         Default: the first crack with a tip element.
-    title, comm
-        As for `plot_history`.
+    title : str
+    ax, comm
+        As for `plot_histories`.
 
     Returns
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-
-    check("plot_load_history", point=point, title=title, comm=comm)
-    if crack is not None:
-        text("plot_load_history", "crack", crack)
-
-    def draw() -> list[Axes]:
-        instance("plot_load_history", "history", history, LoadHistory, "a LoadHistory")
-        time, u, resultant = history.time, history.displacement(point), history.contact_resultant
-        scale, unit = length_unit(float(np.abs(u).max()))
-        curves = {f"$u_{axis}$": (time, u[:, k]) for k, axis in ((1, "y"), (0, "x"))}
-        panels = [Panel(f"displacement of {point} ({unit})", curves, scale, title=title)]
-        if history.contact_force.shape[1]:
-            scale, unit = force_unit(float(resultant.max(initial=0.0)))
-            panels.append(Panel(f"contact resultant ({unit})", {"": (time, resultant)}, scale))
-        tips = list(history.states[0].stress_intensity)
-        if tips:
-            factors = history.stress_intensity(crack or tips[0])
-            curves = {name: (time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
-            scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
-            panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
-        return _draw_histories(panels)
-
-    return on_root(MPI.COMM_WORLD if comm is None else comm, draw)
+    panels = [_displacement(history, point, direction)]
+    if history.contact_force.shape[1]:
+        panels.append(_resultant(history))
+    tips = list(history.states[0].stress_intensity)
+    if tips:
+        factors = history.stress_intensity(crack or tips[0])
+        curves = {name: (history.time, factors[:, k]) for k, name in enumerate(("$K_I$", "$K_{II}$"))}
+        scale, unit = stress_unit(float(np.nan_to_num(np.abs(factors)).max()))
+        panels.append(Panel(f"K of {crack or tips[0]} ({unit} m$^{{1/2}}$)", curves, scale))
+    return _draw(Sheet.of(ax), panels)
 
 
-def _draw_histories(panels: list[Panel]) -> list[Axes]:
-    if not panels:
-        raise ValueError("plot_histories: no panel is given")
-    drawing = figure(1.75 * len(panels) + 0.25)
-    grid = drawing.subplots(len(panels), 1, squeeze=False)[:, 0]
+def _displacement(
+    motion: Motion | LoadHistory,
+    point: Point,
+    direction: str | None,
+    window: tuple[float, float] | None = None,
+) -> Panel:
+    """One displacement of a point over time, or both."""
+    u = motion.displacement(point)
+    shown = {axis: u[:, "xy".index(axis)] for axis in (direction or "yx")}
+    scale, unit = length_unit(max(float(np.abs(values).max()) for values in shown.values()))
+    curves = {f"$u_{axis}$": (motion.time, values) for axis, values in shown.items()}
+    name = "displacement" if direction is None else f"$u_{direction}$"
+    return Panel(f"{name} of {place_name(point)} ({unit})", curves, scale, window)
+
+
+def _resultant(motion: Motion | LoadHistory, window: tuple[float, float] | None = None) -> Panel:
+    """The contact resultant over time."""
+    scale, unit = force_unit(float(motion.contact_resultant.max(initial=0.0)))
+    curves = {"": (motion.time, motion.contact_resultant)}
+    return Panel(f"contact resultant ({unit})", curves, scale, window)
+
+
+def _draw(sheet: Sheet, panels: Sequence[Panel]) -> list[Axes]:
+    grid = sheet.panels((len(panels), 1), 1.75 * len(panels) + 0.25)
     for axes, panel in zip(grid, panels):
         start, stop = panel.window or (
             min(t[0] for t, _ in panel.curves.values()),
@@ -208,19 +219,11 @@ def _draw_histories(panels: list[Panel]) -> list[Axes]:
         axes.margins(y=0.08)
         axes.set_xlabel(f"time ({unit})")
         axes.set_ylabel(panel.quantity)
-        axes.set_title(panel.title, fontsize=8, loc="left")
+        axes.set_title(panel.title, loc="left")
         axes.yaxis.set_major_locator(MaxNLocator(5))
-        style(axes)
-        if len(panel.curves) > 1:  # above the axes: a history leaves no corner free
-            axes.legend(
-                fontsize=7,
-                frameon=False,
-                loc="lower right",
-                bbox_to_anchor=(1.0, 0.97),
-                ncols=len(panel.curves),
-                borderaxespad=0.0,
-            )
-    return list(grid)
+        if len(panel.curves) > 1:
+            above(axes, len(panel.curves))
+    return grid
 
 
 def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -239,7 +242,7 @@ def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x[chosen], y[chosen]
 
 
-@agreed("spectra")
+@picture(window=two_numbers)
 def plot_spectra(
     spectra: Mapping[str, tuple[np.ndarray, np.ndarray]],
     quantity: str,
@@ -248,6 +251,7 @@ def plot_spectra(
     lines: Mapping[str, float] | None = None,
     decades: float = 6.0,
     harmonics: Mapping[str, Sequence[float]] | None = None,
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw amplitude spectra below each other on common axes, with named lines marked. Collective.
@@ -266,77 +270,46 @@ def plot_spectra(
         Below the largest amplitude shown.
     harmonics : dict of str to sequence of float, optional
         Families of frequencies (Hz) marked by triangles where there is a peak, named in a legend.
-    comm : mpi4py communicator, optional
-        Default: MPI.COMM_WORLD.
+    ax, comm
+        As for `plot_histories`.
 
     Returns
     -------
     Axes of the panels on rank 0, None elsewhere; `save_picture` writes them
     """
-    owner = "plot_spectra"
-    check(owner, quantity=quantity, window=window, lines=lines, decades=decades, comm=comm)
-    check(owner, spectra=spectra, harmonics=harmonics, comm=comm)
-    if spectra is None or window is None:
-        raise TypeError(f"{owner}: spectra and window must be given")
-    return on_root(
-        MPI.COMM_WORLD if comm is None else comm,
-        lambda: _draw_spectra(spectra, quantity, window, lines or {}, decades, harmonics or {}),
-    )
-
-
-def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmonics) -> list[Axes]:
+    spectra = table_of(curve)("plot_spectra", "spectra", spectra)
     if not spectra:
         raise ValueError("plot_spectra: no spectrum is given")
-    drawing = figure(1.9 * len(spectra) + 0.45)
-    grid = drawing.subplots(len(spectra), 1, squeeze=False, sharex=True, sharey=True)[:, 0]
-    top, (tone, unit) = 0.0, frequency_unit(window[1])
+    low, high = window
+    lines, harmonics = lines or {}, harmonics or {}
+    height = 1.9 * len(spectra) + 0.45
+    grid = Sheet.of(ax).panels((len(spectra), 1), height, sharex=True, sharey=True)
+    top, (tone, unit) = 0.0, frequency_unit(high)
     for k, (axes, (name, (frequency, amplitude))) in enumerate(zip(grid, spectra.items())):
-        shown = (frequency >= window[0]) & (frequency <= window[1]) & (frequency > 0.0)
-        level = np.abs(amplitude[shown])
+        seen = (frequency >= low) & (frequency <= high) & (frequency > 0.0)
+        if not seen.any():
+            raise ValueError(f"plot_spectra: spectra[{name!r}] has no frequency in window = {window!r}")
+        along, level = frequency[seen] * tone, np.abs(amplitude[seen])
         top = max(top, float(level.max()))
         for place in lines.values():
             axes.axvline(place * tone, color="#BBBBBB", linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
-        axes.plot(
-            frequency[shown] * tone,
-            np.maximum(level, np.finfo(float).tiny),
-            color=CYCLE[k % len(CYCLE)],
-            linewidth=0.7,
-        )
+        smallest = np.finfo(float).tiny
+        axes.plot(along, np.maximum(level, smallest), color=CYCLE[k % len(CYCLE)], linewidth=0.7)
         for number, (family, places) in enumerate(harmonics.items()):
-            at = [int(np.abs(frequency[shown] - f).argmin()) for f in places if window[0] <= f <= window[1]]
-            at = [k for k in at if level[k] > 3.0 * np.median(level[max(k - 5, 0) : k + 6])]
-            axes.plot(
-                frequency[shown][at] * tone,
-                level[at],
-                linestyle="none",
-                marker="v",
-                markersize=3.5,
-                markeredgewidth=0,
-                color=BLACK if number == 0 else CYCLE[-1 - number],
-                label=family,
-            )
-        axes.set_yscale("log")
-        axes.set_xlim(window[0] * tone, window[1] * tone)
-        axes.set_ylabel(quantity)
-        axes.text(
-            0.995,
-            0.95,
-            name,
-            transform=axes.transAxes,
-            fontsize=8,
-            color=BLACK,
-            horizontalalignment="right",
-            verticalalignment="top",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5},
-        )
-        style(axes)
+            peaks = _peaks(along, level, [f * tone for f in places if low <= f <= high])
+            colour = BLACK if number == 0 else CYCLE[-1 - number]
+            marks: Any = {"marker": "v", "markersize": 3.5, "markeredgewidth": 0, "linestyle": "none"}
+            axes.plot(along[peaks], level[peaks], color=colour, label=family, **marks)
+        axes.set(yscale="log", xlim=(low * tone, high * tone), ylabel=quantity, xlabel=f"frequency ({unit})")
+        box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.5}
+        axes.text(0.995, 0.95, name, transform=axes.transAxes, fontsize=8, ha="right", va="top", bbox=box)
     if harmonics:
-        grid[-1].legend(fontsize=7, frameon=False, loc="lower left")
-    grid[0].set_ylim(top * 10.0**-decades, 4.0 * top)
-    grid[0].yaxis.set_major_locator(LogLocator(numticks=6))
-    grid[-1].set_xlabel(f"frequency ({unit})")
+        grid[-1].legend(loc="lower left")
+    for axes in grid:
+        axes.set_ylim(top * 10.0**-decades, 4.0 * top)
+        axes.yaxis.set_major_locator(LogLocator(numticks=6))
     for name, place in lines.items():
-        if window[0] <= place <= window[1]:
+        if low <= place <= high:
             grid[0].annotate(
                 name,
                 (place * tone, 1.0),
@@ -348,4 +321,10 @@ def _draw_spectra(spectra, quantity: str, window, lines, decades: float, harmoni
                 verticalalignment="bottom",
                 annotation_clip=False,
             )
-    return list(grid)
+    return grid
+
+
+def _peaks(frequency: np.ndarray, level: np.ndarray, places: Sequence[float]) -> list[int]:
+    """Indices next to some places where the level is well above that around them."""
+    nearest = [int(np.abs(frequency - place).argmin()) for place in places]
+    return [k for k in nearest if level[k] > 3.0 * np.median(level[max(k - 5, 0) : k + 6])]

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..checks import instance, positive
+from ..checks import instance
 from ..continuation.problems.locus import KINDS, Locus
-from .arguments import check
+from ..petsc import MPI
 from .branches import smooth
-from .drawing import BLUE, GREEN, PURPLE, VERMILION, figure, style
+from .drawing import BLUE, GREEN, PURPLE, VERMILION, Sheet
+from .picture import picture
 
 STYLES = {
     "fold": (BLUE, "-"),
@@ -20,23 +22,33 @@ STYLES = {
 }
 
 
+@picture()
 def plot_loci(
-    loci: Locus | Sequence[Locus], *, unit: float | None = None, label: str | None = None, title: str = ""
-) -> Axes:
+    loci: Locus | Sequence[Locus],
+    *,
+    unit: float | None = None,
+    label: str | None = None,
+    title: str = "",
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
     """Draw loci of one second parameter over the forcing frequency; monotone cubics between their points.
+    Collective.
 
     Parameters
     ----------
     loci : Locus or sequence of Locus
+        On rank 0 at least.
     unit : float, optional
         What the factor 1 stands for, such as 300.0 (N); `label` then names it with its unit.
     label : str, optional
         Of the vertical axis. Default: "factor on the load".
-    title : str
+    title, ax, comm
+        As for `plot_branches`.
 
     Returns
     -------
-    Axes
+    Axes on rank 0, None elsewhere; `save_picture` writes them
 
     Raises
     ------
@@ -46,7 +58,6 @@ def plot_loci(
     owner = "plot_loci"
     if not isinstance(loci, (Locus, list, tuple)):
         raise TypeError(f"{owner}: loci = {loci!r} must be a Locus, or several")
-    check(owner, label=label, title=title)
     lines = [loci] if isinstance(loci, Locus) else list(loci)
     for line in lines:
         instance(owner, "loci", line, Locus, "a Locus, or several")
@@ -56,9 +67,8 @@ def plot_loci(
             f"plot_loci: loci over {', '.join(sorted(names)) or 'nothing'} were given; all of one second "
             "parameter are expected"
         )
-    factor = 1.0 if unit is None else positive(owner, "unit", unit)
-    drawing = figure(3.2, 5.0)
-    axes = drawing.add_subplot()
+    factor = 1.0 if unit is None else unit
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.2, 5.0)
     for kind in KINDS:
         colour, dashes = STYLES[kind]
         for number, line in enumerate(item for item in lines if item.kind == kind):
@@ -72,7 +82,5 @@ def plot_loci(
                 label=kind if number == 0 else None,
             )
     axes.set(xlabel="forcing frequency, Hz", ylabel=label or f"factor on the {names.pop()}")
-    axes.set_title(title, fontsize=9)
-    axes.legend(fontsize=7, frameon=False)
-    style(axes)
+    axes.legend()
     return axes

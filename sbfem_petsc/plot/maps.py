@@ -8,8 +8,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib import rc_context
+from matplotlib.colors import LogNorm, Normalize
 
-from .drawing import CYCLE, MARKERS, figure, save_picture, style
+from .drawing import CYCLE, MARKERS, STYLE, Sheet, bar, save_picture
 from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Quantities that are drawn without being asked for: indicators of damage.
@@ -88,7 +90,13 @@ def indicator_figure(sweep: Any, name: str, values: np.ndarray, unit: str) -> An
     if not unit:  # smaller ratios are rounding
         values = np.where(values > 0.0, np.maximum(values, ROUND_OFF), values)
     grid = len(axes) >= 2 and all(len(np.unique(sweep.inputs[a])) > 2 for a in axes[:2])
-    return _map(sweep, axes, values, label) if grid else _curves(sweep, axes, values, label)
+    sheet = Sheet("draw_sweep", None)
+    with rc_context(STYLE):
+        others = (_map if grid else _curves)(sheet, sweep, axes, values, label)
+        count = len(set(zip(*(sweep.inputs[n].tolist() for n in others))))
+        left_out = f"the first {_CURVES} of {count} combinations of the other parameters"
+        sheet.finished(None, left_out if count > _CURVES else "")
+    return sheet.figure
 
 
 def _suited(unit: str, values: np.ndarray) -> tuple[float, str]:
@@ -138,13 +146,6 @@ def _families(sweep: Any, names: Sequence[str]) -> list[tuple[str, np.ndarray]]:
     return families
 
 
-def _tell_left_out(drawing: Any, sweep: Any, names: Sequence[str]) -> None:
-    """Say how many combinations of the other parameters a picture shows, if not all."""
-    count = len(set(zip(*(sweep.inputs[n].tolist() for n in names))))
-    if count > _CURVES:
-        drawing.suptitle(f"the first {_CURVES} of {count} combinations of the other parameters", fontsize=7)
-
-
 def _value(sweep: Any, name: str, value: Any) -> str:
     """A parameter's value, "force of drive along y = 300 N"."""
     if not isinstance(value, (int, float)) or isinstance(value, bool):
@@ -153,66 +154,53 @@ def _value(sweep: Any, name: str, value: Any) -> str:
     return f"{text} = {value * scale:g} {unit}".rstrip()
 
 
-def _curves(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
+def _curves(sheet: Sheet, sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> list[str]:
+    """Curves over one parameter, one each combination of the others; names of these."""
     over, others = axes[0], [n for n in sweep.inputs if n != axes[0]]
-    drawing = figure(3.4, 5.4)
-    panel = drawing.add_subplot()
+    (panel,) = sheet.panels((1, 1), 3.4, 5.4)
     places, text_of_axis = _axis(sweep, over)
     for k, (text, rows) in enumerate(_families(sweep, others)):
         x, y = places[rows], values[rows]
         order = np.argsort(x)
         colour, marker = CYCLE[k % len(CYCLE)], MARKERS[k % len(MARKERS)]
         panel.plot(x[order], y[order], color=colour, marker=marker, markersize=3, linewidth=1, label=text)
-    _finish(panel, values, text_of_axis, label)
-    _tell_left_out(drawing, sweep, others)
-    if others:
-        panel.legend(fontsize=6, frameon=False)
-    return drawing
-
-
-def _finish(panel: Any, values: np.ndarray, over: str, label: str) -> None:
-    finite = values[np.isfinite(values)]
-    if len(finite) and finite.min() > 0.0 and finite.max() > 30.0 * finite.min():
+    if _logarithmic(values):
         panel.set_yscale("log")
-    panel.set_xlabel(over)
-    panel.set_ylabel(label)
-    style(panel)
+    panel.set(xlabel=text_of_axis, ylabel=label)
+    if others:
+        panel.legend(fontsize=6)
+    return others
 
 
-def _map(sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> Any:
+def _logarithmic(values: np.ndarray) -> bool:
+    finite = values[np.isfinite(values)]
+    return bool(len(finite) and finite.min() > 0.0 and finite.max() > 30.0 * finite.min())
+
+
+def _map(sheet: Sheet, sweep: Any, axes: Sequence[str], values: np.ndarray, label: str) -> list[str]:
+    """Maps over two parameters, one each combination of the others; names of these."""
     across, up = axes[:2]
     places, labels = zip(*(_axis(sweep, name) for name in (across, up)))
     others = [n for n in sweep.inputs if n not in (across, up)]
     families = _families(sweep, others)
     columns = min(3, len(families))
     lines = -(-len(families) // columns)
-    drawing = figure(0.5 + 2.3 * lines, 2.6 * columns + 1.2)
+    panels = sheet.panels((lines, columns), 0.5 + 2.3 * lines, 2.6 * columns + 1.2)
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    from matplotlib.colors import LogNorm, Normalize
-
-    logarithmic = low > 0.0 and high > 30.0 * low
-    norm = LogNorm(low, high) if logarithmic else Normalize(low, high)
-    drawn: Any = None
-    panels = []
-    for k, (text, rows) in enumerate(families):
-        panel = drawing.add_subplot(lines, columns, k + 1)
-        panels.append(panel)
+    norm = LogNorm(low, high) if _logarithmic(values) else Normalize(low, high)
+    for panel, (text, rows) in zip(panels, families):
         x, y, z = places[0][rows], places[1][rows], values[rows]
         xs, ys = np.unique(x), np.unique(y)
         if len(xs) * len(ys) == len(x):
             table = np.full((len(ys), len(xs)), np.nan)
             table[np.searchsorted(ys, y), np.searchsorted(xs, x)] = z
-            drawn = panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
+            drawn: Any = panel.pcolormesh(xs, ys, table, norm=norm, cmap="viridis", shading="nearest")
         else:
             drawn = panel.scatter(x, y, c=z, norm=norm, cmap="viridis", s=12)
-        panel.set_xlabel(labels[0])
-        panel.set_ylabel(labels[1])
+        panel.set(xlabel=labels[0], ylabel=labels[1])
         panel.set_title(text, fontsize=7)
-        style(panel)
-    if drawn is not None:
-        bar = drawing.colorbar(drawn, ax=panels)
-        bar.set_label(label, fontsize=7)
-        bar.ax.tick_params(labelsize=6)
-    _tell_left_out(drawing, sweep, others)
-    return drawing
+    for panel in panels[len(families) :]:
+        panel.set_axis_off()
+    bar(drawn, panels, label)
+    return others

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
@@ -12,35 +14,27 @@ from matplotlib.transforms import ScaledTranslation
 
 from meshing.boundary_mesh import BoundaryMesh
 
-from ..parallel import agreed, on_root
 from ..petsc import MPI
 from ..selement.basis import shape_functions
-from .arguments import check
-from .drawing import (
-    BLACK,
-    BLUE,
-    GREEN,
-    MATERIAL,
-    PURPLE,
-    VERMILION,
-    WIDTH,
-    crack_title,
-    figure,
-    style,
-)
+from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title
+from .picture import picture
 from .units import place_unit
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 
 
-@agreed("mesh")
-def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = None) -> list[Axes] | None:
+@picture()
+def plot_discretisation(
+    mesh: BoundaryMesh | None, *, ax: Any = None, comm: MPI.Comm | None = None
+) -> list[Axes] | None:
     """Draw a boundary mesh: the whole structure, and two levels of zoom on each crack. Collective.
 
     Parameters
     ----------
     mesh : BoundaryMesh or None
         On rank 0 at least.
+    ax : axes, sequence of axes, figure or subfigure of Matplotlib, optional
+        What is drawn on; in one axes the whole structure alone. Default: a new figure.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
 
@@ -48,11 +42,6 @@ def plot_discretisation(mesh: BoundaryMesh | None, *, comm: MPI.Comm | None = No
     -------
     Axes on rank 0, the whole structure first, None elsewhere; `save_picture` writes them
     """
-    check("plot_discretisation", comm=comm)
-    return on_root(MPI.COMM_WORLD if comm is None else comm, lambda: _draw(mesh))
-
-
-def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
     if not isinstance(mesh, BoundaryMesh):
         raise TypeError(f"plot_discretisation: mesh = {mesh!r} is not a BoundaryMesh")
     lower, upper = mesh.nodes.min(axis=0), mesh.nodes.max(axis=0)
@@ -61,52 +50,56 @@ def _draw(mesh: BoundaryMesh | None) -> list[Axes]:
     zoomed = mesh.cracks[:4]
     tall = (WIDTH - 0.8) * min(extent[1] / extent[0] * stretch, 1.2) + 0.75
     heights = [tall] + [3.45] * len(zoomed)
-    drawing = figure(sum(heights) + 0.3)
-    grid = drawing.add_gridspec(1 + len(zoomed), 2, height_ratios=heights)
-    whole = drawing.add_subplot(grid[0, :])
+    layout = [["whole", "whole"]] + [[f"crack {k}", f"tip {k}"] for k in range(len(zoomed))]
+    sheet = Sheet.of(ax)
+    whole, *zooms = panels = sheet.panels(layout, sum(heights) + 0.3, height_ratios=heights)
     margin = np.array([0.015, 0.2 if stretch > 1 else 0.07]) * extent
     _panel(whole, mesh, lower - margin, upper + margin, nodes=len(mesh.nodes) < 1500, stretch=stretch)
-    title = (
+    facts = (
         f"{mesh.elements} S-elements of order {mesh.order}, {len(mesh.nodes)} nodes, {len(mesh.pairs)} "
         "contact pairs"
     )
-    whole.set_title(title + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""), fontsize=8)
-    for row, crack in enumerate(zoomed, 1):
-        tip = np.array(crack.tip)
-        wide = 1.15 * crack.length
-        # The element on the tip of a coarse mesh may be as large as the crack.
-        near = min(4.5 * _tip_size(mesh, crack), 0.5 * wide)
-        for column, (half, text) in enumerate(
-            ((wide, crack_title(crack)), (near, f"tip of {crack_title(crack)}"))
-        ):
-            axes = drawing.add_subplot(grid[row, column])
-            _panel(axes, mesh, tip - half, tip + half, nodes=True)
-            axes.set_title(text, fontsize=8)
-            if column == 0:
-                scale = place_unit(float(extent.max()))[0]
-                axes.add_patch(
-                    Rectangle(
-                        (float(tip[0] - near) * scale, float(tip[1] - near) * scale),
-                        *[2.0 * near * scale] * 2,
-                        fill=False,
-                        edgecolor=PURPLE,
-                        linewidth=0.8,
-                    )
-                )
-            else:
-                for side in axes.spines.values():
-                    side.set_color(PURPLE)
-    drawing.legend(
-        handles=_legend(mesh),
+    whole.set_title(facts + (f"; y stretched {stretch:.2g} times" if stretch > 1 else ""))
+    for crack, around, at_tip in zip(zoomed, zooms[::2], zooms[1::2]):
+        _draw_zooms(around, at_tip, mesh, crack)
+    _add_legend(sheet, whole, mesh)
+    return panels
+
+
+def _draw_zooms(around: Axes, at_tip: Axes, mesh: BoundaryMesh, crack: Any) -> None:
+    """A crack, and its tip, framed in both."""
+    tip = np.array(crack.tip)
+    wide = 1.15 * crack.length
+    # The element on the tip of a coarse mesh may be as large as the crack.
+    near = min(4.5 * _tip_size(mesh, crack), 0.5 * wide)
+    for axes, half, text in (
+        (around, wide, crack_title(crack)),
+        (at_tip, near, f"tip of {crack_title(crack)}"),
+    ):
+        _panel(axes, mesh, tip - half, tip + half, nodes=True)
+        axes.set_title(text)
+    scale = place_unit(float(np.ptp(mesh.nodes, axis=0).max()))[0]
+    corner = float(tip[0] - near) * scale, float(tip[1] - near) * scale
+    side = 2.0 * near * scale
+    around.add_patch(Rectangle(corner, side, side, fill=False, edgecolor=PURPLE, linewidth=0.8))
+    for edge in at_tip.spines.values():
+        edge.set_color(PURPLE)
+
+
+def _add_legend(sheet: Sheet, whole: Axes, mesh: BoundaryMesh) -> None:
+    """Below the figure, or in the axes that were given."""
+    handles = _legend(mesh)
+    if sheet.figure is None:
+        whole.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=4)
+        return
+    sheet.figure.legend(
+        handles=handles,
         loc="outside lower center",
         ncols=7,
-        fontsize=7,
-        frameon=False,
         handletextpad=0.3,
         columnspacing=1.2,
         handlelength=1.6,
     )
-    return drawing.axes
 
 
 def _tip_size(mesh, crack) -> float:
@@ -169,31 +162,7 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
         markeredgewidth=0.7,
     )
     if len(mesh.pairs) and stretch == 1.0:
-        # Faces micrometres apart coincide in the picture: the marks stand 2.5 points beside them, on their
-        # own side.
-        for side in (0, 1):
-            for crack in range(len(mesh.cracks)):
-                rows = mesh.pairs.crack == crack
-                if rows.any():
-                    outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
-                    shift = 2.5 / 72 * outwards
-                    marker = (
-                        3,
-                        0,
-                        np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0,
-                    )  # points at the other face
-                    moved = axes.transData + ScaledTranslation(
-                        shift[0], shift[1], axes.figure.dpi_scale_trans
-                    )
-                    axes.plot(
-                        *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
-                        linestyle="none",
-                        marker=marker,
-                        markersize=3.4,
-                        color=GREEN,
-                        markeredgewidth=0,
-                        transform=moved,
-                    )
+        _mark_pairs(axes, mesh, lower, upper, scale)
     _label_points(axes, mesh, lower, upper, scale)
     axes.set_xlim(lower[0] * scale, upper[0] * scale)
     axes.set_ylim(lower[1] * scale, upper[1] * scale)
@@ -204,7 +173,29 @@ def _panel(axes, mesh, lower: np.ndarray, upper: np.ndarray, nodes: bool, stretc
     axes.set_aspect(stretch)
     axes.set_xlabel(f"x ({unit})")
     axes.set_ylabel(f"y ({unit}), stretched" if stretch > 1 else f"y ({unit})")
-    style(axes)
+
+
+def _mark_pairs(axes: Axes, mesh: BoundaryMesh, lower: np.ndarray, upper: np.ndarray, scale: float) -> None:
+    """Triangles that point at the other face. Faces micrometres apart coincide in the picture: the marks
+    stand 2.5 points beside them, on their own side.
+    """
+    for side in (0, 1):
+        for crack in range(len(mesh.cracks)):
+            rows = mesh.pairs.crack == crack
+            if not rows.any():
+                continue
+            outwards = (1 - 2 * side) * mesh.pairs.normal[rows][0]
+            x, y = 2.5 / 72 * outwards
+            beside = axes.transData + ScaledTranslation(x, y, axes.figure.dpi_scale_trans)
+            axes.plot(
+                *_inside(mesh.nodes[mesh.pairs.nodes[rows, side]], lower, upper).T * scale,
+                linestyle="none",
+                marker=(3, 0, np.degrees(np.arctan2(-outwards[1], -outwards[0])) - 90.0),
+                markersize=3.4,
+                color=GREEN,
+                markeredgewidth=0,
+                transform=beside,
+            )
 
 
 def _inside(points: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
-from ..checks import instance
 from ..continuation.branch import Branch
 from ..continuation.orbit import Orbit
-from ..parallel import agreed, on_root
+from ..motion.states import Point
 from ..petsc import MPI
-from .arguments import check
-from .branches import DASHED, GREY, draw_growth
-from .drawing import BLACK, BLUE, CYCLE, VERMILION, by_name, figure, finish_stems, stems, style
+from .branches import draw_growth
+from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, finish_stems, stems
+from .picture import named, picture, place_name
 from .units import divisors, force_unit, length_unit
 
 LIGHT = "#BBBBBB"
@@ -24,21 +23,26 @@ LIGHT = "#BBBBBB"
 LINEAR = 1e-4
 # Harmonics this far below the first are the rounding of the linear response.
 ROUND_OFF = 1e-12
+# Marks of multipliers inside the unit circle and outside.
+_MARKS: dict[str, Any] = {"linestyle": "none", "markersize": 3, "markeredgewidth": 0.5}
+INSIDE = {**_MARKS, "color": BLUE, "marker": ".", "label": "inside"}
+OUTSIDE = {**_MARKS, "color": VERMILION, "marker": "^", "label": "outside"}
 # Multipliers drawn of each point of a branch in the complex plane.
 OUTERMOST = 6
 
 
 # ---------------------------------------------------------------------- harmonics
-@agreed("orbits")
+@picture(Orbit, several=True)
 def plot_harmonics(
     orbits: Orbit | Mapping[str, Orbit],
-    point: str = "A",
+    point: Point = "A",
     direction: str = "y",
     *,
     count: int = 10,
     decades: float = 5.0,
     forces: Mapping[str, float] | None = None,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the moduli of the harmonics of several periodic motions as stems on a logarithmic scale.
@@ -47,8 +51,9 @@ def plot_harmonics(
     Parameters
     ----------
     orbits : Orbit or dict of str to Orbit
-        On rank 0 at least.
-    point : str
+        On rank 0 at least; on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m.
     direction : {"y", "x"}
     count : int
         Highest harmonic.
@@ -56,38 +61,17 @@ def plot_harmonics(
         Below the largest harmonic shown; what is smaller is left out.
     forces : dict of str to float, optional
         N: harmonics are divided by them.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_harmonics", point=point, direction=direction, count=count, decades=decades, comm=comm)
-    check("plot_harmonics", forces=forces, title=title, comm=comm)
-    named = by_name("plot_harmonics", orbits, Orbit)
-    return on_root(
-        comm or MPI.COMM_WORLD,
-        lambda: _draw_harmonics(named, point, direction, forces, _Stems(count, decades, title)),
-    )
-
-
-class _Stems(NamedTuple):
-    """The highest harmonic, the decades below the largest one, and the title of a picture."""
-
-    highest: int
-    decades: float
-    title: str
-
-
-def _draw_harmonics(orbits: Mapping[str, Orbit], point: str, direction: str, forces, shown: _Stems) -> Axes:
-    count, decades, title = shown
-    if not orbits:
-        raise ValueError("plot_harmonics: no orbit is given")
-    divisor = divisors("plot_harmonics", orbits, forces)
+    divisor = divisors("plot_harmonics", named(orbits), forces)
     found = {
         name: np.abs(orbit.harmonics(point, direction)[: count + 1]) / divisor[name]
-        for name, orbit in orbits.items()
+        for name, orbit in named(orbits).items()
     }
     top = max(float(levels.max()) for levels in found.values())
     if not top > 0.0:
@@ -97,8 +81,7 @@ def _draw_harmonics(orbits: Mapping[str, Orbit], point: str, direction: str, for
         [v[(v > top * 10.0**-decades) & (v > ROUND_OFF * v.max())] for v in found.values()]
     )
     floor = 10.0 ** np.floor(np.log10(0.7 * levels_shown.min()))
-    drawing = figure(2.9)
-    axes = drawing.subplots()
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.9)
     apart = min(0.2, 0.7 / len(found))
     for k, (name, levels) in enumerate(found.items()):
         # rounding is no harmonic
@@ -108,20 +91,22 @@ def _draw_harmonics(orbits: Mapping[str, Orbit], point: str, direction: str, for
     axes.set(yscale="log", xlim=(-0.6, count + 0.6), ylim=(floor, 4.0 * top), xticks=range(count + 1))
     axes.set(
         xlabel="harmonic number",
-        ylabel=f"$|u_{direction}|$({point})" + (" (m)" if forces is None else " / force (m/N)"),
+        ylabel=f"$|u_{direction}|$({place_name(point)})" + (" (m)" if forces is None else " / force (m/N)"),
     )
-    finish_stems(axes, found, title)
+    finish_stems(axes, found)
     return axes
 
 
 # ---------------------------------------------------------------------- phase plane and gaps
-@agreed("orbit")
+@picture(Orbit)
 def plot_orbit(
     orbit: Orbit,
-    point: str = "A",
+    point: Point = "A",
+    direction: str = "y",
     *,
     pairs: Mapping[str, int] | None = None,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> list[Axes] | None:
     """Draw a periodic motion: a point's displacement and velocity against each other; gaps and contact
@@ -130,25 +115,21 @@ def plot_orbit(
     Parameters
     ----------
     orbit : Orbit
-        On rank 0 at least.
-    point : str
+        On rank 0 at least; on all ranks for a place (x, y).
+    point : str or (x, y)
+        Name, or m.
+    direction : {"y", "x"}
     pairs : dict of str to int, optional
         Names and numbers of contact pairs whose gaps are drawn. Default: the first, the middle and the last
         one.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     [phase plane, gaps, resultant] on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_orbit", point=point, pairs=pairs, title=title, comm=comm)
-    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_orbit(orbit, point, pairs, title))
-
-
-def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> list[Axes]:
-    instance("plot_orbit", "orbit", orbit, Orbit, "an Orbit")
-    count = orbit.contact_force.shape[1]
+    count, axis = orbit.contact_force.shape[1], "xy".index(direction)
     if pairs is None:
         pairs = {f"pair {k + 1}": k for k in dict.fromkeys((0, count // 2, count - 1))} if count else {}
     for name, k in pairs.items():
@@ -156,75 +137,28 @@ def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> list[Axes]:
             raise ValueError(
                 f"plot_orbit: pair {name!r} is number {k}, the model has {count}; give a number from 0"
             )
-
-    def around(values):
-        """A whole period, both ends."""
-        return np.concatenate([values, values[:1]])
-
-    u, v = around(orbit.displacement(point)[:, 1]), around(orbit.velocity(point)[:, 1])
-    cycles = np.arange(len(u)) * (orbit.periods / (len(u) - 1))
-    drawing = figure(3.0)
-    grid = drawing.add_gridspec(2, 2, width_ratios=(1.0, 1.25))
-    phase = drawing.add_subplot(grid[:, 0])
+    u, v = _around(orbit.displacement(point)[:, axis]), _around(orbit.velocity(point)[:, axis])
     factor, unit = length_unit(float(np.abs(u).max()))
     speed, speed_unit = length_unit(float(np.abs(v).max()))
+    labels = f"$u_{direction}$({place_name(point)}) ({unit})", f"velocity ({speed_unit}/s)"
+    layout = [["phase", "upper"], ["phase", "lower"]]
+    panels = phase, upper, lower = Sheet.of(ax).panels(layout, 3.0, width_ratios=(1.0, 1.25))
     phase.plot(u * factor, v * speed, color=BLUE, linewidth=1.1)
     # one mark a forcing period, at the zero of its phase
     each = (len(u) - 1) // orbit.periods
-    phase.plot(
-        u[:-1:each] * factor,
-        v[:-1:each] * speed,
-        linestyle="none",
-        marker="o",
-        markersize=4,
-        color=VERMILION,
-        label="$t = 0$" if orbit.periods == 1 else "once a forcing period",
-    )
-    phase.set(xlabel=f"$u_y$({point}) ({unit})", ylabel=f"velocity ({speed_unit}/s)")
+    marked = "$t = 0$" if orbit.periods == 1 else "once a forcing period"
+    marks: Any = {"linestyle": "none", "marker": "o", "markersize": 4, "color": VERMILION, "label": marked}
+    phase.plot(u[:-1:each] * factor, v[:-1:each] * speed, **marks)
+    phase.set(xlabel=labels[0], ylabel=labels[1])
     phase.margins(0.1)
-    phase.legend(
-        fontsize=7,
-        frameon=False,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        borderaxespad=0.0,
-        handletextpad=0.2,
-    )
-    upper, lower = drawing.add_subplot(grid[0, 1]), drawing.add_subplot(grid[1, 1])
+    above(phase, handletextpad=0.2)
+    cycles = np.arange(len(u)) * (orbit.periods / (len(u) - 1))
     if count:
-        gaps = {name: around(orbit.gap[:, k]) for name, k in pairs.items()}
-        factor, unit = length_unit(max((float(np.abs(g).max()) for g in gaps.values()), default=1.0))
-        for k, (name, gap) in enumerate(gaps.items()):
-            upper.plot(
-                cycles,
-                gap * factor,
-                color=CYCLE[k % len(CYCLE)],
-                linewidth=1.1,
-                linestyle=("-", DASHED, (0, (1, 1)))[k % 3],
-                label=name,
-            )
-        upper.set_ylabel(f"gap ({unit})")
-        upper.legend(
-            fontsize=7,
-            frameon=False,
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=len(gaps),
-            borderaxespad=0.0,
-            handlelength=1.6,
-            columnspacing=1.0,
-        )
-        resultant = around(orbit.contact_resultant)
-        factor, unit = force_unit(float(resultant.max()))
-        lower.plot(cycles, resultant * factor, color=BLACK, linewidth=1.1)
-        lower.set_ylabel(f"resultant ({unit})")
+        _draw_contact(upper, lower, orbit, cycles, pairs)
     else:
-        for axes, values, name in (
-            (upper, u * factor, f"$u_y$({point}) ({unit})"),
-            (lower, v * speed, f"velocity ({speed_unit}/s)"),
-        ):
+        for axes, values, label in zip((upper, lower), (u * factor, v * speed), labels):
             axes.plot(cycles, values, color=BLUE, linewidth=1.1)
-            axes.set_ylabel(name)
+            axes.set_ylabel(label)
     for axes in (upper, lower):
         axes.axhline(0.0, color=LIGHT, linewidth=0.5, zorder=0.5)
         axes.set_xlim(0.0, orbit.periods)
@@ -232,17 +166,36 @@ def _draw_orbit(orbit: Orbit, point: str, pairs, title: str) -> list[Axes]:
         axes.yaxis.set_major_locator(MaxNLocator(4))
     upper.tick_params(labelbottom=False)
     lower.set_xlabel("time (forcing periods)")
-    for axes in (phase, upper, lower):
-        style(axes)
-    if title:
-        drawing.suptitle(title, fontsize=8, x=0.01, horizontalalignment="left")
-    return [phase, upper, lower]
+    return panels
+
+
+def _around(values: np.ndarray) -> np.ndarray:
+    """A whole period, both ends."""
+    return np.concatenate([values, values[:1]])
+
+
+def _draw_contact(
+    upper: Axes, lower: Axes, orbit: Orbit, cycles: np.ndarray, pairs: Mapping[str, int]
+) -> None:
+    """Gaps of some pairs over a period, and the contact resultant."""
+    gaps = {name: _around(orbit.gap[:, k]) for name, k in pairs.items()}
+    factor, unit = length_unit(max((float(np.abs(g).max()) for g in gaps.values()), default=1.0))
+    for k, (name, gap) in enumerate(gaps.items()):
+        dashes = ("-", DASHED, (0, (1, 1)))[k % 3]
+        colour = CYCLE[k % len(CYCLE)]
+        upper.plot(cycles, gap * factor, color=colour, linewidth=1.1, linestyle=dashes, label=name)
+    upper.set_ylabel(f"gap ({unit})")
+    above(upper, len(gaps), handlelength=1.6)
+    resultant = _around(orbit.contact_resultant)
+    factor, unit = force_unit(float(resultant.max()))
+    lower.plot(cycles, resultant * factor, color=BLACK, linewidth=1.1)
+    lower.set_ylabel(f"resultant ({unit})")
 
 
 # ---------------------------------------------------------------------- multipliers
-@agreed("subject")
+@picture(Orbit, Branch)
 def plot_multipliers(
-    subject: Orbit | Branch, *, title: str = "", comm: MPI.Comm | None = None
+    subject: Orbit | Branch, *, title: str = "", ax: Any = None, comm: MPI.Comm | None = None
 ) -> list[Axes] | None:
     """Draw Floquet multipliers with the unit circle; beside it the growth |mu| - 1 a period. Collective.
 
@@ -254,90 +207,53 @@ def plot_multipliers(
     ----------
     subject : Orbit or Branch
         With multipliers; on rank 0 at least.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     [complex plane, growth] on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_multipliers", title=title, comm=comm)
-    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_multipliers(subject, title))
-
-
-def _draw_multipliers(subject: Orbit | Branch, title: str) -> list[Axes]:
-    instance("plot_multipliers", "subject", subject, (Orbit, Branch), "an Orbit or a Branch")
     if not np.size(subject.multipliers):
         raise ValueError(
             "plot_multipliers: there are no multipliers; ask for them with stability=True, or draw a motion "
             "with contact"
         )
-    drawing = figure(3.2)
-    plane, growth = drawing.subplots(1, 2, width_ratios=(1.0, 1.25))
-    turn = np.linspace(0.0, 2.0 * np.pi, 361)
-    plane.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=0.8, zorder=2.5)
+    panels = plane, growth = Sheet.of(ax).panels((1, 2), 3.2, width_ratios=(1.0, 1.25))
     values = np.ravel(subject.multipliers)
     outside = np.abs(values) > 1.0 + np.repeat(
         np.nan_to_num(np.atleast_1d(subject.multiplier_error), nan=1e-9), np.shape(subject.multipliers)[-1]
     )
+    _draw_plane(plane, subject, values, outside)
+    growth.axhline(0.0, color=GREY, linewidth=0.8)
+    growth.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
+    if isinstance(subject, Orbit):
+        upper = values.imag >= 0.0
+        for chosen, marks in ((~outside & upper, INSIDE), (outside & upper, OUTSIDE)):
+            turns = np.angle(values[chosen]) / (2.0 * np.pi)
+            growth.plot(turns, np.abs(values[chosen]) - 1.0, **{**marks, "markersize": 4, "label": None})
+        growth.set(xlim=(-0.01, 0.51), xlabel="arg μ / 2π", ylim=(None, None if outside.any() else LINEAR))
+    else:
+        draw_growth(growth, subject)
+    growth.set_ylabel("|μ| − 1")
+    return panels
+
+
+def _draw_plane(plane: Axes, subject: Orbit | Branch, values: np.ndarray, outside: np.ndarray) -> None:
+    """Multipliers in the complex plane, with the unit circle."""
+    turn = np.linspace(0.0, 2.0 * np.pi, 361)
+    plane.plot(np.cos(turn), np.sin(turn), color=GREY, linewidth=0.8, zorder=2.5)
     # of a whole curve the outermost ones: all together fill a ring
     shown = (
         np.ones(len(values), dtype=bool)
         if isinstance(subject, Orbit)
         else np.tile(np.arange(np.shape(subject.multipliers)[1]) < OUTERMOST, len(subject.value)) | outside
     )
-    for chosen, colour, marker, name in (
-        (~outside & shown, BLUE, ".", "inside"),
-        (outside, VERMILION, "^", "outside"),
-    ):
+    for chosen, marks in ((~outside & shown, INSIDE), (outside, OUTSIDE)):
         if chosen.any():
-            plane.plot(
-                values[chosen].real,
-                values[chosen].imag,
-                linestyle="none",
-                marker=marker,
-                markersize=3,
-                markeredgewidth=0.5,
-                color=colour,
-                label=name,
-                zorder=3,
-            )
+            plane.plot(values[chosen].real, values[chosen].imag, zorder=3, **marks)
     reach = 1.12 * max(1.0, float(np.abs(values).max()))
     plane.set(aspect="equal", xlim=(-reach, reach), ylim=(-reach, reach), xlabel="Re μ", ylabel="Im μ")
-    plane.xaxis.set_major_locator(MaxNLocator(5))
-    plane.yaxis.set_major_locator(MaxNLocator(5))
-    growth.axhline(0.0, color=GREY, linewidth=0.8)
-    growth.set_yscale("symlog", linthresh=LINEAR, linscale=0.6)
-    if isinstance(subject, Orbit):
-        for chosen, colour, marker in (
-            (~outside & (values.imag >= 0.0), BLUE, "."),
-            (outside & (values.imag >= 0.0), VERMILION, "^"),
-        ):
-            growth.plot(
-                np.angle(values[chosen]) / (2.0 * np.pi),
-                np.abs(values[chosen]) - 1.0,
-                linestyle="none",
-                marker=marker,
-                markersize=4,
-                markeredgewidth=0.5,
-                color=colour,
-            )
-        growth.set(xlim=(-0.01, 0.51), xlabel="arg μ / 2π", ylim=(None, None if outside.any() else LINEAR))
-    else:
-        draw_growth(growth, subject)
-    plane.legend(
-        fontsize=7,
-        frameon=False,
-        loc="lower left",
-        bbox_to_anchor=(0.0, 1.0),
-        ncols=2,
-        borderaxespad=0.0,
-        handletextpad=0.2,
-        columnspacing=1.0,
-    )
-    growth.set_ylabel("|μ| − 1")
-    for axes in (plane, growth):
-        style(axes)
-    if title:
-        drawing.suptitle(title, fontsize=8, x=0.01, horizontalalignment="left")
-    return [plane, growth]
+    for axis in (plane.xaxis, plane.yaxis):
+        axis.set_major_locator(MaxNLocator(5))
+    above(plane, 2, handletextpad=0.2)

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from matplotlib.axes import Axes
 
-from ..checks import instance, positive
+from ..checks import instance
 from ..continuation.branch import Branch
 from ..motion.swept import SweptResponse
-from .arguments import check
-from .branches import DASHED, amplitude_at, in_order, smooth, split
-from .drawing import BLACK, BLUE, GREEN, VERMILION, figure, style
+from ..petsc import MPI
+from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
+from .drawing import BLACK, BLUE, GREEN, VERMILION, Sheet
+from .picture import named_point, picture
 from .units import frequency_unit, length_unit
 
 
+@picture(point=named_point)
 def plot_swept(
     branch: Branch | None,
     swept: SweptResponse | Sequence[SweptResponse],
@@ -22,50 +25,52 @@ def plot_swept(
     *,
     least: float = 0.2,
     title: str = "",
-) -> Axes:
-    """Draw amplitudes under swept frequencies, over the response curve; arrows mark the jumps.
+    ax: Any = None,
+    comm: MPI.Comm | None = None,
+) -> Axes | None:
+    """Draw amplitudes under swept frequencies, over the response curve; arrows mark the jumps. Collective.
 
     Parameters
     ----------
     branch : Branch or None
-        Over the frequency; None: the swept motions alone.
+        Over the frequency; None: the swept motions alone. On rank 0 at least, as `swept`.
     swept : SweptResponse or sequence of SweptResponse
     point : str
         Whose amplitude, half the peak-to-peak of u_y, is drawn.
     least : float
         See `SweptResponse.jumps`.
-    title : str
+    title, ax, comm
+        As for `plot_branches`.
 
     Returns
     -------
-    Axes
+    Axes on rank 0, None elsewhere; `save_picture` writes them
 
     Raises
     ------
     TypeError, ValueError, KeyError
         For other objects, a branch over the load, or an unknown point.
     """
-    owner = "plot_swept"
     if branch is not None:
-        instance(owner, "branch", branch, Branch, "a Branch, or None")
+        instance("plot_swept", "branch", branch, Branch, "a Branch, or None")
         if branch.parameter != "frequency":
-            raise ValueError(f"{owner}: branch = {branch!r} is over the load; give one over the frequency")
+            raise ValueError(f"plot_swept: branch = {branch!r} is over the load; give one over the frequency")
     if not isinstance(swept, (SweptResponse, list, tuple)):
-        raise TypeError(f"{owner}: swept = {swept!r} must be a SweptResponse, or several")
+        raise TypeError(f"plot_swept: swept = {swept!r} must be a SweptResponse, or several")
     sweeps = [swept] if isinstance(swept, SweptResponse) else list(swept)
     for item in sweeps:
-        instance(owner, "swept", item, SweptResponse, "a SweptResponse, or several")
-    least = positive(owner, "least", least)
-    check(owner, point=point, title=title)
+        instance("plot_swept", "swept", item, SweptResponse, "a SweptResponse, or several")
     shown: list[Branch | SweptResponse] = [*([] if branch is None else [branch]), *sweeps]
     if not shown:
-        raise ValueError(f"{owner}: swept is empty and there is no branch; give one SweptResponse at least")
+        raise ValueError("plot_swept: swept is empty and there is no branch; give one SweptResponse at least")
     factor, unit = length_unit(max(float(item.amplitude(point).max()) for item in shown))
     along, name = frequency_unit(max(float(item.frequency.max()) for item in shown))
-    drawing = figure(3.6)
-    axes = drawing.add_subplot()
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.6)
     if branch is not None:
-        _draw_branch(axes, branch, point, along, factor)
+        height = Height(point)
+        marks = marks_of(branch, height, along, factor)
+        parts = split(branch.value * along, height.along(branch) * factor, branch.stable, marks)
+        name_verdicts(axes, draw_parts(axes, smooth(parts), BLACK, 1.3))
     for upwards, colour, label in ((True, VERMILION, "swept up"), (False, BLUE, "swept down")):
         for number, item in enumerate(s for s in sweeps if s.upwards == upwards):
             axes.plot(
@@ -84,18 +89,5 @@ def plot_swept(
                 )
     axes.set(xlabel=f"frequency ({name})", ylabel=f"amplitude of $u_y$({point}) ({unit})")
     axes.set_ylim(bottom=0.0)
-    axes.set_title(title, fontsize=9)
-    axes.legend(fontsize=7, frameon=False)
-    style(axes)
+    axes.legend()
     return axes
-
-
-def _draw_branch(axes: Axes, branch: Branch, point: str, along: float, factor: float) -> None:
-    """Stable parts solid, unstable ones dashed, black."""
-    marks = [(item.after, item.own_value, amplitude_at(branch, item, point)) for item in in_order(branch)]
-    named: set[bool] = set()
-    for stable, x, y in smooth(split(branch.value, branch.amplitude(point), branch.stable, marks)):
-        name = None if stable in named else "stable" if stable else "unstable"
-        named.add(stable)
-        dashes = "-" if stable else DASHED
-        axes.plot(x * along, y * factor, color=BLACK, linewidth=1.3, linestyle=dashes, label=name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,11 +11,10 @@ from matplotlib.axes import Axes
 from ..analysis.backbone import Backbone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
-from ..parallel import agreed, on_root
 from ..petsc import MPI
-from .arguments import check
-from .branches import DASHED
-from .drawing import BLACK, CYCLE, by_name, figure, finish_stems, stems, style
+from .branches import draw_parts, name_verdicts, split
+from .drawing import CYCLE, Sheet, finish_stems, stems
+from .picture import named, named_point, picture
 from .units import frequency_unit, length_unit
 
 # Orders up to which a line is named in the picture.
@@ -25,7 +25,7 @@ ROUND_OFF = 1e-12
 FLAT = 1e-5
 
 
-@agreed("motions")
+@picture(QuasiPeriodic, several=True, point=named_point)
 def plot_lines(
     motions: QuasiPeriodic | Mapping[str, QuasiPeriodic],
     point: str = "A",
@@ -34,6 +34,7 @@ def plot_lines(
     order: int = 3,
     decades: float = 6.0,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw the lines m f1 + n f2 of motions under two tones as stems over their frequencies. Collective.
@@ -48,53 +49,28 @@ def plot_lines(
         Lines up to this \\|m\\| and \\|n\\|.
     decades : float
         Below the largest line; what is smaller is left out.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    check(
-        "plot_lines", point=point, direction=direction, order=order, decades=decades, title=title, comm=comm
-    )
-    named = by_name("plot_lines", motions, QuasiPeriodic)
-    return on_root(
-        comm or MPI.COMM_WORLD, lambda: _draw_lines(named, point, direction, order, decades, title)
-    )
-
-
-def _draw_lines(
-    motions: Mapping[str, QuasiPeriodic], point: str, direction: str, order: int, decades: float, title: str
-) -> Axes:
-    if not motions:
-        raise ValueError("plot_lines: no motion is given")
-    numbers = [(m, n) for m in range(-order, order + 1) for n in range(-order, order + 1) if m or n]
-    found = {}
-    for name, motion in motions.items():
-        first, second = motion.frequencies
-        at = {(m, n): m * first + n * second for m, n in numbers if m * first + n * second > 0.0}
-        found[name] = [(f, abs(motion.line(*line, point, direction)), line) for line, f in at.items()]
-    top = max(height for lines in found.values() for _, height, _ in lines)
+    found = {name: _lines(motion, point, direction, order) for name, motion in named(motions).items()}
+    top = max(height for lines in found.values() for _, height in lines.values())
     if not top > 0.0:
         raise ValueError(f"plot_lines: point {point!r} does not move in {direction}")
-    factor, unit = length_unit(top)
     least = max(ROUND_OFF, 10.0**-decades) * top
-    along, name_of_unit = frequency_unit(max(f for lines in found.values() for f, _, _ in lines))
-    floor = factor * 10.0 ** np.floor(
-        np.log10(0.7 * min(h for lines in found.values() for _, h, _ in lines if h > least))
-    )
-    drawing = figure(3.2)
-    axes = drawing.subplots()
-    for k, (name, lines) in enumerate(found.items()):
-        x, y = np.array([(f, height) for f, height, _ in lines if height > least]).T
+    seen = {name: {line: at for line, at in lines.items() if at[1] > least} for name, lines in found.items()}
+    factor, unit = length_unit(top)
+    along, name_of_unit = frequency_unit(max(f for lines in found.values() for f, _ in lines.values()))
+    lowest = min(height for lines in seen.values() for _, height in lines.values())
+    floor = factor * 10.0 ** np.floor(np.log10(0.7 * lowest))
+    (axes,) = Sheet.of(ax).panels((1, 1), 3.2)
+    for k, (name, lines) in enumerate(seen.items()):
+        x, y = np.array(list(lines.values())).reshape(-1, 2).T
         stems(axes, x * along, y * factor, floor=floor, curve=(k, name), size=3.5)
-    highest: dict[tuple[int, int], tuple[float, float]] = {}
-    for lines in found.values():
-        for f, height, line in lines:
-            if height > least and max(map(abs, line)) <= NAMED and height > highest.get(line, (0.0, 0.0))[1]:
-                highest[line] = (f, height)
-    for line, (f, height) in highest.items():
+    for line, (f, height) in _highest(seen).items():
         axes.annotate(
             _line_name(*line),
             (f * along, height * factor),
@@ -108,8 +84,29 @@ def _draw_lines(
     axes.set(yscale="log", ylim=(floor, 40.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_xlim(left=0.0)
     axes.set_ylabel(f"$|u_{direction}|$({point}) ({unit})")
-    finish_stems(axes, found, title)
+    finish_stems(axes, found)
     return axes
+
+
+Lines = dict[tuple[int, int], tuple[float, float]]
+
+
+def _lines(motion: QuasiPeriodic, point: str, direction: str, order: int) -> Lines:
+    """Frequency (Hz) and height (m) of each line m f1 + n f2 up to an order."""
+    first, second = motion.frequencies
+    around = range(-order, order + 1)
+    places = {(m, n): m * first + n * second for m in around for n in around if m or n}
+    return {line: (f, abs(motion.line(*line, point, direction))) for line, f in places.items() if f > 0.0}
+
+
+def _highest(seen: Mapping[str, Lines]) -> Lines:
+    """Where to name the lines of low order: at the highest of several motions."""
+    result: Lines = {}
+    for lines in seen.values():
+        for line, at in lines.items():
+            if max(map(abs, line)) <= NAMED and at[1] > result.get(line, (0.0, 0.0))[1]:
+                result[line] = at
+    return result
 
 
 def _line_name(m: int, n: int) -> str:
@@ -129,11 +126,12 @@ def _line_name(m: int, n: int) -> str:
     return text
 
 
-@agreed("sidebands")
+@picture(Sidebands, several=True)
 def plot_sidebands(
     sidebands: Sidebands | Mapping[str, Sidebands],
     *,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw a carrier and its sidebands as stems over their frequencies. Collective.
@@ -142,32 +140,24 @@ def plot_sidebands(
     ----------
     sidebands : Sidebands or dict of str to Sidebands
         On rank 0 at least.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     Axes on rank 0, None elsewhere; `save_picture` writes them
     """
-    check("plot_sidebands", title=title, comm=comm)
-    named = by_name("plot_sidebands", sidebands, Sidebands)
-    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_sidebands(named, title))
-
-
-def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
-    if not sidebands:
-        raise ValueError("plot_sidebands: no sidebands are given")
-    heights = {name: np.abs([*s.lower[::-1], s.centre, *s.upper]) for name, s in sidebands.items()}
+    curves = named(sidebands)
+    heights = {name: np.abs([*s.lower[::-1], s.centre, *s.upper]) for name, s in curves.items()}
     top = max(float(h.max()) for h in heights.values())
     if not top > 0.0:
         raise ValueError("plot_sidebands: there is neither a carrier nor a sideband")
     factor, unit = length_unit(top)
-    along, name_of_unit = frequency_unit(max(s.carrier for s in sidebands.values()))
+    along, name_of_unit = frequency_unit(max(s.carrier for s in curves.values()))
     least = min(float(h[h > ROUND_OFF * top].min()) for h in heights.values())
     floor = factor * 10.0 ** np.floor(np.log10(0.7 * least))
-    drawing = figure(2.9)
-    axes = drawing.subplots()
-    for k, (name, found) in enumerate(sidebands.items()):
+    (axes,) = Sheet.of(ax).panels((1, 1), 2.9)
+    for k, (name, found) in enumerate(curves.items()):
         height = heights[name] * factor
         order = np.arange(len(height)) - len(height) // 2
         x = (found.carrier + order * found.modulation) * along
@@ -181,15 +171,16 @@ def _draw_sidebands(sidebands: Mapping[str, Sidebands], title: str) -> Axes:
             )
     axes.set(yscale="log", ylim=(floor, 8.0 * top * factor), xlabel=f"frequency ({name_of_unit})")
     axes.set_ylabel(f"amplitude ({unit})")
-    finish_stems(axes, sidebands, title)
+    finish_stems(axes, curves)
     return axes
 
 
-@agreed("backbones")
+@picture(Backbone, several=True)
 def plot_backbone(
     backbones: Backbone | Mapping[str, Backbone],
     *,
     title: str = "",
+    ax: Any = None,
     comm: MPI.Comm | None = None,
 ) -> Axes | None:
     """Draw frequencies of free motions over their energy, broken where they are unstable, and below them the
@@ -199,64 +190,33 @@ def plot_backbone(
     ----------
     backbones : Backbone or dict of str to Backbone
         On rank 0 at least.
-    title, comm
+    title, ax, comm
         As for `plot_branches`.
 
     Returns
     -------
     Axes of the frequencies on rank 0, None elsewhere; `save_picture` writes the whole picture
     """
-    check("plot_backbone", title=title, comm=comm)
-    named = by_name("plot_backbone", backbones, Backbone)
-    return on_root(comm or MPI.COMM_WORLD, lambda: _draw_backbones(named, title))
-
-
-def _draw_backbones(backbones: Mapping[str, Backbone], title: str) -> Axes:
-    if not backbones:
-        raise ValueError("plot_backbone: no backbone is given")
-    factor, unit = frequency_unit(max(float(b.frequency.max()) for b in backbones.values()))
-    damped = any(backbone.damped for backbone in backbones.values())
-    drawing = figure(4.6 if damped else 3.0)
-    panels = drawing.subplots(1 + damped, sharex=True, squeeze=False)[:, 0]
-    axes, broken = panels[0], False
-    for k, (name, backbone) in enumerate(backbones.items()):
+    curves = named(backbones)
+    factor, unit = frequency_unit(max(float(b.frequency.max()) for b in curves.values()))
+    damped, broken = any(backbone.damped for backbone in curves.values()), False
+    panels = Sheet.of(ax).panels((1 + damped, 1), 4.6 if damped else 3.0, sharex=True)
+    axes = panels[0]
+    for k, (name, backbone) in enumerate(curves.items()):
         colour = CYCLE[k % len(CYCLE)]
-        verdict = (
-            np.asarray(backbone.stable) if len(backbone.multipliers) else np.ones(len(backbone.energy), bool)
-        )
         axes.plot([], [], color=colour, linewidth=1.2, label=name or "_")
-        steady = verdict[:-1] & verdict[1:]
-        broken = broken or not steady.all()
-        _draw_pieces(axes, (backbone.energy, backbone.frequency * factor), steady, colour)
-        if backbone.damped:
-            _draw_pieces(panels[1], (backbone.energy, backbone.damping_ratio), steady, colour)
-    if broken:
-        axes.plot([], [], color=BLACK, linewidth=1.2, linestyle=DASHED, label="unstable")
-    axes.set(ylabel=f"frequency of free vibration ({unit})")
-    if damped:
-        panels[1].set(ylabel="damping ratio (decay)")
-    panels[-1].set(xscale="log", xlabel="energy (J)")
-    panels[-1].tick_params(axis="x", which="minor", labelsize=7)
-    axes.set_title(title, fontsize=8, loc="left")
-    if any(backbones) or broken:
-        axes.legend(fontsize=7, frameon=False)
-    for panel in panels:
+        drawn = [backbone.frequency * factor] + [backbone.damping_ratio] * backbone.damped
+        for panel, values in zip(panels, drawn):
+            parts = split(backbone.energy, values, backbone.stable)
+            broken |= draw_parts(panel, parts, colour, 1.2)
+    name_verdicts(axes, broken)
+    for panel, label in zip(panels, (f"frequency of free vibration ({unit})", "damping ratio (decay)")):
+        panel.set(xscale="log", xlabel="energy (J)", ylabel=label)
+        panel.tick_params(axis="x", which="minor", labelsize=7)
         panel.margins(y=0.1)
-        style(panel)
+    if any(curves) or broken:
+        axes.legend()
     low, high = axes.get_ylim()
     middle, half = 0.5 * (low + high), 0.5 * max(high - low, FLAT * high)
     axes.set_ylim(middle - half, middle + half)
     return axes
-
-
-def _draw_pieces(axes: Axes, places: tuple[np.ndarray, np.ndarray], steady: np.ndarray, colour: str) -> None:
-    """A line from point to point, broken where motions are unstable."""
-    across, up = places
-    for i, holds in enumerate(steady):
-        axes.plot(
-            across[i : i + 2],
-            up[i : i + 2],
-            color=colour,
-            linewidth=1.2,
-            linestyle="-" if holds else DASHED,
-        )

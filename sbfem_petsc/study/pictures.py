@@ -185,21 +185,21 @@ def _backbone(case: Case, name: str, result: Any, model: Any, stem: str) -> None
 def _loci(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if result:
         comm = _communicator(model)
-        _save(on_root(comm, lambda: plot_loci(result, title=name)), f"{stem}_loci.png", comm)
+        _save(plot_loci(result, title=name, comm=comm), f"{stem}_loci.png", comm)
 
 
 def _swept(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     point = _point(case, result[0].points)
     if point is not None:
         comm, least = _communicator(model), case.tables.analyses[name].least
-        axes = on_root(comm, lambda: plot_swept(None, result, point, least=least, title=name))
+        axes = plot_swept(None, result, point, least=least, title=name, comm=comm)
         _save(axes, f"{stem}_swept.png", comm)
 
 
 def _basins(case: Case, name: str, result: Any, model: Any, stem: str) -> None:
     if len(result.axes) == 2 and min(result.reached.shape) > 1:
         comm = _communicator(model)
-        _save(on_root(comm, lambda: plot_basins(result, title=name)), f"{stem}_basins.png", comm)
+        _save(plot_basins(result, title=name, comm=comm), f"{stem}_basins.png", comm)
 
 
 def write_fields(kind: str, result: Any, model: Any, stem: str) -> None:

@@ -496,7 +496,7 @@ def sideband_lines() -> indicators.Sidebands:
     return indicators.sidebands(TIME, WAVE, 30.0, 4.0, order=1)
 
 
-LABELS = {"title": "t", "comm": MPI.COMM_WORLD}
+LABELS = {"title": "t", "ax": None, "comm": MPI.COMM_WORLD}
 CALLS |= {
     "plot.Panel": [
         lambda: {
@@ -521,11 +521,13 @@ CALLS |= {
         }
     ],
     "plot.plot_backbone": [lambda: {"backbones": backbone(), **LABELS}],
-    "plot.plot_basins": [lambda: {"basins": two_axes(), "title": "t"}],
+    "plot.plot_basins": [lambda: {"basins": two_axes(), **LABELS}],
     "plot.plot_branches": [
         lambda: {
             "branches": {"a": branch()},
             "point": "A",
+            "direction": "x",
+            "harmonic": 1,
             "forces": {"a": 100.0},
             "window": (20.0, 20.2),
             "every": False,
@@ -533,7 +535,7 @@ CALLS |= {
             **LABELS,
         }
     ],
-    "plot.plot_contact": [lambda: {"cases": static(), "crack": 0}],
+    "plot.plot_contact": [lambda: {"cases": static(), "crack": 0, "ax": None}],
     "plot.plot_crack": [
         lambda: {
             "model": model(),
@@ -541,6 +543,7 @@ CALLS |= {
             "crack": 0,
             "colour": "displacement",
             "magnification": 1.0,
+            "ax": None,
         }
     ],
     "plot.plot_detection": [
@@ -548,10 +551,10 @@ CALLS |= {
             "depth": [1e-3, 2e-3, 1e-3, 2e-3],
             "place": [0.1, 0.1, 0.2, 0.2],
             "probability": {"a": [0.1, 0.5, 0.2, 0.9]},
-            "title": "t",
+            **LABELS,
         }
     ],
-    "plot.plot_discretisation": [lambda: {"mesh": mesh(), "comm": MPI.COMM_WORLD}],
+    "plot.plot_discretisation": [lambda: {"mesh": mesh(), "ax": None, "comm": MPI.COMM_WORLD}],
     "plot.plot_harmonics": [
         lambda: {
             "orbits": {"a": orbit()},
@@ -566,11 +569,14 @@ CALLS |= {
     "plot.plot_histories": [
         lambda: {
             "panels": [plot.Panel("u", {"one": (TIME, WAVE)})],
+            "ax": None,
             "comm": MPI.COMM_WORLD,
         }
     ],
-    "plot.plot_history": [lambda: {"motion": motion(), "point": "A", "window": (0.0, 1e-5), **LABELS}],
-    "plot.plot_loci": [lambda: {"loci": locus(), "unit": 100.0, "label": "force (N)", "title": "t"}],
+    "plot.plot_history": [
+        lambda: {"motion": motion(), "point": "A", "direction": "x", "window": (0.0, 1e-5), **LABELS}
+    ],
+    "plot.plot_loci": [lambda: {"loci": locus(), "unit": 100.0, "label": "force (N)", **LABELS}],
     "plot.plot_lines": [
         lambda: {
             "motions": quasi_periodic(),
@@ -582,14 +588,16 @@ CALLS |= {
         }
     ],
     "plot.plot_load_history": [
-        lambda: {"history": loads_in_time(), "point": "A", "crack": "crack1", **LABELS}
+        lambda: {"history": loads_in_time(), "point": "A", "direction": "y", "crack": "crack1", **LABELS}
     ],
-    "plot.plot_modes": [lambda: {"modal": modal(), "modes": [0], "columns": 1}],
+    "plot.plot_modes": [lambda: {"modal": modal(), "modes": [0], "columns": 1, "ax": None}],
     "plot.plot_multipliers": [lambda: {"subject": orbit(), **LABELS}],
     "plot.plot_quasi_periodic": [
         lambda: {"branches": quasi_periodic_branch(), "point": "1", "direction": "y", **LABELS}
     ],
-    "plot.plot_orbit": [lambda: {"orbit": orbit(), "point": "A", "pairs": {"first": 0}, **LABELS}],
+    "plot.plot_orbit": [
+        lambda: {"orbit": orbit(), "point": "A", "direction": "y", "pairs": {"first": 0}, **LABELS}
+    ],
     "plot.plot_sidebands": [lambda: {"sidebands": sideband_lines(), **LABELS}],
     "plot.plot_spectra": [
         lambda: {
@@ -599,11 +607,12 @@ CALLS |= {
             "lines": {"tone": 5.0},
             "decades": 6.0,
             "harmonics": {"family": [5.0, 10.0]},
+            "ax": None,
             "comm": MPI.COMM_WORLD,
         }
     ],
     "plot.plot_swept": [
-        lambda: {"branch": branch(), "swept": swept_response(), "point": "A", "least": 0.2, "title": "t"}
+        lambda: {"branch": branch(), "swept": swept_response(), "point": "A", "least": 0.2, **LABELS}
     ],
     "plot.save_picture": [lambda: {"drawing": None, "path": "picture.png"}],
     "plot.save_pictures": [lambda: {"folder": "."}],

@@ -20,7 +20,8 @@ from sbfem_petsc.plot import (
     plot_orbit,
     save_picture,
 )
-from sbfem_petsc.plot.branches import GREY, abscissa, amplitude_at, in_order, smooth, split
+from sbfem_petsc.plot.branches import Height, abscissa, in_order, smooth, split
+from sbfem_petsc.plot.drawing import GREY
 
 
 @pytest.fixture(scope="module")
@@ -157,9 +158,7 @@ def test_amplitude_at_a_fold(curves):
     for item in curve.bifurcations:
         if item.kind == "fold":
             beside = curve.amplitude("two")[item.after - 1 : item.after + 1]
-            assert (
-                beside.min() * (1.0 - 1e-2) <= amplitude_at(curve, item, "two") <= beside.max() * (1.0 + 1e-2)
-            )
+            assert beside.min() * (1.0 - 1e-2) <= Height("two").at(curve, item) <= beside.max() * (1.0 + 1e-2)
     assert [item.after for item in in_order(curve)] == sorted(item.after for item in curve.bifurcations)
 
 
@@ -224,13 +223,13 @@ def test_a_curve_over_the_load(oscillator, tmp_path):
 
 @pytest.mark.slow
 def test_bad_requests(curves, orbits):
-    with pytest.raises(ValueError, match="no branch is given"):
+    with pytest.raises(ValueError, match="branches is empty; give one Branch"):
         plot_branches({})
     with pytest.raises(ValueError, match="no positive force for 'no stop'"):
         plot_branches(curves, "two", forces={"stop": 0.1})
     with pytest.raises(KeyError, match="point 'A' does not exist"):
         plot_branches(curves)
-    with pytest.raises(ValueError, match="no orbit is given"):
+    with pytest.raises(ValueError, match="orbits is empty; give one Orbit"):
         plot_harmonics({})
     with pytest.raises(ValueError, match="does not move in x"):
         plot_harmonics(orbits, "two", "x")

@@ -17,7 +17,7 @@ def test_sidebands():
     np.testing.assert_allclose(y, [0.5, 2.0, 20.0, 3.0, 0.4], rtol=1e-12)
     assert axes.get_xlabel() == "frequency (kHz)" and axes.get_ylabel() == "amplitude (nm)"
     assert [text.get_text() for text in axes.texts] == ["−2", "−1", "carrier", "+1", "+2"]
-    with pytest.raises(ValueError, match="no sidebands"):
+    with pytest.raises(ValueError, match="sidebands is empty; give one Sidebands"):
         plot_sidebands({})
 
 

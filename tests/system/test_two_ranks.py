@@ -73,7 +73,6 @@ FOR_ITSELF = {
     "rayleigh_factors", "reduce_matrices", "on_root", "read_gmsh",
     "read_history", "read_branch", "read_orbit", "read_result", "results.read_results",
     "save_branch", "save_orbit", "save_result", "plot.save_picture", "plot.save_pictures",
-    "plot.plot_basins", "plot.plot_detection", "plot.plot_loci", "plot.plot_swept",
 }  # fmt: skip
 
 

@@ -1,0 +1,215 @@
+"""The decorator of every picture: ranks, checks, choice by name, axes to draw in, style."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ParamSpec, TypeVar
+
+import numpy as np
+from matplotlib import rc_context
+
+from ..checks import Bounds, choice, flag, instance, integer, numbers_of, positive, real, shown
+from ..parallel import MPI, agreed, checked_communicator, collective, on_root, ranks_of
+from ..system.places import checked_place
+from .drawing import STYLE, Sheet
+
+Subject = TypeVar("Subject")
+Result = TypeVar("Result")
+Parameters = ParamSpec("Parameters")
+Check = Callable[[str, str, Any], Any]
+
+
+def picture(
+    *kinds: type, several: bool = False, **checks: Check
+) -> Callable[[Callable[Parameters, Result]], Callable[Parameters, Result]]:
+    """Decorator of a function that draws its first argument and returns the axes.
+
+    Inside, arguments are checked by their names, `ax` is a `Sheet`, and what is given by name is a dict. A
+    function with `comm` is called on rank 0, where its first argument is; for a place (x, y), at which all
+    ranks find a displacement together, on each of them. One without `comm` gathers what it draws on all ranks
+    of its model.
+
+    Parameters
+    ----------
+    *kinds : type
+        Of the first argument; none: it is checked inside.
+    several : bool
+        It may be a dict of them by name.
+    **checks : function
+        Of arguments, instead of those of `CHECKS`.
+    """
+
+    def decorated(function: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
+        signature, owner = inspect.signature(function), function.__name__
+        names = list(signature.parameters)
+        subject, table = names[0], {name: check for name, check in (CHECKS | checks).items() if name in names}
+        gathers = "comm" not in names
+
+        @functools.wraps(function)
+        def draw(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
+            bound = signature.bind(*args, **kwargs)
+            bound.apply_defaults()
+            given = bound.arguments
+            if gathers:
+                given[subject] = _subject(owner, subject, given[subject], kinds, several)
+                comm = ranks_of(given[subject]) or MPI.COMM_SELF
+            else:
+                comm = checked_communicator(owner, given["comm"])
+            with collective(comm):
+                for name, check in table.items():
+                    given[name] = check(owner, name, given[name])
+                together = gathers or isinstance(given.get("point"), tuple)
+                if not gathers and (together or comm.rank == 0):
+                    given[subject] = _subject(owner, subject, given[subject], kinds, several)
+                given["ax"] = sheet = Sheet(owner, given["ax"] if comm.rank == 0 else None)
+
+            def work() -> Any:
+                with rc_context(STYLE):
+                    return sheet.finished(function(*bound.args, **bound.kwargs), given.get("title", ""))
+
+            found = work() if together else on_root(comm, work)
+            return found if comm.rank == 0 else None  # type: ignore[return-value]
+
+        own = ("ax",) if gathers else tuple(name for name in names if name not in (*table, "comm"))
+        return agreed(*own)(draw)
+
+    return decorated
+
+
+def _subject(owner: str, name: str, value: Any, kinds: tuple[type, ...], several: bool) -> Any:
+    """What is to be drawn, of one of some kinds; by its names in the legend where there may be several, of
+    which one alone has none.
+    """
+    if not kinds:
+        return value
+    one = " or ".join(f"a{'n' * (kind.__name__[0] in 'AEIO')} {kind.__name__}" for kind in kinds)
+    if not several:
+        return instance(owner, name, value, kinds, one)
+    if isinstance(value, kinds):
+        return {"": value}
+    wanted = f"give one {kinds[0].__name__}, or a dict of them by name"
+    if not isinstance(value, Mapping):
+        raise TypeError(f"{owner}: {shown(value)} cannot be drawn; {wanted}")
+    for key, item in value.items():
+        if not isinstance(key, str) or not isinstance(item, kinds):
+            raise TypeError(f"{owner}: {shown(key)}: {shown(item)} cannot be drawn; {wanted}")
+    if not value:
+        raise ValueError(f"{owner}: {name} is empty; {wanted}")
+    return value
+
+
+def named(subjects: Subject | Mapping[str, Subject]) -> Mapping[str, Subject]:
+    """What `picture` has given names."""
+    assert isinstance(subjects, Mapping)
+    return subjects
+
+
+def a_text(owner: str, name: str, value: Any) -> str:
+    """A string, which may be empty."""
+    return instance(owner, name, value, str, "a text")
+
+
+def _point(owner: str, name: str, value: Any) -> str | tuple[float, float]:
+    return value if isinstance(value, str) else checked_place(owner, value)
+
+
+def place_name(point: str | tuple[float, float]) -> str:
+    """What a point is called in labels: its name, or its coordinates."""
+    return point if isinstance(point, str) else f"{point[0]:.6g} m, {point[1]:.6g} m"
+
+
+def named_point(owner: str, name: str, value: Any) -> str:
+    """A point's name, for what is kept of named points alone."""
+    if not isinstance(value, str):
+        raise TypeError(
+            f"{owner}: {name} = {shown(value)} must be the name of a point: of these motions no others are "
+            "kept; name further ones by points= of the mesh"
+        )
+    return value
+
+
+def optional(check: Check) -> Check:
+    """A check of what may be None."""
+    return lambda owner, name, value: None if value is None else check(owner, name, value)
+
+
+def one_of(*values: str) -> Check:
+    """A check of a word."""
+    return lambda owner, name, value: choice(owner, name, value, values)
+
+
+def whole(least: int | None = None, most: int | None = None) -> Check:
+    """A check of a whole number."""
+    return lambda owner, name, value: integer(owner, name, value, least=least, most=most)
+
+
+def two_numbers(owner: str, name: str, value: Any) -> tuple[float, float]:
+    """Two numbers, the lower one first."""
+    start, stop = numbers_of(owner, name, value, 2, "two numbers, the lower one first")
+    if not start < stop:
+        raise ValueError(f"{owner}: {name} = {shown(value)} must be two numbers, the lower one first")
+    return start, stop
+
+
+def table_of(check: Check) -> Check:
+    """A check of a dict by name, each entry by another check."""
+
+    def checked(owner: str, name: str, value: Any) -> dict[str, Any]:
+        if not isinstance(value, Mapping) or not all(isinstance(key, str) for key in value):
+            raise TypeError(f"{owner}: {name} = {shown(value)} must be a dict by name")
+        return {key: check(owner, f"{name}[{key!r}]", item) for key, item in value.items()}
+
+    return checked
+
+
+def _numbers(owner: str, name: str, value: Any) -> list[float]:
+    if isinstance(value, (str, Mapping)) or not isinstance(value, (Sequence, np.ndarray)):
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be a sequence of numbers")
+    return [real(owner, f"{name}[{k}]", item) for k, item in enumerate(value)]
+
+
+def curve(owner: str, name: str, value: Any) -> tuple[np.ndarray, np.ndarray]:
+    """A pair of arrays of one length that can be drawn over each other."""
+    if not isinstance(value, (tuple, list)) or len(value) != 2:
+        raise TypeError(f"{owner}: {name} = {shown(value)} must be two arrays, places and values")
+    try:
+        along, values = (np.asarray(part) for part in value)
+    except ValueError:  # rows of different lengths
+        raise ValueError(f"{owner}: {name} must be two arrays, places and values") from None
+    if along.ndim != 1 or along.shape != values.shape or along.dtype.kind not in "iuf":
+        raise ValueError(
+            f"{owner}: {name} has the shapes {along.shape} and {values.shape}; two arrays of one length, "
+            "places and values, are expected"
+        )
+    if values.dtype.kind not in "iufc" or not len(along):
+        raise ValueError(f"{owner}: {name} has no numbers to be drawn")
+    if not np.isfinite(along).all() or not np.isfinite(values).any():
+        raise ValueError(f"{owner}: {name} has places, or all values, that are not finite")
+    return along, values
+
+
+CHECKS: dict[str, Check] = {
+    "point": _point,
+    "title": a_text,
+    "quantity": a_text,
+    "label": optional(a_text),
+    "direction": one_of("x", "y"),
+    "colour": one_of("von_mises", "displacement"),
+    "harmonic": optional(whole(0, 20)),
+    "count": whole(1, 10_000),
+    "order": whole(1, 1000),
+    "columns": whole(1, 100),
+    "crack": whole(0),
+    "decades": lambda owner, name, value: real(owner, name, value, within=Bounds(above=0.0, most=300.0)),
+    "magnification": optional(lambda *given: real(*given, within=Bounds(above=0.0))),
+    "least": positive,
+    "unit": optional(positive),
+    "window": optional(two_numbers),
+    "forces": optional(table_of(positive)),
+    "lines": optional(table_of(real)),
+    "pairs": optional(table_of(whole(0))),
+    "harmonics": optional(table_of(_numbers)),
+    "every": flag,
+}
