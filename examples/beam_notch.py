@@ -31,7 +31,6 @@ def main():
     from examples.tables.beam_notch import print_tables
     from meshing import Beam, VNotch
     from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_pictures
-    from sbfem_petsc.results.hdf5 import write_results
     from sbfem_petsc.results.vtu import write_modes, write_vtu
 
     comm, out, folder = begin(own.output)
@@ -45,7 +44,7 @@ def main():
     warnings.simplefilter("ignore", sb.MeshWarning)  # at 1 N; the line of K_I below says it
     pushes = {f"{f:g} N": sb.static(model, sb.PointForce("A", fy=f)) for f in (1.0, 100.0, 300.0)}
     print_tables(out, modes, pushes, tip_element=own.layout == "tip")
-    write_results(f"{folder}/beam_notch.h5", model, modal=modes, static=pushes)
+    sb.save(f"{folder}/beam_notch.h5", {"modes": modes, **pushes})
     write_vtu(f"{folder}/static_300N.vtu", model, {"displacement": pushes["300 N"]})
     write_modes(f"{folder}/modes.vtu", modes, range(3))
     if not own.no_pictures:

@@ -87,6 +87,8 @@ _HOME = {
     "ReducedModel": "reduction.reduced_model",
     "reduce": "reduction.build",
     "reduce_matrices": "reduction.matrices",
+    "save": "record.files",
+    "read": "record.files",
     "read_history": "results.history",
     "save_branch": "results.branches",
     "read_branch": "results.branches",

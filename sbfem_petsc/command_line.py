@@ -163,7 +163,7 @@ def begin(output: str):
     from mpi4py import MPI
 
     from .petsc import version_line
-    from .results.hdf5 import check_output_folder
+    from .writing import check_output_folder
 
     comm = MPI.COMM_WORLD
     out = console(comm)

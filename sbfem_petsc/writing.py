@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
@@ -12,8 +13,10 @@ from typing import Any
 import numpy as np
 
 from meshing import whole_file
+from meshing.folder_index import make_folder
 
 from .checks import path as checked_path
+from .parallel import MPI, collective
 
 
 def destination(path: Any, what: str) -> str:
@@ -37,6 +40,36 @@ def replaced(path: Any, what: str) -> AbstractContextManager[str]:
         See `destination`; or if the system refuses, as on a full disk.
     """
     return whole_file.replaced(checked_path(what, "path", path), what)
+
+
+def check_output_folder(path: str, comm: MPI.Comm) -> str:
+    """Make the folder if it is missing and see that every rank can write into it. Collective, for the start
+    of a program.
+
+    Returns
+    -------
+    str
+        The absolute path.
+
+    Raises
+    ------
+    ValueError
+        One sentence, on all ranks.
+    """
+    folder = os.path.abspath(os.fspath(path))
+    with collective(comm):
+        if comm.rank == 0:
+            make_folder(folder)
+    with collective(comm):
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise ValueError(
+                f"output folder {folder!r} cannot be written ({error.strerror or error}); name another one "
+                "or change its permissions"
+            ) from None
+    return folder
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from rich.table import Table
 import sbfem_petsc as sb
 from sbfem_petsc.command_line import PREFIXES, console
 from sbfem_petsc.petsc import version_line
-from sbfem_petsc.results.hdf5 import check_output_folder
+from sbfem_petsc.writing import check_output_folder
 
 from .findings import plain
 from .page import page

@@ -5,7 +5,7 @@ import os
 from rich.table import Table
 
 from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_pictures
-from sbfem_petsc.results.hdf5 import write_results
+from sbfem_petsc.record.files import save
 from sbfem_petsc.results.vtu import write_modes, write_vtu
 
 
@@ -23,7 +23,7 @@ def print_tables(out, model, modes, cases, measured, *, order, force):
 
 def write(folder, mesh, model, modes, cases, *, pictures):
     """Write results, files for ParaView and pictures."""
-    write_results(os.path.join(folder, "gmsh_bracket.h5"), model, modal=modes, static=cases)
+    save(os.path.join(folder, "gmsh_bracket.h5"), {"modes": modes, **cases})
     write_vtu(os.path.join(folder, "static.vtu"), model, cases)
     write_modes(os.path.join(folder, "modes.vtu"), modes, range(3))
     if pictures:

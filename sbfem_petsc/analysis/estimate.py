@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,7 @@ from meshing.warnings import LargeDisplacementWarning, MeshWarning, UnitWarning
 from ..checks import shown
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..parallel import agree
+from ..record.record import Record, derived, described, quantity
 from ..system.model import Model
 from .analysis import analysis
 from .options import EstimateOptions
@@ -60,30 +62,44 @@ class Level:
         return f"Level({options}; {self.unknowns:,d} unknowns, change {self.change:.2g})"
 
 
-@dataclass(frozen=True, eq=False)
-class Estimate:
-    """A result with its error.
-
-    Attributes
-    ----------
-    value : float, array or dict of these
-        Of the finest level.
-    error : float
-        Estimate of its relative error: the last change, or less where changes fall fast, but no less than
-        0.09 of the change before.
-    first_error : float
-        That of the first level, which is the default mesh unless `mesh` says otherwise: its distance from
-        the finest one.
-    converged : bool
-        Whether `error` is not larger than the accuracy asked for.
-    levels : tuple of Level
-    """
+@described
+class Estimate(Record):
+    """A result with its error: `value` is that of the finest level, a number, an array or a dict of these."""
 
     value: Any
-    error: float
-    first_error: float
-    converged: bool
+    error: float = quantity(
+        "1",
+        "estimated relative error: the last change, or less where changes fall fast, but no less than 0.09 "
+        "of the change before",
+    )
+    first_error: float = quantity("1", "that of the first level, its distance from the finest one")
+    converged: bool = quantity("1", "whether the error is not larger than the accuracy asked for")
     levels: tuple[Level, ...]
+
+    @derived("1", "displacement unknowns", "level", kinds="iu")
+    def unknowns(self) -> np.ndarray:
+        """Of the levels."""
+        return np.array([level.unknowns for level in self.levels])
+
+    @derived("1", "largest relative difference to the level before", "level", finite=False)
+    def change(self) -> np.ndarray:
+        """Of the levels, nan for the first."""
+        return np.array([level.change for level in self.levels])
+
+    @derived(text="value and levels as JSON", back=True, detail=True)
+    def content(self) -> str:
+        """For `revived`: numbers in JSON have all their digits."""
+        levels = [[vars(level)[f.name] for f in fields(Level)] for level in self.levels]
+        return json.dumps([self.value, levels], default=_listed)
+
+    @classmethod
+    def revived(cls, found: dict[str, Any]) -> Estimate:
+        """From a file."""
+        value, levels = json.loads(found.pop("content"))
+        made = [
+            Level(mesh, model, unknowns, _array(one), change) for mesh, model, unknowns, one, change in levels
+        ]
+        return cls(**found | {"value": _array(value), "levels": tuple(made)})
 
     def __repr__(self) -> str:
         verdict = "converged" if self.converged else "not converged"
@@ -91,6 +107,17 @@ class Estimate:
             f"Estimate({verdict}: relative error {self.error:.2g} with {self.levels[-1]!r} after "
             f"{len(self.levels)} levels; the first one was off by {self.first_error:.2g})"
         )
+
+
+def _listed(item: Any) -> Any:
+    return item.tolist() if isinstance(item, (np.ndarray, np.generic)) else repr(item)
+
+
+def _array(item: Any) -> Any:
+    """Lists of numbers as arrays."""
+    if isinstance(item, dict):
+        return {name: _array(value) for name, value in item.items()}
+    return np.array(item) if isinstance(item, list) else item
 
 
 @analysis(EstimateOptions)

@@ -177,6 +177,8 @@ def _solved(model: Model, load, contact: bool, solve) -> Static:
         columns,
         found,
         notes=notes(model, found.force, columns.tip_forces),
+        tip_facts=model.tips.facts,
+        pair_cracks=tuple(model.cracks[k].name for k in model.pairs.crack),
     )
 
 

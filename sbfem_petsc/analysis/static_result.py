@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
 from dataclasses import field as attribute
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..errors import at_point
+from ..errors import SolveError, at_point
 from ..loads import Loads
 from ..parallel import agreed
 from ..petsc import MPI
+from ..record.body import Body
+from ..record.gather import whole
+from ..record.record import Record, derived, described, quantity
 from ..system.boundary import LoadColumns
 from ..system.equilibrium import Equilibrium
 from ..system.fracture import (
@@ -26,66 +28,89 @@ from ..system.model import Model
 from ..system.places import PlaceRows, Places, checked_line, checked_place
 from ..system.reactions import reactions
 from ..system.sampling import Field
-from ..writing import write_table
+from ..system.tip_facts import TipFacts
 
 
-@dataclass(frozen=True, eq=False)
-class Static:
+@described
+class Static(Record):
     """Static solution.
 
-    Attributes
-    ----------
-    point_displacements : dict of str to (2,) array
-        m, on all ranks.
-    contact_force : (pairs,) array
-        N, compression positive, all cracks in order.
-    gap : (pairs,) array
-        m.
-    active : (pairs,) bool array
-    contact_resultant : float
-        Sum of all contact forces, those inside the tip elements included, N.
-    field : (m, 2) array
-        Displacements of this rank's nodes, m.
-    iterations : int
-        Of the active set.
-    solver : str
-    residual : float
-        ||K u - f - G' force|| / ||f||.
-    stress_intensity : dict of str to (float, float)
-        K_I and K_II of each crack tip with a tip element, Pa m^(1/2) (Pa m^(1 - lambda) at an open notch or a
-        crack that ends at an interface). Of a crack along an interface, whose stresses oscillate as r^(i
-        eps), they are Re and Im of Rice's K in SI units, ``sigma_yy + i sigma_xy = K r^(i eps) / sqrt(2 pi
-        r)``: those for another reference length L turn by eps ln(L / 1 m).
-    load : Loads
-    model : Model
-        With an accuracy asked for, the finest one.
-    columns : LoadColumns
-        What the loads do, one column.
-    equilibrium : Equilibrium
-        The solution in this rank's unknowns.
-    estimate : Estimate or None
-        Errors, where an accuracy was asked for.
-    notes : tuple of str
-        What K, G and T of its tips do not tell by themselves: units at notches, that of a closed crack along
-        an interface G alone means something, which T it is where faces are pressed. They are printed too.
+    K_I and K_II are in Pa m^(1/2), in Pa m^(1 - exponent) at an open notch or a crack that ends at an
+    interface. Of a crack along an interface, whose stresses oscillate as r^(i eps), they are Re and Im of
+    Rice's K in SI units, ``sigma_yy + i sigma_xy = K r^(i eps) / sqrt(2 pi r)``: those for another reference
+    length L turn by eps ln(L / 1 m).
+
+    `load` and `model` are what it was computed of (with an accuracy asked for, the finest model), `columns`
+    what the loads do, `equilibrium` the solution in this rank's unknowns; all None of one that was read,
+    whose `field` is that of all nodes, elsewhere of this rank's.
     """
 
-    point_displacements: dict[str, np.ndarray]
-    contact_force: np.ndarray
-    gap: np.ndarray
-    active: np.ndarray
-    contact_resultant: float
-    field: np.ndarray
-    iterations: int
-    solver: str
-    residual: float
-    stress_intensity: dict[str, tuple[float, float]]
+    coordinates: ClassVar = ("pair_cracks",)
+
+    point_displacements: dict[str, np.ndarray] = quantity("m", "displacement", "place xy", row=True)
+    contact_force: np.ndarray = quantity(
+        "N", "contact forces, compression positive, all cracks in order", "pair"
+    )
+    gap: np.ndarray = quantity("m", "gaps of the contact pairs", "pair")
+    active: np.ndarray = quantity("1", "pairs in contact", "pair", kinds="b")
+    contact_resultant: float = quantity(
+        "N", "sum of the contact forces, those inside tip elements included", row=True
+    )
+    field: np.ndarray = quantity("m", "displacements of the nodes", "node xy", distributed=True)
+    iterations: int = quantity("1", "iterations of the active set")
+    solver: str = quantity(text="what has solved it")
+    residual: float = quantity("1", "||K u - f - G' force|| / ||f||", least=0.0)
+    stress_intensity: dict[str, tuple[float, float]] = quantity(
+        "Pa m^(1 - exponent)",
+        "K_I and K_II of each crack tip with a tip element",
+        "tip component",
+        row=True,
+        finite=False,
+        unit_of=lambda found: found.tip_facts.common,
+    )
     load: Loads
     model: Model
     columns: LoadColumns = attribute(repr=False)
     equilibrium: Equilibrium = attribute(repr=False)
-    estimate: Any = attribute(default=None, repr=False)
-    notes: tuple[str, ...] = ()
+    estimate: Any = quantity(text="errors, where an accuracy was asked for", part="Estimate", default=None)
+    notes: tuple[str, ...] = quantity(
+        text="what K, G and T of its tips do not tell by themselves", dims="note", default=()
+    )
+    tip_facts: TipFacts = quantity(
+        text="kinds of the tips", part="TipFacts", detail=True, default_factory=TipFacts.none
+    )
+    pair_cracks: tuple[str, ...] = quantity(text="crack of each pair", dims="pair", default=())
+    stress_at: dict[str, np.ndarray] = quantity(
+        "Pa",
+        "stress at places that were asked for",
+        "at stress",
+        row=True,
+        finite=False,
+        default_factory=dict,
+    )
+
+    @derived(text="loads", dims="load", detail=True)
+    def loads(self) -> tuple[str, ...] | None:
+        """Texts, for information."""
+        return None if self.load is None else tuple(map(repr, self.load.parts))
+
+    @agreed()
+    def gathered(self) -> dict[str, Any]:
+        """The field and what it belongs to, on rank 0. Collective."""
+        if self.model is None:
+            return {"field": self.field}
+        part = self.model.part
+        return {"field": whole(self.model.comm, part.nodes, self.field), "body": Body.of(self.model)}
+
+    @property
+    def _solved(self) -> Model:
+        """The model; SolveError without one."""
+        if self.model is None:
+            raise SolveError(
+                "a static solution that was read from a file knows its named points, pairs, tips and nodes "
+                "alone; solve it again"
+            )
+        return self.model
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -108,7 +133,7 @@ class Static:
     def _furthest(self, least: float = 0.0) -> float:
         """Largest displacement of a node, m. Collective."""
         largest = float(np.linalg.norm(self.field, axis=1).max(initial=0.0))
-        return self.model.comm.allreduce(largest, MPI.MAX)
+        return self._solved.comm.allreduce(largest, MPI.MAX)
 
     @agreed()
     def stress(self, place: str | tuple[float, float]) -> np.ndarray:
@@ -120,7 +145,7 @@ class Static:
         Under a point force it has no limit.
         """
         if isinstance(place, str):
-            place = at_point({name: at for name, (at, _, _) in self.model.points.items()}, place)
+            place = at_point({name: at for name, (at, _, _) in self._solved.points.items()}, place)
         return self._at(self._places([checked_place("stress", place)]).stress, 3)[0]
 
     @agreed()
@@ -145,12 +170,12 @@ class Static:
         """Forms at points (m), for `at_places`: with what the inertia of moving supports does inside.
         Collective.
         """
-        return self.model.places(points, inertia=bool(self.columns.acceleration.any()))
+        return self._solved.places(points, inertia=bool(self.columns.acceleration.any()))
 
     def _at(self, forms: PlaceRows, components: int) -> np.ndarray:
         """(places, components) of displacement or stress."""
         found = self.equilibrium
-        direct = forms.direct(self.model, self.columns)[:, 0]
+        direct = forms.direct(self._solved, self.columns)[:, 0]
         flat = forms.rows(found.owned) + forms.contact @ found.force + direct
         return flat.reshape(-1, components)
 
@@ -158,7 +183,7 @@ class Static:
     def interior(self) -> Field:
         """What determines displacement and stress inside the S-elements of this rank."""
         loads = {number: forces[:, 0] for number, forces in self.columns.tip_forces.items()}
-        return Field.of_forces(self.model, self.field, self.equilibrium.force, loads)
+        return Field.of_forces(self._solved, self.field, self.equilibrium.force, loads)
 
     def contact_pressure(self, crack: str | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Contact pressure along a crack, the first one by default: positions (m from its tip, of several
@@ -168,13 +193,13 @@ class Static:
         Forces of the pairs over the length of face that each stands for, and the traction on the faces inside
         the tip element.
         """
-        return contact_pressure(self.model, self.equilibrium.force, crack)
+        return contact_pressure(self._solved, self.equilibrium.force, crack)
 
     @functools.cached_property
     @agreed()
     def reactions(self) -> dict[str, np.ndarray]:
         """Force of each support on the structure, (2,), N. Collective."""
-        model = self.model
+        model = self._solved
         nodal = self.columns.nodal[..., 0] + contact_nodal_forces(model, self.equilibrium.force)
         return reactions(model, self.field, nodal)
 
@@ -182,9 +207,9 @@ class Static:
     @agreed()
     def strain_energy(self) -> float:
         """J, that of elastic supports included. Collective."""
-        found, columns, gap = self.equilibrium, self.columns, self.model.gap_operator
+        found, columns, gap = self.equilibrium, self.columns, self._solved.gap_operator
         # the forces on the free unknowns are in balance with K u
-        by_loads = self.model.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
+        by_loads = self._solved.comm.allreduce(float(columns.forces[:, 0] @ found.owned))
         by_contact = float(found.force @ gap.rows(found.owned))
         inside = float(found.force @ gap.flexibility @ found.force + columns.flexibility[0, 0])
         return 0.5 * (by_loads + by_contact + inside) + float(found.force @ columns.gaps[:, 0])
@@ -195,7 +220,7 @@ class Static:
         """G of each crack tip that grows straight ahead, J/m^2; nan at open notches and at cracks that end at
         an interface. Collective.
         """
-        return energy_release_rates(self.model, self.stress_intensity)
+        return energy_release_rates(self._solved, self.stress_intensity)
 
     @functools.cached_property
     @agreed()
@@ -204,7 +229,7 @@ class Static:
         form from the K_I that they leave. `contact_resultant` is too small by about their sum; a negative one
         stands for modes that carry too much, where the contact ends inside a tip's S-element. Collective.
         """
-        return unresolved_contact(self.model, self.stress_intensity, self.equilibrium.force)
+        return unresolved_contact(self._solved, self.stress_intensity, self.equilibrium.force)
 
     @functools.cached_property
     @agreed()
@@ -212,30 +237,7 @@ class Static:
         """Stress along each crack at its tip that the singular stresses leave, Pa; nan at open notches and
         interfaces. Collective.
         """
-        return t_stresses(self.model, self.field, self.equilibrium.force, self.columns.tip_forces)
-
-    def to_csv(self, path: str) -> None:
-        """Write displacements of the named points, stress intensity factors and contact pairs as
-        comma-separated values: quantity, where, number of the pair, value, unit.
-
-        The file takes its name when it is whole.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it cannot be written.
-        """
-        rows: list[tuple[str, str, str, float, str]] = []
-        for point, u in self.point_displacements.items():
-            rows += [(name, point, "", float(value), "m") for name, value in zip(("u_x", "u_y"), u)]
-        for tip, factors in self.stress_intensity.items():
-            units = self.model.tips.units(tip)
-            rows += [(name, tip, "", float(k), u) for name, k, u in zip(("K_I", "K_II"), factors, units)]
-        rows.append(("contact_resultant", "", "", self.contact_resultant, "N"))
-        crack_of = [self.model.cracks[k].name for k in self.model.pairs.crack]
-        for name, values, unit in (("contact_force", self.contact_force, "N"), ("gap", self.gap, "m")):
-            rows += [(name, at, str(k), float(v), unit) for k, (at, v) in enumerate(zip(crack_of, values), 1)]
-        write_table(path, dict(zip(("quantity", "where", "pair", "value", "unit"), zip(*rows))))
+        return t_stresses(self._solved, self.field, self.equilibrium.force, self.columns.tip_forces)
 
     def __repr__(self) -> str:
         points = ", ".join(f"{n}: ({u[0]:.6g}, {u[1]:.6g})" for n, u in self.point_displacements.items())

@@ -27,11 +27,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ..checks import Bounds, real, shown
+from ..record.record import Record, derived, described, quantity
 
 # Rounding of a gap, relative to the sum of its terms' moduli.
 ROUND_OFF = 1e-14
@@ -170,19 +171,34 @@ class Table(NamedTuple):
     most: np.ndarray
 
 
-@dataclass(frozen=True, eq=False)
-class RowLaws:
-    """The laws of some contact rows as arrays. States of the rows are (c,) int8 arrays.
-
-    Attributes
-    ----------
-    table : Table
-    dissipative : bool
-        Whether any of them may take energy out of the structure.
-    """
+@described
+class RowLaws(Record):
+    """The laws of some contact rows as arrays, `table`. States of the rows are (c,) int8 arrays."""
 
     table: Table
-    dissipative: bool = False
+    dissipative: bool = quantity(
+        text="whether any of them may take energy out of the structure", default=False
+    )
+
+    @derived("m", "gaps that free, pressed and pulled rows keep", "law row", back=True, finite=False)
+    def place(self) -> np.ndarray:
+        return self.table.place
+
+    @derived("SI", "least force, or gap of a free row, in each state", "law row", back=True, finite=False)
+    def least(self) -> np.ndarray:
+        return self.table.least
+
+    @derived("SI", "largest force, or gap of a free row, in each state", "law row", back=True, finite=False)
+    def most(self) -> np.ndarray:
+        return self.table.most
+
+    @classmethod
+    def revived(cls, found: dict[str, Any]) -> RowLaws:
+        """From a file: bounds may be infinite."""
+        table = Table(*(found[name] for name in Table._fields))
+        if len(table.place) != 3 or any(np.isnan(values).any() for values in table):
+            raise ValueError("the contact laws have values that are no numbers")
+        return cls(table, found["dissipative"])
 
     @classmethod
     def of(cls, laws: Iterable[ContactLaw]) -> RowLaws:

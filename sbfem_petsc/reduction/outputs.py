@@ -2,34 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..checks import shown
 from ..errors import UnknownName, listed
+from ..record.record import Record, described, quantity
 
 
-@dataclass(frozen=True, eq=False)
-class LinearOutput:
+@described
+class LinearOutput(Record):
     """y = modes q + loads s + contact force, for gaps, displacements of points and stress intensity factors
-    alike.
-
-    Attributes
-    ----------
-    names : tuple of str
-        Of the first axis; empty for contact rows.
-    modes : (..., m) array
-    loads : (..., l) array
-        Residual flexibility: share of unit loads beyond that of the modes.
-    contact : (..., c) array
-        The same of unit contact forces.
+    alike. `names` are those of the first axis, none of contact rows.
     """
 
+    labels: ClassVar = {"*": "names"}
+
     names: tuple[str, ...]
-    modes: np.ndarray
-    loads: np.ndarray
-    contact: np.ndarray
+    modes: np.ndarray = quantity("SI", "shares of modal coordinates", "* mode")
+    loads: np.ndarray = quantity("SI", "shares of unit loads beyond those of the modes", "* load")
+    contact: np.ndarray = quantity("SI", "shares of unit contact forces beyond those of the modes", "* force")
 
     def __call__(self, q: np.ndarray, amplitudes: np.ndarray, force: np.ndarray) -> np.ndarray:
         """(n, ...) values of (n, m) coordinates, (n, l) load amplitudes and (n, c) contact forces."""

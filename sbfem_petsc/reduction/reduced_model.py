@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from ..contact.law import RowLaws
 from ..errors import SolveError, on_all_ranks
 from ..loads import Load
 from ..petsc import MPI, free, require_thread
+from ..record.record import Record, derived, described, quantity
 from ..system.modal_result import Modal
 from ..system.model import Model
 from ..system.sampling import Field
@@ -19,8 +20,8 @@ from ..system.tip_facts import TipFacts
 from .outputs import LinearOutput
 
 
-@dataclass(frozen=True, eq=False)
-class ReducedModel:
+@described
+class ReducedModel(Record):
     """A model in modal coordinates q with the static flexibility R = K^-1 - Phi Omega^-2 Phi^T of what is
     left out.
 
@@ -29,55 +30,58 @@ class ReducedModel:
     with the amplitudes s(t) of unit loads and the contact forces. It stands in the place of its model in
     `transient`, `periodic`, `frequency_response`, `load_response` and the analyses built on them.
 
-    Attributes
-    ----------
-    frequencies : (m,) array
-        Hz.
-    damping : (m,) array
-        Modal damping ratios.
-    gap : LinearOutput
-        Contact rows, (c, ...): node pairs first; `gap.contact` is G R G^T, m/N.
-    initial_gap : (c,) array
-        m.
-    pairs : int
-        How many of the contact rows are node pairs.
-    load_modes : (m, l) array
-        Phi^T f.
-    load_flexibility : (l, l) array
-        f^T R f.
-    points : LinearOutput
-        Displacements of named points, (points, 2, ...), m.
-    tips : LinearOutput
-        K_I and K_II, (tips, 2, ...).
-    translation : (m, 2) array
-        Modal coordinates of a unit translation along x and y: Phi^T M r.
-    loads : tuple of Load
-        The unit loads it was made for; empty for a system of matrices.
-    model : Model or None
-        None for a system of matrices and for one read from a file.
-    modal : Modal or None
-        The modes themselves, distributed.
-    contact_laws : RowLaws
-        Of the contact rows, whose compliance is part of `gap`; default: unilateral contact.
-    tip_facts : TipFacts
-        Of the tips; default: there are none.
+    `loads` are the unit loads it was made for, none for a system of matrices; `model` and `modal`, the modes
+    themselves, distributed, are None for such a system and for one read from a file.
     """
 
-    frequencies: np.ndarray
-    damping: np.ndarray
-    gap: LinearOutput
-    initial_gap: np.ndarray
-    pairs: int
-    load_modes: np.ndarray
-    load_flexibility: np.ndarray
-    points: LinearOutput
-    tips: LinearOutput
-    translation: np.ndarray
+    frequencies: np.ndarray = quantity("Hz", "natural frequencies", "mode", least=0.0)
+    damping: np.ndarray = quantity("1", "modal damping ratios", "mode", least=0.0)
+    gap: LinearOutput = quantity(
+        "m", "gaps of the contact rows, node pairs first", "row", part="LinearOutput"
+    )
+    initial_gap: np.ndarray = quantity("m", "gaps of the contact rows at rest", "row")
+    pairs: int = quantity("1", "contact rows that are node pairs", least=0)
+    load_modes: np.ndarray = quantity("N/sqrt(kg)", "unit loads in the modes, Phi^T f", "mode load")
+    load_flexibility: np.ndarray = quantity(
+        "m/N", "residual flexibility at the loads, f^T R f", "load load_of"
+    )
+    points: LinearOutput = quantity("m", "displacements of the named points", "place xy", part="LinearOutput")
+    tips: LinearOutput = quantity(
+        "SI", "K_I and K_II of the crack tips", "tip component", part="LinearOutput"
+    )
+    translation: np.ndarray = quantity(
+        "sqrt(kg)", "modal coordinates of a unit translation along x and y", "mode xy"
+    )
     loads: tuple[Load, ...] = ()
     model: Model | None = field(default=None, repr=False)
     modal: Modal | None = field(default=None, repr=False)
-    contact_laws: RowLaws = field(default=None, repr=False)  # type: ignore[assignment]
-    tip_facts: TipFacts = field(default_factory=TipFacts.none, repr=False)
+    contact_laws: RowLaws = quantity(
+        text="laws of the contact rows, whose compliance is part of `gap`",
+        part="RowLaws",
+        default=None,
+        repr=False,
+    )
+    tip_facts: TipFacts = quantity(
+        text="kinds of the tips", part="TipFacts", default_factory=TipFacts.none, repr=False
+    )
+
+    @derived(text="the unit loads", dims="load", kinds="U", detail=True)
+    def unit_loads(self) -> np.ndarray | None:
+        """(l,) texts, None for a system of matrices."""
+        return np.array(list(map(repr, self.loads))) if self.loads else None
+
+    def check(self) -> None:
+        """Raise ValueError unless modes, rows and tips belong together."""
+        if not len(self.frequencies) or self.pairs > len(self.initial_gap):
+            raise ValueError(f"{len(self.frequencies)} modes and {self.pairs} pairs are no reduced model")
+        if {len(self.initial_gap)} != {part.contact.shape[-1] for part in (self.gap, self.points, self.tips)}:
+            raise ValueError(f"its contact forces are not those of {len(self.initial_gap)} contact rows")
+        if self.tip_facts.names != self.tips.names:
+            raise ValueError(f"the tips are said to be {self.tip_facts.names} and {self.tips.names}")
+        if self.tip_facts.contact_rows[-1] > len(self.initial_gap) or len(self.contact_laws) != len(
+            self.initial_gap
+        ):
+            raise ValueError(f"contact laws or tips are not those of {len(self.initial_gap)} contact rows")
 
     def __post_init__(self) -> None:
         if self.contact_laws is None:

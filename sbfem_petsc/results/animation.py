@@ -11,7 +11,7 @@ import numpy as np
 from ..checks import flag, integer, optional_integer, path, real_array, text
 from ..motion.history import Motion, model_with_fields
 from ..parallel import agreed, collective
-from .hdf5 import check_output_folder
+from ..writing import check_output_folder
 from .vtu import write_vtu, write_xml
 
 

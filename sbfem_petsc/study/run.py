@@ -18,6 +18,7 @@ from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import agreed, collective
 from ..recording.hdf5 import new_hdf5, opened
+from ..writing import check_output_folder
 from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
@@ -97,8 +98,6 @@ def run_case(
         For a case that makes no sense, a folder that cannot be written or holds another case; on all ranks.
     """
     from mpi4py import MPI
-
-    from ..results.hdf5 import check_output_folder
 
     comm = MPI.COMM_WORLD if comm is None else comm
     watch = Watch() if watch is None else watch

@@ -14,7 +14,7 @@ from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
 from ..indicators.detection import frequency_shift
 from ..parallel import agreed, alone, checked_communicator, collective
-from ..writing import spare_folder
+from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths
 from .case.case import Case, read_case
@@ -95,8 +95,6 @@ def sweep(
     ValueError
         For input that makes no sense, on all ranks. A row that fails keeps its reason.
     """
-    from ..results.hdf5 import check_output_folder
-
     comm = checked_communicator("sweep", comm)
     with collective(comm):
         table = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -10,51 +10,58 @@ import numpy as np
 from ..checks import integer
 from ..errors import at_point
 from ..parallel import agreed
-from ..writing import write_table
+from ..record.body import Body
+from ..record.gather import whole
+from ..record.record import Record, described, quantity
 from .structure import Structure
 
 
-@dataclass(frozen=True, eq=False)
-class Modal:
+@described
+class Modal(Record):
     """Natural frequencies and modes, lowest first.
 
-    Attributes
-    ----------
-    frequencies : (n,) array
-        Hz.
-    residuals : (n,) array
-        ||K x - omega^2 M x|| / ||omega^2 M x|| (rigid-body modes: relative to the lowest elastic mode); of
-        slender structures' lowest modes, where round-off hides it, the relative change ||omega^2 K^-1 M x -
-        x|| / ||x||.
-    shapes : (owned, n) array
-        This rank's displacement unknowns of the modes, mass-normalised with the auxiliary unknowns (x'M x =
-        1).
-    point_shapes : dict of str to (n, 2) array
-        Displacement of each named point, on all ranks.
-    auxiliary_inertia : (n, 2) array
-        Share of the auxiliary unknowns in the inertia force of a unit acceleration along x and y, per mode,
-        on all ranks.
-    solver : str
-        Eigensolver and direct solver used.
-    iterations : int
-    unknowns : int
-        Displacement unknowns and those auxiliary ones that the band needed.
-    model : Model
-        With an accuracy asked for, the finest one.
-    estimate : Estimate or None
-        Errors of the frequencies, where an accuracy was asked for.
+    `shapes` (owned, n) are this rank's displacement unknowns of the modes, mass-normalised with the auxiliary
+    unknowns (x'M x = 1), `model` what they are of (with an accuracy asked for, the finest one); both None of
+    modes that were read, whose `fields` are those of all nodes.
     """
 
-    frequencies: np.ndarray
-    residuals: np.ndarray
+    frequencies: np.ndarray = quantity("Hz", "natural frequencies, open cracks", "mode", least=0.0, row=True)
+    residuals: np.ndarray = quantity(
+        "1",
+        "||K x - omega^2 M x|| / ||omega^2 M x||; of rigid-body modes relative to the lowest elastic one; of "
+        "slender structures' lowest modes the relative change ||omega^2 K^-1 M x - x|| / ||x||",
+        "mode",
+    )
     shapes: np.ndarray
-    point_shapes: dict[str, np.ndarray]
-    auxiliary_inertia: np.ndarray
-    solver: str
-    iterations: int
-    unknowns: int
+    point_shapes: dict[str, np.ndarray] = quantity(
+        "1/sqrt(kg)", "displacement in each mode", "mode place xy", by="place"
+    )
+    auxiliary_inertia: np.ndarray = quantity(
+        "sqrt(kg)",
+        "share of the auxiliary unknowns in the inertia force of a unit acceleration",
+        "mode xy",
+        detail=True,
+    )
+    solver: str = quantity(text="eigensolver and direct solver")
+    iterations: int = quantity("1", "iterations of the eigensolver")
+    unknowns: int = quantity("1", "displacement unknowns and those auxiliary ones that the band needed")
     model: Structure
-    estimate: Any = None
+    estimate: Any = quantity(
+        text="errors of the frequencies, where an accuracy was asked for", part="Estimate", default=None
+    )
+    fields: np.ndarray | None = quantity(
+        "1/sqrt(kg)", "displacements of the nodes", "mode node xy", distributed=True, default=None, repr=False
+    )
+
+    @agreed()
+    def gathered(self) -> dict[str, Any]:
+        """The modes' fields and what they belong to, on rank 0. Collective."""
+        if self.model is None:
+            return {"fields": self.fields}
+        part, comm = self.model.part, self.model.comm
+        modes = [whole(comm, part.nodes, self.model.nodal(shape)) for shape in self.shapes.T]
+        fields = np.array(modes) if comm.rank == 0 else None
+        return {"fields": fields, "body": Body.of(self.model)}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
@@ -68,27 +75,9 @@ class Modal:
     def nodal(self, mode: int) -> np.ndarray:
         """(m, 2): displacements of this rank's nodes in mode `mode` (0 is the lowest). Collective."""
         mode = integer("nodal", "mode", mode, least=0, most=len(self.frequencies) - 1)
+        if self.fields is not None:
+            return self.fields[mode]
         return self.model.nodal(self.shapes[:, mode])
-
-    def to_csv(self, path: str) -> None:
-        """Write frequencies, residuals and the modes' displacements of all named points as comma-separated
-        values.
-
-        The file takes its name when it is whole.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it cannot be written.
-        """
-        columns = {
-            "mode": np.arange(1, len(self.frequencies) + 1),
-            "frequency_Hz": self.frequencies,
-            "residual": self.residuals,
-        }
-        for point, shape in self.point_shapes.items():
-            columns |= {f"{axis}_{point}_per_sqrt_kg": shape[:, k] for k, axis in enumerate(("ux", "uy"))}
-        write_table(path, columns)
 
     def selected(self, keep: np.ndarray) -> Modal:
         """Some of the modes."""

@@ -3,35 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..errors import listed
+from ..record.record import Record, described, quantity
 
 # How near to 1/2 the exponents of a crack's tip are.
 CRACK = 1e-6
 
 
-@dataclass(frozen=True, eq=False)
-class TipFacts:
-    """Kinds of the crack tips with a tip element.
+@described
+class TipFacts(Record):
+    """Kinds of the crack tips with a tip element, by their `names`.
 
-    Attributes
-    ----------
-    names : tuple of str
-    exponents : (tips, 2) array
-        Exponents lambda of the displacement modes; the unit of K is Pa m^(1 - lambda), Pa m^(1/2) at a crack.
-    interfaces : (tips,) bool array
-        Whether several materials meet at the tip.
-    contact_rows : (tips + 1,) int array
-        First contact row of each tip element, and the number of all contact rows.
+    The unit of K is Pa m^(1 - exponent), Pa m^(1/2) at a crack.
     """
 
+    labels: ClassVar = {"tip": "names"}
+
     names: tuple[str, ...]
-    exponents: np.ndarray
-    interfaces: np.ndarray
-    contact_rows: np.ndarray
+    exponents: np.ndarray = quantity("1", "exponents of the displacement modes", "tip component")
+    interfaces: np.ndarray = quantity("1", "whether several materials meet at the tip", "tip", kinds="b")
+    contact_rows: np.ndarray = quantity(
+        "1",
+        "first contact row of each tip element, and how many rows there are",
+        "tip_end",
+        kinds="iu",
+        least=0,
+    )
+
+    def check(self) -> None:
+        """Raise ValueError unless the rows are those of the tips."""
+        if len(self.contact_rows) != len(self.names) + 1 or (np.diff(self.contact_rows) < 0).any():
+            raise ValueError(f"'contact_rows' are not those of {len(self.names)} tips")
 
     @classmethod
     def none(cls) -> TipFacts:
@@ -50,6 +56,12 @@ class TipFacts:
         powers = 1.0 - self.exponents[self.names.index(tip)]
         one, two = ("Pa m^(1/2)" if abs(p - 0.5) <= CRACK else f"Pa m^{p:.6g}" for p in powers)
         return one, two
+
+    @property
+    def common(self) -> str:
+        """Unit of K_I and K_II of all tips."""
+        units = {unit for name in self.names for unit in self.units(name)}
+        return units.pop() if len(units) == 1 else "Pa m^(1 - exponent)"
 
     def unit(self, tip: str) -> str:
         """Of both, "K_I in ..., K_II in ..." where they differ."""

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sbfem_petsc.results.hdf5 import read_results
+from sbfem_petsc.record.files import read
 from tests.examples.programs import check_help, run
 from tests.reference import frequencies, statics
 
@@ -19,7 +19,7 @@ def ran(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def results(ran):
-    return read_results(ran[1] / "beam_notch.h5")
+    return read(ran[1] / "beam_notch.h5")
 
 
 @pytest.mark.slow
@@ -41,7 +41,7 @@ def test_files_and_pictures(ran):
 @pytest.mark.slow
 def test_frequencies(results):
     """Measured: 1.1e-5, mode 46."""
-    found = results.modal["frequencies"]
+    found = results["modes"].frequencies
     assert len(found) == 46
     np.testing.assert_allclose(found, frequencies("crack80_nu33")[:46], rtol=1e-4)
 
@@ -52,7 +52,7 @@ def test_statics(results, force, tolerance):
     """The tolerances of tests/analysis/test_static.py, the project's statement of accuracy; measured: 1.5e-5,
     6.3e-5, 5.2e-6.
     """
-    points, exact = results.static[force]["points"], statics(CASE, force)["u"]
+    points, exact = results[force].point_displacements, statics(CASE, force)["u"]
     for point, axis, name in (("A", 1, "uy"), ("B", 0, "ux"), ("C", 0, "ux")):
         assert points[point][axis] == pytest.approx(exact[point][name], rel=tolerance), point
 
@@ -60,8 +60,8 @@ def test_statics(results, force, tolerance):
 @pytest.mark.slow
 def test_resultant(results):
     """300 N closes the whole notch: within 5 % on the default tip element; measured: 1.8 %."""
-    assert results.static["300 N"]["active"].all()
-    assert results.static["300 N"]["contact_resultant"] == pytest.approx(
+    assert results["300 N"].active.all()
+    assert results["300 N"].contact_resultant == pytest.approx(
         statics(CASE, "300 N")["cracks"][0]["resultant"], rel=0.05
     )
 
@@ -89,10 +89,10 @@ def test_two_ranks_and_petsc_options(results, tmp_path):
     done = run("beam_notch.py", *arguments, ranks=2)
     assert done.stdout.count("Static contact, force at A") == 1 and "\x1b" not in done.stdout
     assert "cg" in done.stdout and "unused" not in done.stdout.replace("There are no unused options", "")
-    found = read_results(tmp_path / "beam_notch.h5")
-    np.testing.assert_allclose(found.modal["frequencies"], results.modal["frequencies"], rtol=1e-7)
+    found = read(tmp_path / "beam_notch.h5")
+    np.testing.assert_allclose(found["modes"].frequencies, results["modes"].frequencies, rtol=1e-7)
     np.testing.assert_allclose(
-        found.static["100 N"]["points"]["A"], results.static["100 N"]["points"]["A"], rtol=1e-6
+        found["100 N"].displacement("A"), results["100 N"].displacement("A"), rtol=1e-6
     )
 
 

@@ -17,7 +17,6 @@ from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc import indicators, plot
 from sbfem_petsc.continuation.bifurcations import Bifurcation
 from sbfem_petsc.continuation.problems.own_tone import OwnTone
-from sbfem_petsc.results.hdf5 import read_results, write_results
 from sbfem_petsc.results.vtu import write_vtu
 from tests.study.small_case import CASE
 from tests.systems import two_masses
@@ -616,16 +615,8 @@ CALLS |= {
     ],
     "plot.save_picture": [lambda: {"drawing": None, "path": "picture.png"}],
     "plot.save_pictures": [lambda: {"folder": "."}],
-    "results.write_results": [
-        lambda: {
-            "path": "results.h5",
-            "model": model(),
-            "modal": modal(),
-            "static": static(),
-            "loads": PUSH,
-        }
-    ],
-    "results.read_results": [lambda: {"path": "given/results.h5"}],
+    "save": [lambda: {"path": "results.h5", "result": {"modes": modal(), "push": static()}}],
+    "read": [lambda: {"path": "given/results.h5"}],
     "results.write_vtu": [
         lambda: {
             "path": "fields.vtu",
@@ -878,7 +869,7 @@ def write_files() -> None:
     sb.save_branch(branch(), "given/branch.h5")
     sb.save_result(quasi_periodic(), "given/result.h5")
     mesh().save("given/mesh.h5")
-    write_results("given/results.h5", model(), modal())
+    sb.save("given/results.h5", modal())
     with open("given/small.toml", "w", encoding="utf-8") as file:
         file.write(CASE)
 
@@ -888,8 +879,7 @@ def public() -> dict[str, Any]:
     found = {name: getattr(sb, name) for name in sb.__all__}
     found |= {name: getattr(meshing, name) for name in meshing.__all__}
     found |= {f"plot.{name}": getattr(plot, name) for name in plot.__all__}
-    for item in (write_results, read_results, write_vtu):
-        found[f"results.{item.__name__}"] = item
+    found["results.write_vtu"] = write_vtu
     for name in indicators.__all__:
         item = getattr(indicators, name)
         if not isinstance(item, type):

@@ -21,7 +21,6 @@ import pytest
 import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, VNotch, read_gmsh
 from sbfem_petsc import indicators, plot
-from sbfem_petsc.results.hdf5 import read_results, write_results
 from sbfem_petsc.results.vtu import write_vtu
 
 from .cases import KINDS, ROOMS, Late, _limited
@@ -78,7 +77,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     push, burst = sb.PointForce("A", fy=10.0), sb.PointForce("A", fy=sb.Harmonic(10.0, 500.0))
     given = oscillator()
     time = np.linspace(0.0, 0.1, 1001)[:-1]
-    reading = (sb.read_history, sb.read_history, sb.read_branch, sb.read_orbit, read_results)
+    reading = (sb.read_history, sb.read_history, sb.read_branch, sb.read_orbit, sb.read)
 
     def matrices(**changes: Any) -> sb.ReducedModel:
         return sb.reduce_matrices(**{**given, **changes})
@@ -109,7 +108,6 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
             "read_gmsh": read_gmsh,
             "ind": indicators,
             "plot": plot,
-            "write_results": write_results,
             "write_vtu": write_vtu,
             "W": str(folder),
             "READ": dict(

@@ -36,12 +36,13 @@ def build():
 def write_all(folder: str) -> None:
     """HDF5, VTU and PNG files."""
     from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
-    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+    from sbfem_petsc.record.files import save
     from sbfem_petsc.results.vtu import write_vtu
+    from sbfem_petsc.writing import check_output_folder
 
     folder = check_output_folder(folder, MPI.COMM_WORLD)
     mesh, model, modes, cases = build()
-    write_results(f"{folder}/results.h5", model, modes, cases, LOADS)
+    save(f"{folder}/results.h5", {"modes": modes, **cases})
     write_vtu(f"{folder}/fields.vtu", model, {"closing": cases["closing"], "mode 2": modes.nodal(1)})
     save_picture(plot_discretisation(mesh if model.comm.rank == 0 else None), f"{folder}/mesh.png")
     save_picture(plot_modes(modes), f"{folder}/modes.png")
@@ -55,16 +56,17 @@ def fail(folder: str) -> None:
     """
     import h5py
 
-    from sbfem_petsc.results.hdf5 import check_output_folder, write_results
+    from sbfem_petsc.record.files import save
+    from sbfem_petsc.writing import check_output_folder
 
     _, model, modes, cases = build()
 
     def refuse(*arguments, **options):
         raise OSError(28, "No space left on device")
 
-    h5py.Dataset.write_direct = refuse
+    h5py.Dataset.__setitem__ = refuse
     try:
-        write_results(f"{folder}/results.h5", model, modes, cases)
+        save(f"{folder}/results.h5", {"modes": modes, **cases})
     except ValueError as error:
         print(f"rank {model.comm.rank}: {error}", flush=True)
     check_output_folder(f"{folder}/file", MPI.COMM_WORLD)

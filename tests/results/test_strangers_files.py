@@ -15,7 +15,6 @@ import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.recording import hdf5
 from sbfem_petsc.results.branches import read_branch
-from sbfem_petsc.results.hdf5 import read_results, write_results
 from sbfem_petsc.results.orbits import read_orbit
 from tests.fuzz import examples
 
@@ -73,13 +72,13 @@ def files(tmp_path_factory):
         sb.save_branch(branch, folder / "branch.h5")
         for name, make in RESULTS.items():
             sb.save_result(make(), folder / f"{name}.h5")
-        write_results(folder / "results.h5", model, sb.modal(model, 2), sb.static(model, push))
+        sb.save(folder / "results.h5", {"modes": sb.modal(model, 2), "push": sb.static(model, push)})
     return {
         "history": (folder / "history.h5", sb.read_history),
         "unreduced": (folder / "unreduced.h5", sb.read_history),
         "orbit": (folder / "orbit.h5", read_orbit),
         "branch": (folder / "branch.h5", read_branch),
-        "results": (folder / "results.h5", read_results),
+        "results": (folder / "results.h5", sb.read),
         **{name: (folder / f"{name}.h5", sb.read_result) for name in RESULTS},
     }
 

@@ -71,7 +71,7 @@ import json, sys
 from mpi4py import MPI
 import sbfem_petsc as sb
 from meshing import *
-from sbfem_petsc.results.hdf5 import check_output_folder
+from sbfem_petsc.writing import check_output_folder
 comm = MPI.COMM_WORLD
 steel = sb.Material(206e9, 0.3, 7850)
 mesh = Beam(0.4, 0.005).mesh(order=2)

@@ -29,7 +29,7 @@ from tests.study.small_case import CASE
 WORLD = MPI.COMM_WORLD
 SECONDS = 60
 # Without a model a rank has no communicator to compare on: its error is its own, and ends the program.
-LEADING = {"model", "motion", "branch", "modal", "fields", "cases", "self"}
+LEADING = {"model", "motion", "branch", "modal", "fields", "cases", "result", "self"}
 WRONG = "?"
 Call = Callable[..., Any]
 

@@ -1,0 +1,214 @@
+"""Records in HDF5 files, laid out as netCDF-4: named dimensions, units, words, and HDF5's own checksums.
+
+The layout is that of HDF5 1.10, in which all headers and indices have checksums. Small data stand in the
+headers, others bear Fletcher's; texts have a fixed length, for HDF5 keeps those of any length without one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import h5py
+
+from meshing.whole_file import reason
+
+from ..capacity import available_memory, in_bytes
+from ..checks import path as checked_path
+from ..checks import shown
+from ..parallel import agreed, collective, ranks_of
+from ..petsc import MPI
+from ..writing import replaced
+from . import journal
+from .layout import bare, text, text_of, write
+from .reading import record_in
+from .record import Record, record_class
+
+# Of the layout: files of another one are refused.
+SCHEMA = 3
+WHAT = "result file"
+# What compression gains at most.
+DEFLATE = 1032
+# What reading of what is not there, or is something else, ends in.
+UNSOUND = (ValueError, KeyError, IndexError, TypeError, AttributeError, OSError, RuntimeError, OverflowError)
+
+
+@agreed()
+def save(path: Any, result: Any) -> None:
+    """Write a result; the file takes its name when it is whole. Collective for results of several ranks.
+
+    Parameters
+    ----------
+    path : str
+        An HDF5 file that xarray (`open_dataset`, `open_datatree`), h5py and MATLAB read.
+    result : any result, a sequence of results, or a dict of them by name
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is none, or the file cannot be written; on all ranks.
+    """
+    comm = ranks_of(result) or MPI.COMM_SELF
+    several = isinstance(result, (list, tuple))
+    parts: dict[str, Any] = {"": result}
+    if several or isinstance(result, Mapping):
+        parts = {f"{k:04d}": part for k, part in enumerate(result)} if several else dict(result)
+    with collective(comm):
+        for name, part in parts.items():
+            if not isinstance(part, Record):
+                raise TypeError(f"save: result = {shown(part)} is no result that can be written")
+            named = isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name
+            if part is not result and not named:
+                raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
+    whole = {name: part.gathered() for name, part in parts.items()}
+    with collective(comm):
+        if comm.rank == 0:
+            with written(path) as file:
+                if several:
+                    file.attrs["several"] = len(parts)
+                for name, part in parts.items():
+                    write(file.create_group(name, track_order=True) if name else file, part, whole[name])
+
+
+def read(path: Any) -> Any:
+    """Read what `save` wrote, or what a run keeps, or has left, in its `file`.
+
+    Parameters
+    ----------
+    path : str
+
+    Returns
+    -------
+    Record, tuple or dict of them
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the file is missing, truncated, damaged, of another kind or another version: one sentence.
+
+    Warns
+    -----
+    IncompleteHistory, IncompleteBranch
+        If the run that wrote it has not come to its end.
+    """
+    name = checked_path(WHAT, "path", path)
+    if journal.is_journal(name):
+        return _kept(name)
+    with opened(name) as file:
+        if "record" in file.attrs:
+            found: Any = record_in(file)
+        else:
+            parts = {key: record_in(file[key]) for key in file}
+            found = tuple(parts.values()) if "several" in file.attrs else parts
+    for part in (
+        found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
+    ):
+        part.told(name)
+    return found
+
+
+def _kept(path: str) -> Any:
+    """The result of a journal, as far as it has come."""
+    with _sentences(path):
+        kept = journal.read(path)
+        found = record_class(str(kept.head["record"])).kept(kept)  # type: ignore[attr-defined]
+    found.told(path)
+    return found
+
+
+@contextlib.contextmanager
+def written(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
+    """A new file, which takes its name when it is whole.
+
+    Raises
+    ------
+    TypeError, ValueError
+        See `writing.replaced`.
+    """
+    with replaced(path, what) as temporary:
+        try:
+            with h5py.File(temporary, "w", libver=("v110", "v110"), track_order=True) as file:
+                file.attrs["sbfem_petsc"] = text_of(_version())
+                file.attrs["schema"] = SCHEMA
+                yield file
+        except RuntimeError as error:  # HDF5's failures of writing are errors of the system
+            raise OSError(reason(error)) if type(error) is RuntimeError else error from None
+
+
+@contextlib.contextmanager
+def opened(path: Any, what: str = WHAT) -> Iterator[h5py.File]:
+    """A file to read.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is missing, truncated, damaged, of another kind or another version, or if what is read of it is
+        not there or not what it should be: one sentence that names it.
+    """
+    path = checked_path(what, "path", path)
+    if not os.path.isfile(path):
+        raise ValueError(f"{what} {path!r} does not exist")
+    with _sentences(path, what), contextlib.ExitStack() as stack:
+        try:
+            file = stack.enter_context(h5py.File(path, "r"))
+        except OSError as error:
+            raise ValueError(f"{what} {path!r} is truncated, damaged or no HDF5 file ({error})") from None
+        if "schema" not in file.attrs:
+            raise ValueError(f"{path!r} is an HDF5 file of another kind than this program's")
+        if file.attrs["schema"] != SCHEMA:
+            raise ValueError(
+                f"{what} {path!r} has schema {file.attrs['schema']} of version "
+                f"{text(file.attrs['sbfem_petsc'])}; version {_version()} reads schema "
+                f"{SCHEMA}; compute it again"
+            )
+        require_own(file, os.path.getsize(path))
+        yield file
+
+
+@contextlib.contextmanager
+def _sentences(path: str, what: str = WHAT) -> Iterator[None]:
+    """Failures of reading as one sentence that names the file."""
+    try:
+        yield
+    except UNSOUND as error:
+        if path in str(error) or type(error).__module__.startswith("sbfem"):
+            raise
+        said = " ".join(str(error).split())
+        raise ValueError(f"{what} {path!r} is damaged or does not hold what it should: {said}") from None
+
+
+def _version() -> str:
+    return importlib.import_module(__package__.split(".")[0]).__version__
+
+
+def require_own(file: h5py.File, size: int) -> None:
+    """Raise ValueError unless everything in a file is its own, there once, and no larger than the file can
+    hold: no links, no storage in other files, no data that only memory would have room for.
+    """
+    seen, waiting, total = {h5py.h5o.get_info(file.id).addr}, [file["/"]], 0
+    while waiting:
+        group = waiting.pop()
+        for name in group:
+            if not isinstance(group.get(name, getlink=True), h5py.HardLink):
+                raise ValueError(f"{name!r} leads elsewhere")
+            item = group[name]
+            address = h5py.h5o.get_info(item.id).addr
+            if address in seen:
+                raise ValueError(f"{name!r} is there twice")
+            seen.add(address)
+            if isinstance(item, h5py.Group):
+                waiting.append(item)
+            elif isinstance(item, h5py.Dataset):
+                if item.external or item.is_virtual:
+                    raise ValueError(f"{name!r} is stored elsewhere")
+                if bare(item):
+                    continue
+                filters = item.id.get_create_plist().get_nfilters()
+                if item.nbytes > (DEFLATE if filters else 1) * size:
+                    raise ValueError(f"{name!r} is larger than the file")
+                total += item.nbytes
+    if total > size and total > available_memory():
+        raise ValueError(f"it would take {in_bytes(total)} of memory, more than is free")

@@ -1,0 +1,285 @@
+"""What is kept while it runs: frames that are only appended, each with checksums, and a state beside them.
+
+A journal begins with a mark and a head, which says what is run; its frames hold what has been found. The file
+PATH.state, replaced as a whole, holds what can be gone on with, and says how many frames it vouches for. A
+kill leaves whole frames and at most a torn one at the end, which is cut off; bytes that have changed are told
+of, and nothing behind them is cut.
+
+A frame: its length and the CRC-32 of that, the CRC-32 of the rest, a line of JSON (numbers, texts; names,
+types and shapes of arrays), the arrays' bytes. Nothing in it is executed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import os
+import struct
+import zlib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from meshing.folder_index import open_regular
+from meshing.whole_file import reason
+
+from ..errors import SolveError
+from ..writing import destination, replaced
+
+MAGIC = b"sbfem journal 3\n"
+# Of a frame: length of what follows, its CRC-32, CRC-32 of what follows.
+HEAD = struct.Struct("<QII")
+Frame = dict[str, Any]
+
+
+def is_journal(path: str) -> bool:
+    """Whether a file begins as a journal does."""
+    try:
+        with open(path, "rb") as file:
+            return file.read(8) == MAGIC[:8]
+    except OSError:
+        return False
+
+
+def packed(frame: Mapping[str, Any]) -> list[Any]:
+    """Numbers, texts and arrays by name as buffers."""
+    arrays = {name: np.ascontiguousarray(v) for name, v in frame.items() if isinstance(v, np.ndarray)}
+    shapes = {name: (v.dtype.str, np.shape(frame[name])) for name, v in arrays.items()}
+    facts = {name: v for name, v in frame.items() if name not in arrays}
+    line = json.dumps([facts, shapes], default=_number).encode() + b"\n"
+    parts: list[Any] = [line, *(v.reshape(-1).view(np.uint8) for v in arrays.values() if v.size)]
+    crc = 0
+    for part in parts:
+        crc = zlib.crc32(part, crc)
+    size = sum(map(len, parts))
+    return [HEAD.pack(size, zlib.crc32(struct.pack("<Q", size)), crc), *parts]
+
+
+def _number(value: Any) -> Any:
+    if isinstance(value, np.generic):
+        return value.item()
+    raise TypeError(f"{value!r} has no place in a journal")
+
+
+def unpacked(payload: bytes) -> Frame:
+    """What `packed` packed."""
+    line, _, data = payload.partition(b"\n")
+    frame, shapes = json.loads(line)
+    at = 0
+    for name, (kind, shape) in shapes.items():
+        dtype, count = np.dtype(str(kind)), int(np.prod(shape, dtype=np.int64))
+        if dtype.hasobject or count < 0:
+            raise ValueError(f"{name!r} is of {dtype}")
+        frame[name] = np.frombuffer(data, dtype, count, at).reshape(shape).copy()
+        at += count * dtype.itemsize
+    return frame
+
+
+def frames(path: str) -> Iterator[tuple[int, bytes]]:
+    """Whole frames and where each ends, up to a torn one.
+
+    Raises
+    ------
+    ValueError
+        If a byte has changed.
+    """
+    with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
+        size, begin = os.fstat(file.fileno()).st_size, file.read(len(MAGIC))
+        if begin != MAGIC[: len(begin)]:
+            raise ValueError(f"{path!r} is no journal of this version of the program; name another file")
+        while len(head := file.read(HEAD.size)) == HEAD.size:
+            length, of_length, crc = HEAD.unpack(head)
+            sound = zlib.crc32(head[:8]) == of_length
+            if sound and length > size - file.tell():
+                return  # torn by a kill
+            payload = file.read(length) if sound else b""
+            if not sound or zlib.crc32(payload) != crc:
+                raise ValueError(
+                    f"{path!r} is damaged at byte {file.tell() - len(payload):,d}: its checksum does not "
+                    "fit; run it again without resume"
+                )
+            yield file.tell(), payload
+
+
+@dataclass(frozen=True, eq=False)
+class Kept:
+    """What a journal holds.
+
+    Attributes
+    ----------
+    path : str
+    head : dict
+        What is run.
+    ends : tuple of int
+        Where the head and each frame end, bytes.
+    state : dict
+        The newest; empty before the first one.
+    """
+
+    path: str
+    head: Frame
+    ends: tuple[int, ...]
+    state: Frame
+
+    def frames(self, count: int | None = None) -> Iterator[Frame]:
+        """The first of the frames, or all of them."""
+        wanted = len(self.ends) if count is None else count + 1
+        for number, (_, payload) in zip(range(wanted), frames(self.path)):
+            if number:
+                yield unpacked(payload)
+
+    @property
+    def vouched(self) -> int:
+        """Frames that the state vouches for."""
+        return int(self.state.get("frames", 0))
+
+
+def read(path: str) -> Kept:
+    """What a journal holds, all of its checksums looked at.
+
+    Raises
+    ------
+    ValueError
+        If it is damaged, or holds nothing yet.
+    """
+    state: Frame = {}
+    with contextlib.suppress(FileNotFoundError):
+        state = next((unpacked(payload) for _, payload in frames(f"{path}.state")), {})
+    ends, head = [], None
+    for end, payload in frames(path):
+        head = unpacked(payload) if head is None else head
+        ends.append(end)
+    if head is None:
+        raise ValueError(f"{path!r} holds nothing yet: its run has not come to a first result")
+    if state and state["of"] != head["id"]:
+        raise ValueError(
+            f"{path!r} and {f'{path}.state'!r} are not of the same run; run it again without resume"
+        )
+    if state and state["frames"] > len(ends) - 1:
+        raise ValueError(
+            f"{path!r} is damaged: {len(ends) - 1} of {state['frames']} recorded parts are left; run it "
+            "again without resume"
+        )
+    return Kept(path, head, tuple(ends), state)
+
+
+class Journal:
+    """A journal that this process alone writes; a context manager.
+
+    Parameters
+    ----------
+    path : str
+    what : str
+        Kind of file, for messages.
+    resume : bool
+        Go on with what is there; False: it is replaced when a run begins.
+
+    Attributes
+    ----------
+    former : Kept or None
+        What a former run has left.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is being written by another run, is damaged, is something else, or cannot be written.
+    """
+
+    def __init__(self, path: Any, what: str, *, resume: bool):
+        self.what, self.path, self.former = what, destination(path, what), None
+        self._count, self._id, fresh = 0, "", not os.path.lexists(self.path)
+        try:
+            self._file = open_regular(self.path, os.O_RDWR | os.O_CREAT)
+        except OSError as error:
+            raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
+        try:
+            self._lock()
+            if resume and os.fstat(self._file).st_size > len(MAGIC):
+                self.former = self._found()
+        except BaseException:
+            self.close()
+            if fresh:
+                with contextlib.suppress(OSError):
+                    os.remove(self.path)
+            raise
+
+    def _lock(self) -> None:
+        """On the file itself, until it is closed or the process ends, however it ends."""
+        with contextlib.suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ValueError(
+                    f"{self.what} {self.path!r} is being written by another run; wait for its end, or name "
+                    "another file"
+                ) from None
+
+    def _found(self) -> Kept | None:
+        if not is_journal(self.path):
+            raise ValueError(f"{self.what} {self.path!r} is no file of a run; name another file")
+        if next(frames(self.path), None) is None:
+            return None  # killed before its head was whole
+        return read(self.path)
+
+    def begin(self, head: Mapping[str, Any], count: int = 0) -> None:
+        """Begin anew with a head, or go on behind the first frames of the former run."""
+        with self._writing():
+            if self.former is not None:
+                self._count, self._id = count, self.former.head["id"]
+                os.truncate(self._file, self.former.ends[count])
+                os.lseek(self._file, 0, os.SEEK_END)
+                return
+            with contextlib.suppress(FileNotFoundError):
+                os.remove(destination(f"{self.path}.state", self.what))
+            os.truncate(self._file, 0)
+            os.lseek(self._file, 0, os.SEEK_SET)
+            self._id = os.urandom(8).hex()
+            self._write([MAGIC, *packed({**head, "id": self._id})])
+
+    def append(self, frame: Mapping[str, Any]) -> None:
+        """Add a frame; it is in the system's hands when this returns: a kill of the process leaves it."""
+        with self._writing():
+            if not os.path.exists(self.path) or not os.path.samestat(
+                os.fstat(self._file), os.stat(self.path)
+            ):
+                raise OSError("it has been removed or replaced during the run")
+            self._write(packed(frame))
+        self._count += 1
+
+    def checkpoint(self, state: Mapping[str, Any]) -> None:
+        """A state that vouches for all frames so far, in the place of the former one, on the disk when this
+        returns.
+        """
+        with self._writing():
+            os.fsync(self._file)
+            with replaced(f"{self.path}.state", self.what) as temporary, open(temporary, "wb") as file:
+                file.writelines([MAGIC, *packed({**state, "frames": self._count, "of": self._id})])
+
+    @contextlib.contextmanager
+    def _writing(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, ValueError) as error:
+            raise SolveError(
+                f"{self.what} {self.path!r} cannot be written any more ({reason(error)}); what it holds "
+                "stays readable, and resume=True continues from there"
+            ) from None
+
+    def _write(self, parts: list[Any]) -> None:
+        for part in parts:
+            view = memoryview(part).cast("B")
+            while view:
+                view = view[os.write(self._file, view) :]
+
+    def close(self) -> None:
+        """Give it up to others."""
+        os.close(self._file)
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

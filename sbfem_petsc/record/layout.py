@@ -1,0 +1,146 @@
+"""How a record lies in HDF5: data sets with units, words and named dimensions, as netCDF-4 has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+
+from .record import About, Record, entries, expanded
+
+# Bytes up to which data stand in a header; of a chunk of others.
+COMPACT, CHUNK = 32768, 1 << 20
+TYPES: dict[str, Any] = {"b": bool, "i": np.int64, "f": np.float64, "c": np.complex128, "U": str}
+# The mark of netCDF-4 on an axis that has no entries of its own.
+BARE = b"This is a netCDF dimension but not a netCDF variable.%10d"
+
+
+def write(
+    group: h5py.Group,
+    record: Record,
+    whole: Mapping[str, Any] = {},
+    given: tuple[str, ...] = (),
+    seen: dict[int, str] | None = None,
+) -> None:
+    """A record into a group: a data set a quantity, derived ones for other programs; a group a part.
+
+    Parameters
+    ----------
+    whole : dict
+        What `Record.gathered` has found.
+    given : tuple of str
+        Axes that stand for "*", and those that have another name here, as "order:further_order".
+    seen : dict of int to str
+        Where parts are that stand in the file already: they are named, not written again.
+    """
+    seen = {} if seen is None else seen
+    seen[id(record)] = group.name
+    group.attrs["record"] = text_of(type(record).__name__)
+    for q in record.quantities(lambda about: about.stored, given=given, **whole):
+        if isinstance(q.value, str):
+            group.attrs[q.name] = text_of(q.value)
+            continue
+        kinds = entries(type(record))[q.name].kinds
+        array = np.asarray(q.value)
+        if array.dtype.kind not in kinds:
+            array = array.astype(TYPES[kinds[0]])
+        for dim, names in q.names.items():
+            if dim not in group:
+                put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
+        put(group, q.name, array, q.about, q.unit, q.dims)
+    for name, entry in entries(type(record)).items():
+        if entry.field and isinstance(getattr(record, name), Mapping) and not getattr(record, name):
+            group.attrs[name] = h5py.Empty("S2")
+    parts = [*record.parts(), *((n, About(), item) for n, item in whole.items() if isinstance(item, Record))]
+    for name, about, part in parts:
+        if not about.stored:
+            continue
+        if id(part) in seen:
+            group.attrs[name] = text_of(seen[id(part)])
+            continue
+        own = group.create_group(name, track_order=True)
+        if isinstance(part, tuple):
+            own.attrs["several"] = len(part)
+            for k, item in enumerate(part):
+                write(own.create_group(f"{k:04d}", track_order=True), item, seen=seen)
+        else:
+            write(own, part, given=expanded(about.dims, given), seen=seen)
+
+
+def put(
+    group: h5py.Group, name: str, array: np.ndarray, about: About, unit: str, dims: tuple[str, ...]
+) -> h5py.Dataset:
+    """A data set with unit, words and named dimensions: in the header if it is small, else in chunks."""
+    if array.dtype.kind == "U":
+        array = texts_of(array.ravel().tolist()).reshape(array.shape)
+    logical = array.dtype.kind == "b"  # as netCDF has it
+    array = np.ascontiguousarray(array.astype(np.int8) if logical else array).reshape(array.shape)
+    if array.nbytes <= COMPACT:
+        layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+        layout.set_layout(h5py.h5d.COMPACT)
+        layout.set_obj_track_times(False)
+        space = h5py.h5s.create_simple(array.shape) if array.ndim else h5py.h5s.create(h5py.h5s.SCALAR)
+        kind = h5py.h5t.py_create(array.dtype, logical=True)
+        data = h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, space, layout))
+        if array.size:
+            data[...] = array
+    else:
+        rows = max(1, CHUNK // max(1, array[0].nbytes))
+        data = group.create_dataset(
+            name, data=array, chunks=(min(rows, len(array)), *array.shape[1:]), fletcher32=True
+        )
+    data.attrs["units"], data.attrs["long_name"] = text_of(unit), text_of(about.text)
+    if logical:
+        data.attrs["dtype"] = text_of("bool")
+    for k, dim in enumerate(dims):
+        if dim == name:
+            data.make_scale(dim)
+        else:
+            data.dims[k].attach_scale(_scale(group, dim, array.shape[k]))
+    return data
+
+
+def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
+    """A dimension by its name: of this group, of one above it, or a new one."""
+    here = group
+    while dim not in here and here.name != "/":
+        here = here.parent
+    if dim in here:
+        found = here[dim]
+        if isinstance(found, h5py.Dataset) and found.shape == (length,):
+            if not found.is_scale:
+                found.make_scale(dim)
+            return found
+    layout = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    layout.set_obj_track_times(False)
+    space = h5py.h5s.create_simple((length,))
+    made = h5py.Dataset(h5py.h5d.create(group.id, dim.encode(), h5py.h5t.IEEE_F32BE, space, layout))
+    made.make_scale(BARE % length)
+    return made
+
+
+def bare(data: h5py.Dataset) -> bool:
+    """Whether a data set is an axis alone, without numbers."""
+    name = data.attrs.get("NAME")
+    return isinstance(name, bytes) and name.startswith(BARE[:20]) and data.id.get_storage_size() == 0
+
+
+def text_of(words: str) -> np.ndarray:
+    """A text as HDF5 keeps it with a checksum: of a fixed length."""
+    return texts_of([words])[0]
+
+
+def texts_of(words: Any) -> np.ndarray:
+    """The same of several."""
+    found = [str(word).encode() for word in words]
+    # netCDF takes those of one byte for single characters
+    return np.array(found, dtype=h5py.string_dtype("utf-8", max([2, *map(len, found)])))
+
+
+def text(item: Any) -> str:
+    """What `text_of` made."""
+    if not isinstance(item, (bytes, str)):
+        raise ValueError(f"{item!r} is no text")
+    return item.decode() if isinstance(item, bytes) else item

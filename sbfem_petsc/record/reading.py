@@ -1,0 +1,165 @@
+"""Records out of HDF5, each part checked by what its class says: a file may come from a stranger."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+
+from .layout import bare, text
+from .record import Entry, Record, entries, expanded, record_class
+
+
+def record_in(group: h5py.Group) -> Any:
+    """What `layout.write` wrote.
+
+    Raises
+    ------
+    ValueError
+        If a part is missing, of another type or length, out of its range, or does not fit the others.
+    """
+    return _Reader().record(group, (), {})
+
+
+class _Reader:
+    """What has been read of a file, by its place: parts that are named a second time are not read again."""
+
+    def __init__(self) -> None:
+        self.known: dict[str, Record] = {}
+
+    def record(self, group: h5py.Group, given: tuple[str, ...], above: Mapping[str, int]) -> Record:
+        """The record of a group, with axes that are given and the lengths of those above."""
+        cls = record_class(text(group.attrs["record"]))
+        back = [entry for entry in entries(cls).values() if entry.field or entry.about.back]
+        back = [entry for entry in back if entry.about.stored]
+        lengths, values = dict(above), dict[str, Any]()
+        for entry in back:
+            if not entry.about.part:
+                values |= _quantity(group, entry, given, lengths)
+        for dim, at in cls.labelled(given).items():
+            if at in cls.__dataclass_fields__ and at not in values:
+                values[at] = names_along(group, dim)
+                if values[at] and lengths.get(dim, len(values[at])) != len(values[at]):
+                    raise ValueError(f"{dim!r} has {len(values[at])} names for {lengths[dim]} entries")
+        for entry in back:
+            if entry.about.part:
+                values |= self._part(group, entry, expanded(entry.about.dims, given), lengths)
+        # what a class has beside its quantities is of the process that made it
+        for f in dataclasses.fields(cls):
+            if f.default is f.default_factory is dataclasses.MISSING:
+                values.setdefault(f.name, None)
+        made = cls.revived(values)
+        made.check()
+        self.known[group.name] = made
+        return made
+
+    def _part(
+        self, group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: Mapping[str, int]
+    ) -> dict[str, Any]:
+        """A part, or several of them, by its name; nothing where it may be missing."""
+        name, of = entry.name, record_class(entry.about.part)
+        item: Any = group.get(name)
+        found: Any = None
+        if name in group.attrs:
+            found = self.known[text(group.attrs[name])]
+        elif item is None:
+            return _missing(entry)
+        elif "several" in item.attrs:
+            found = tuple(self.record(item[key], (), {}) for key in item)
+            if len(found) != item.attrs["several"]:
+                raise ValueError(f"{name!r} has {len(found)} entries, not {item.attrs['several']}")
+        else:
+            found = self.record(item, given, lengths)
+        several = isinstance(found, tuple)
+        if several != entry.type.startswith("tuple") or not all(
+            isinstance(one, of) for one in (found if several else (found,))
+        ):
+            raise ValueError(f"{name!r} is not of {of.__name__}")
+        return {name: found}
+
+
+def _missing(entry: Entry) -> dict[str, Any]:
+    """What stands for a field that is not there; ValueError where it must be."""
+    if not entry.needed and entry.field:
+        return {}
+    if entry.needed and "None" not in entry.type and not entry.about.distributed:
+        raise ValueError(f"{entry.name!r} is missing")
+    return {entry.name: None}
+
+
+def _quantity(
+    group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: dict[str, int]
+) -> dict[str, Any]:
+    """A field as its type says: number, text, array, tuple, or dict by names."""
+    name, about, kind = entry.name, entry.about, entry.type
+    dims = expanded(about.dims, given)
+    if name in group.attrs and "dict" in kind:  # without an entry
+        return {name: {}}
+    if name in group.attrs and not dims and entry.kinds == "U":
+        word = text(group.attrs[name])
+        if about.one_of and word not in about.one_of:
+            raise ValueError(f"{name} = {word!r} is none of {', '.join(about.one_of)}")
+        return {name: word}
+    if name not in group:
+        return _missing(entry)
+    array = sound(group[name], entry, dims, lengths)
+    if not dims:
+        return {name: array.item()}
+    if kind.startswith("dict"):
+        dim = about.by or dims[0]
+        parts, names = np.moveaxis(array, dims.index(dim), 0), names_along(group, dim)
+        if len(names) != len(parts):
+            raise ValueError(f"{dim!r} has {len(names)} names for {len(parts)} entries")
+        made = [_tuple(part.tolist()) if "tuple" in kind else np.ascontiguousarray(part) for part in parts]
+        return {name: dict(zip(names, made))}
+    return {name: _tuple(array.tolist()) if kind.startswith("tuple") else array}
+
+
+def _tuple(items: Any) -> Any:
+    return tuple(map(_tuple, items)) if isinstance(items, list) else items
+
+
+def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
+    """The numbers of a field: of its type, lengths that agree with the others', within its range."""
+    name, about = entry.name, entry.about
+    if not isinstance(data, h5py.Dataset) or data.ndim != len(dims):
+        raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
+    array = data[()]
+    array = np.asarray(array)
+    if text(data.attrs.get("dtype", "")) == "bool":
+        if not np.isin(array, (0, 1)).all():
+            raise ValueError(f"{name!r} has values that are neither true nor false")
+        array = array.astype(bool)
+    if array.dtype.kind == "S":
+        array = np.array([text(item) for item in array.ravel().tolist()], dtype=str).reshape(array.shape)
+    shape = tuple(lengths.setdefault(dim, n) for dim, n in zip(dims, array.shape))
+    if shape != array.shape or array.dtype.kind not in entry.kinds:
+        wanted = " x ".join(f"{dim} ({n})" for dim, n in zip(dims, shape)) or "one"
+        raise ValueError(f"{name!r} is {array.dtype} of shape {array.shape}, not {wanted} values")
+    if array.dtype.kind in "fc" and about.finite and not np.isfinite(array).all():
+        raise ValueError(f"{name!r} has values that are not finite")
+    if array.dtype.kind in "iuf" and about.least > -math.inf and (array < about.least).any():
+        raise ValueError(f"{name!r} has values below {about.least:g}")
+    return array
+
+
+def names_along(group: h5py.Group, dim: str) -> tuple[str, ...]:
+    """Names of the entries of an axis, in this group or one above."""
+    here = group
+    while dim not in here and dim not in here.attrs and here.name != "/":
+        here = here.parent
+    item = here[dim] if dim in here else here.attrs.get(dim)
+    if isinstance(item, h5py.Dataset):
+        if bare(item):
+            return ()
+        item = item[()]
+    if item is None or isinstance(item, h5py.Empty):
+        return ()
+    found = tuple(text(entry) for entry in np.ravel(item).tolist())
+    if len(set(found)) < len(found):
+        raise ValueError(f"{dim!r} names an entry twice")
+    return found

@@ -1,0 +1,229 @@
+"""Records in HDF5: what is saved is read back, other programs read it, what is not whole is refused, changed
+bytes are told, two ranks write what one writes.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import shutil
+
+import h5py
+import numpy as np
+import pytest
+
+import sbfem_petsc as sb
+from sbfem_petsc.petsc import MPI
+from sbfem_petsc.record.gather import whole
+from sbfem_petsc.record.layout import bare
+from sbfem_petsc.record.record import entries
+from sbfem_petsc.writing import check_output_folder
+from tests.results.results_case import LOADS, on_ranks
+from tests.results.same import same
+
+
+@pytest.fixture(scope="module")
+def saved(solved, tmp_path_factory):
+    """A file of modes and static cases."""
+    path = str(tmp_path_factory.mktemp("saved") / "results.h5")
+    sb.save(path, {"modes": solved[2], **solved[3]})
+    return path
+
+
+def test_what_is_saved_is_read_back(solved, saved):
+    mesh, model, modes, cases = solved
+    found = sb.read(saved)
+    assert os.listdir(os.path.dirname(saved)) == ["results.h5"] and list(found) == ["modes", *LOADS]
+    for name, result in {"modes": modes, **cases}.items():
+        assert repr(found[name]) == repr(result)
+        same(result, found[name])
+    np.testing.assert_array_equal(found["modes"].nodal(2), modes.nodal(2))
+    with pytest.raises(sb.SolveError, match="read from a file knows its named points, pairs, tips and nodes"):
+        found["closing"].stress((0.01, 0.001))
+    with h5py.File(saved) as file:
+        body = file["closing/body"]
+        starts = np.concatenate([[0], np.cumsum(body["element_nodes_count"])])
+        for element in range(mesh.elements):
+            np.testing.assert_array_equal(
+                body["element_nodes"][starts[element] : starts[element + 1]], mesh.element_nodes(element)
+            )
+        for name, values in (
+            ("nodes", mesh.nodes),
+            ("scaling_centres", mesh.scaling_centres),
+            ("closed", mesh.closed),
+            ("pair_nodes", mesh.pairs.nodes),
+            ("crack_tip", [mesh.cracks[0].tip]),
+            ("thickness", 1.0),
+        ):
+            np.testing.assert_array_equal(body[name], values)
+        assert b"young=70000000000.0" in body["materials"][0] and b"left" in body["supports"][0]
+        assert b"fy=600.0" in file["closing/loads"][0]
+
+
+def test_three_lines_of_h5py(solved, saved):
+    with h5py.File(saved) as file:
+        place = list(file["closing/place"][:]).index(b"A")
+        u = file["closing/point_displacements"][place]
+        assert file["closing/point_displacements"].attrs["units"] == b"m"
+    np.testing.assert_array_equal(u, solved[3]["closing"].displacement("A"))
+
+
+def test_every_dataset_has_units_and_words_and_named_dimensions(saved):
+    with h5py.File(saved) as file:
+        seen = []
+        file.visititems(lambda name, item: seen.append(item) if isinstance(item, h5py.Dataset) else None)
+        told = [item for item in seen if not bare(item)]
+        assert len(told) > 40 and all(item.attrs["units"] and item.attrs["long_name"] for item in told)
+        assert all(item.is_scale or all(len(dim) == 1 for dim in item.dims) for item in told)
+
+
+def test_xarray_reads_it(solved, saved):
+    xarray = pytest.importorskip("xarray")
+    pytest.importorskip("netCDF4")
+    closing = solved[3]["closing"]
+    with xarray.open_datatree(saved) as tree:
+        found = tree["closing"].to_dataset()
+        np.testing.assert_array_equal(
+            found.point_displacements.sel(place="A"), closing.point_displacements["A"]
+        )
+        assert found.contact_force.attrs["units"] == "N" and found.active.dtype == bool
+    own = closing.to_xarray()
+    assert own.contact_resultant == closing.contact_resultant and own.gap.attrs["units"] == "m"
+
+
+def test_tables(solved, tmp_path):
+    closing = solved[3]["closing"]
+    paths = closing.to_csv(tmp_path / "push.csv")
+    assert [os.path.basename(path) for path in paths] == [
+        *("push.csv", "push_place.csv", "push_values.csv", "push_tip.csv", "push_note.csv")
+    ]
+    with open(tmp_path / "push.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == ["pair_cracks", "contact_force [N]", "gap [m]", "active"]
+    np.testing.assert_array_equal([float(row["gap [m]"]) for row in rows], closing.gap)
+    with open(tmp_path / "push_place.csv", newline="") as file:
+        named = {row["place"]: row for row in csv.DictReader(file)}
+    assert float(named["A"]["point_displacements_y [m]"]) == closing.displacement("A")[1]
+    pandas = pytest.importorskip("pandas")
+    np.testing.assert_array_equal(pandas.read_csv(paths[0])["contact_force [N]"], closing.contact_force)
+
+
+def test_summary_row_and_page(solved):
+    closing = solved[3]["closing"]
+    told = json.loads(json.dumps(closing.summary(), allow_nan=False))
+    assert told["point_displacements"]["A"] == closing.displacement("A").tolist() and "field" not in told
+    value, unit = closing.row()["contact_resultant"]
+    assert (value, unit) == (closing.contact_resultant, "N")
+    assert set(closing.row()) >= {"point_displacements/A", "stress_intensity/crack1"}
+    page = closing._repr_html_()
+    assert "contact forces, compression positive" in page and "<td>N</td>" in page
+
+
+def test_attributes_in_docstrings():
+    for kind in (sb.Static, sb.Modal, sb.ReducedModel, sb.Estimate):
+        assert kind.__doc__.count("Attributes") == 1
+        assert all(f"\n    {name} : " in kind.__doc__ for name in entries(kind))
+
+
+def test_petsc_options_are_recorded(solved, tmp_path):
+    from sbfem_petsc.petsc import PETSc
+
+    options = PETSc.Options()
+    options["static_ksp_rtol"] = 1e-13
+    try:
+        sb.save(tmp_path / "r.h5", solved[3]["opening"])
+    finally:
+        del options["static_ksp_rtol"]
+    with h5py.File(tmp_path / "r.h5") as file:
+        assert b"static_ksp_rtol 1e-13" in list(file["body/petsc_options"])
+        assert file.attrs["sbfem_petsc"].decode() == sb.__version__
+
+
+@pytest.mark.long
+def test_two_ranks_write_what_one_writes(serial_files, parallel_files):
+    one, two = (sb.read(folder / "results.h5") for folder in (serial_files, parallel_files))
+    with (
+        h5py.File(serial_files / "results.h5") as serial,
+        h5py.File(parallel_files / "results.h5") as parallel,
+    ):
+        for name in ("nodes", "scaling_centres", "closed", "element_nodes", "element_nodes_count"):
+            np.testing.assert_array_equal(serial[f"modes/body/{name}"], parallel[f"modes/body/{name}"])
+        assert parallel["modes/body/ranks"][()] == 2
+    np.testing.assert_allclose(two["modes"].frequencies, one["modes"].frequencies, rtol=1e-7)
+    for a, b in zip(one["modes"].fields, two["modes"].fields):
+        assert (a * b).sum() ** 2 / ((a * a).sum() * (b * b).sum()) > 1.0 - 1e-10
+    for name in LOADS:
+        scale = np.abs(one[name].field).max()
+        np.testing.assert_allclose(two[name].field, one[name].field, atol=1e-7 * scale)
+        np.testing.assert_array_equal(two[name].active, one[name].active)
+
+
+def test_what_is_missing_truncated_foreign_or_of_another_version(saved, tmp_path):
+    with open(saved, "rb") as file:
+        data = file.read()
+    with pytest.raises(ValueError, match="does not exist"):
+        sb.read(tmp_path / "none.h5")
+    for length in (0, 100, len(data) // 2, len(data) - 1):
+        (tmp_path / "cut.h5").write_bytes(data[:length])
+        with pytest.raises(ValueError, match="truncated, damaged or no HDF5 file"):
+            sb.read(tmp_path / "cut.h5")
+    with h5py.File(tmp_path / "other.h5", "w") as file:
+        file.attrs["complete"] = True
+    with pytest.raises(ValueError, match="another kind"):
+        sb.read(tmp_path / "other.h5")
+    shutil.copy(saved, tmp_path / "older.h5")
+    with h5py.File(tmp_path / "older.h5", "a") as file:
+        file.attrs["schema"] = 2
+    with pytest.raises(ValueError, match="has schema 2 of version .* reads schema 3; compute it again"):
+        sb.read(tmp_path / "older.h5")
+    with pytest.raises(TypeError, match="is no result that can be written"):
+        sb.save(tmp_path / "x.h5", {"a": 1})
+    with pytest.raises(ValueError, match="without '/'"):
+        sb.save(tmp_path / "x.h5", {"a/b": sb.read(saved)["closing"]})
+    assert not (tmp_path / "x.h5").exists()
+
+
+def test_a_failed_write_leaves_the_old_file(solved, tmp_path, monkeypatch):
+    path = tmp_path / "results.h5"
+    path.write_text("old")
+
+    def refuse(*arguments, **options):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(h5py.Dataset, "__setitem__", refuse)
+    with pytest.raises(ValueError, match="cannot be written: No space left on device"):
+        sb.save(path, solved[2])
+    assert path.read_text() == "old" and os.listdir(tmp_path) == ["results.h5"]
+
+
+@pytest.mark.long
+def test_failures_are_known_to_all_ranks(tmp_path, parallel_files):
+    (tmp_path / "file").write_text("")
+    done = on_ranks(2, "fail", str(tmp_path))
+    for rank in (0, 1):
+        assert f"rank {rank}: result file" in done.stdout and "No space left on device" in done.stdout, (
+            done.stderr
+        )
+    assert os.listdir(tmp_path) == ["file"]
+    assert done.returncode != 0 and done.stderr.count(f"{tmp_path / 'file'}' cannot be made") == 1
+
+
+def test_output_folder(tmp_path):
+    assert check_output_folder(str(tmp_path / "a" / "b"), MPI.COMM_WORLD) == str(tmp_path / "a" / "b")
+    assert os.listdir(tmp_path / "a" / "b") == []
+    (tmp_path / "file").write_text("")
+    for name in ("file", "file/below"):
+        with pytest.raises(ValueError, match="output folder .* cannot be made"):
+            check_output_folder(str(tmp_path / name), MPI.COMM_WORLD)
+    if os.geteuid():
+        (tmp_path / "locked").mkdir(mode=0o500)
+        with pytest.raises(ValueError, match="output folder .* cannot be written"):
+            check_output_folder(str(tmp_path / "locked"), MPI.COMM_WORLD)
+
+
+def test_rows_by_their_numbers():
+    numbers, values = np.array([0, 3, 1, 4, 6]), np.arange(10.0).reshape(5, 2)
+    found = whole(MPI.COMM_SELF, numbers, values)
+    np.testing.assert_array_equal(found[numbers], values)
+    assert found.shape == (7, 2) and (found[[2, 5]] == 0.0).all()
