@@ -19,7 +19,7 @@ from pydantic_core import PydanticUndefined
 import sbfem_petsc as sb
 
 from ..options import unit_of
-from .analysis_tables import ANALYSES, StartAxisTable
+from .case.analyses import KINDS
 from .case.case import CaseTables, Output
 from .case.geometry import (
     MESH_KEYS,
@@ -38,6 +38,7 @@ from .case.geometry import (
 )
 from .case.loads import SIGNALS, EdgeLoad, PointForce, SupportMotion
 from .case.sweep import Noise, Range, SweepTable
+from .kinds.basins import StartAxis
 
 _HEAD = """# The case file
 
@@ -77,7 +78,7 @@ _SECTIONS: tuple[tuple[str, str, tuple[type[BaseModel], ...]], ...] = (
     (
         "[analyses.NAME]",
         "The names are yours; analyses run in the order of the file.",
-        (*ANALYSES, StartAxisTable),
+        (*KINDS.values(), StartAxis),
     ),
     ("[output]", "", (Output,)),
     (
@@ -156,7 +157,7 @@ def schema() -> str:
 
 def _title(table: type[BaseModel]) -> str:
     field = table.model_fields.get("kind")
-    if field is not None and table is not StartAxisTable:
+    if field is not None and table is not StartAxis:
         return f'`kind = "{typing.get_args(field.annotation)[0]}"`'
     return {
         "Notch": "`[[geometry.notches]]`",
@@ -168,7 +169,7 @@ def _title(table: type[BaseModel]) -> str:
         "Noise": "`noise = { ... }`",
         "ModelTable": "`[model]`",
         "SweepTable": "`[sweep]`",
-        "StartAxisTable": "`starts = [{ ... }, ...]` of basins",
+        "StartAxis": "`starts = [{ ... }, ...]` of basins",
     }[table.__name__]
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,6 +35,18 @@ class Quantity:
 
 
 Tree = dict[str, Any]
+
+
+def of_points(
+    points: Sequence[str], value: Callable[[str], Any], unit: str, text: str, detail: bool = False
+) -> Tree:
+    """A quantity of each point."""
+    return {point: Quantity(value(point), unit, text, detail) for point in points}
+
+
+def quantities(result: Any, **described: tuple[str, str]) -> Tree:
+    """Attributes of a result with their units and descriptions."""
+    return {name: Quantity(getattr(result, name), *about) for name, about in described.items()}
 
 
 def plain(tree: Any, where: str = "") -> Any:

@@ -8,7 +8,7 @@ import os
 import re
 import time
 import xml.etree.ElementTree as xml
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,9 @@ from meshing.folder_index import home_of, open_regular, regular_file
 
 from ..plot.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
+from .case.analyses import kind_called
 from .estimates import duration
+from .kinds.kind import Kind
 from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import PICTURES, RunResults
@@ -28,8 +30,6 @@ from .sweep_file import Sweep
 _ROWS = 60
 # What no page may hold.
 _CONTROL = re.compile("[^\t\n\r -\ud7ff\ue000-\U0010ffff]")
-# Lines of a motion under two tones in its table.
-_LINES = 15
 _RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _UNITS = {
     "m": length_unit,
@@ -43,17 +43,6 @@ _WORDS = {
     "stress_intensity": "stress intensity factors I, II of",
     "stress": "stress xx, yy, xy at",
     "amplitude": "amplitude of",
-}
-_CAPTIONS = {
-    "modes": "mode shapes",
-    "crack": "deformed region of crack",
-    "contact": "contact pressure and gap along crack",
-    "harmonics": "harmonics",
-    "orbit": "phase plane; gaps and contact resultant over a period",
-    "multipliers": "Floquet multipliers",
-    "history": "history",
-    "curve": "response curve",
-    "lines": "lines of the spectrum",
 }
 _STYLE = """
 :root { color-scheme: light; }
@@ -169,31 +158,19 @@ def _run(results: RunResults, home: str) -> xml.Element:
         took = f", {duration(seconds)}" if seconds else ""
         heading = _add(body, "h2", f"{name} ")
         _add(heading, "small", f"({results.kinds[name].replace('_', ' ')}{took})")
-        _analysis(body, results.kinds[name], tree)
+        kind = kind_called(results.kinds[name])
+        _analysis(body, kind, tree)
         # "push_2" has pictures of its own, which are not those of "push"
         longer = tuple(f"{other}_" for other in results.analyses if other.startswith(f"{name}_"))
-        _pictures(body, home, f"{name}_", longer)
+        _pictures(body, home, kind.captions, f"{name}_", longer)
     _case(body, results.text)
     return page
 
 
-def _analysis(body: xml.Element, kind: str, tree: Tree) -> None:
-    if kind == "modal":
-        frequencies = tree["frequencies"].value
-        modes = [(str(k + 1), number(f)) for k, f in enumerate(frequencies[:_ROWS])]
-        _table(body, modes, ("mode", "frequency, Hz"))
-        return
-    if "harmonics" in tree and kind in ("periodic", "modulation"):
-        points = list(tree["harmonics"])
-        orders = range(min(11, min(len(tree["harmonics"][p].value) for p in points))) if points else range(0)
-        rows = [(str(k), *(number(1e6 * abs(tree["harmonics"][p].value[k])) for p in points)) for k in orders]
-        _table(body, rows, ("harmonic", *(f"|u_y({p})|, µm" for p in points)))
-    if kind == "quasi_periodic":
-        _lines(body, tree)
+def _analysis(body: xml.Element, kind: type[Kind], tree: Tree) -> None:
+    for heading, rows in kind.tables(tree):
+        _table(body, [tuple(map(_shown, row)) for row in rows], heading)
     _table(body, [(_label(key), _with_unit(entry.value, entry.unit)) for key, entry in _small(tree)])
-    if isinstance(tree.get("bifurcations"), list) and tree["bifurcations"]:
-        found = [(b["kind"], number(b["value"])) for b in tree["bifurcations"]]
-        _table(body, found, ("bifurcation", "at"))
 
 
 def _label(path: str) -> str:
@@ -211,20 +188,6 @@ def _with_unit(value: Any, unit: str) -> str:
             scale, unit = _UNITS[unit](top)
             value = value * scale
     return f"{_shown(value)}{'' if unit == '1' else ' ' + unit.replace('m^(1/2)', '√m')}"
-
-
-def _lines(body: xml.Element, tree: Tree) -> None:
-    """Lines of a motion under two tones, the highest first."""
-    points = list(tree["lines"])
-    numbers, frequencies = tree["line"].value, tree["frequency"].value
-    heights = np.abs([tree["lines"][p].value for p in points])
-    order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
-    rows = [
-        (f"{numbers[k][0]} probe {numbers[k][1]:+d} pump", number(frequencies[k]))
-        + tuple(number(1e6 * heights[j][k]) for j in range(len(points)))
-        for k in order
-    ]
-    _table(body, rows, ("line", "frequency, Hz", *(f"|u_y({p})|, µm" for p in points)))
 
 
 def _small(tree: Tree, above: str = "") -> Iterator[tuple[str, Quantity]]:
@@ -290,7 +253,7 @@ def _sweep(results: Sweep, folder: str) -> xml.Element:
         _add(body, "h2", "Failed rows")
         _table(body, rows, ("row", "reason"))
     _add(body, "h2", "Indicators")
-    _pictures(body, folder, "")
+    _pictures(body, folder, {})
     _case(body, results.text)
     return page
 
@@ -311,7 +274,9 @@ def _table(body: xml.Element, rows: Sequence[tuple[str, ...]], heading: tuple[st
             _add(line, "td", cell)
 
 
-def _pictures(body: xml.Element, home: str, start: str, others: tuple[str, ...] = ()) -> None:
+def _pictures(
+    body: xml.Element, home: str, captions: Mapping[str, str], start: str = "", others: tuple[str, ...] = ()
+) -> None:
     """Pictures whose names begin so, without those that begin as others do."""
     folder = os.path.join(home, PICTURES)
     if not os.path.isdir(folder):
@@ -324,16 +289,16 @@ def _pictures(body: xml.Element, home: str, start: str, others: tuple[str, ...] 
                 continue
             with os.fdopen(open_regular(found, os.O_RDONLY), "rb") as file:
                 data = base64.b64encode(file.read()).decode()
-            caption = _caption(stem[len(start) :])
+            caption = _caption(captions, stem[len(start) :])
             figure = _add(body, "figure")
             _add(figure, "img", alt=caption, src=f"data:image/{ending[1:]};base64,{data}")
             _add(figure, "figcaption", caption)
 
 
-def _caption(stem: str) -> str:
+def _caption(captions: Mapping[str, str], stem: str) -> str:
     """What a picture shows: "contact1" is that of the first crack."""
     kind = stem.rstrip("0123456789")
-    return f"{_CAPTIONS.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
+    return f"{captions.get(kind, kind.replace('_', ' '))} {stem[len(kind) :]}".rstrip()
 
 
 def _case(body: xml.Element, text: str) -> None:

@@ -16,14 +16,15 @@ from ..parallel import on_root
 from ..recording.hdf5 import opened
 from ..writing import spare_folder
 from . import pictures, run, sweep_file
+from .case.analyses import kind_called
 from .case.case import Case, case_from_text
 from .csv_tables import write_tables
 from .estimates import duration
 from .folder import PARTS
 from .quantities import Quantity, Tree, plain
 from .run import RESULTS, RunResults, read_run
-from .solve import Structure
 from .storage import write_json
+from .structure import Structure
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
 from .watch import Watch
 
@@ -150,13 +151,12 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
         case = case_of(results, source, spare)
         if animation:
             case = case.with_values({"output.animation": True})
-        moving = pictures.MOVING if case.tables.output.animation else ()
         structure: Structure | None = None
         try:
             for name in results.analyses:
                 watch.stage(f"{name}: pictures")
-                fields = results.kinds[name] in moving
-                recorded = None if fields else _recorded(home, name)
+                animated = case.tables.output.animation and kind_called(results.kinds[name]).moving
+                recorded = None if animated else _recorded(home, name)
                 if recorded is None:
                     structure = structure or Structure(case, comm)
                     recorded = structure.solve(case, name)
@@ -246,7 +246,7 @@ def _whole(tree: Any) -> Any:
 
 
 def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch) -> list[str]:
-    names = [name for name, kind in results.kinds.items() if kind in ("modal", "static")]
+    names = [name for name, kind in results.kinds.items() if kind_called(kind).fields]
     if not names:
         raise ValueError("--vtu writes modes and static displacements, and these results hold neither")
     with spare_folder() as spare:
@@ -258,7 +258,7 @@ def _vtu(results: RunResults, source: str, folder: str, comm: Any, watch: Watch)
                 watch.stage(f"{name}: fields")
                 stem = os.path.join(folder, name)
                 result = structure.solve(case, name)
-                pictures.write_fields(results.kinds[name], result, structure.model, stem)
+                case.tables.analyses[name].write_fields(result, f"{stem}.vtu")
                 structure.release(result)
                 written.append(f"{stem}.{'vtu' if comm.size == 1 else 'pvtu'}")
         finally:

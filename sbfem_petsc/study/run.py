@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 import time
@@ -23,20 +24,18 @@ from . import pictures
 from .case.case import Case, read_case
 from .case.objects import located
 from .case.problems import CaseError
+from .costs import Size
 from .csv_tables import write_tables
-from .estimates import demand
 from .folder import Folder
+from .kinds.kind import Kind
 from .quantities import Quantity, Tree, plain
-from .solve import Structure, no_locus
 from .storage import read_tree, write_json, write_tree
-from .tones import check_tones
+from .structure import Structure
 from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
 PART = f"{FORMAT} part"
 RESULTS, SUMMARY, PICTURES, TABLES = "results.h5", "summary.json", "pictures", "tables"
-# Kinds of analysis whose results have files of their own, beside motions and curves.
-FILED = ("backbone", "locus", "basins", "swept_response", "quasi_periodic", "quasi_periodic_response")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +102,7 @@ def run_case(
     watch = Watch() if watch is None else watch
     with collective(comm):
         checked = case if isinstance(case, Case) else read_case(case)
-        check_tones(checked)
+        checked.check_tones()
     path = check_output_folder(os.fspath(output), comm)
     folder: Folder | None = None
     with collective(comm):
@@ -143,17 +142,18 @@ class _Run:
 
     def _one(self, name: str, title: str) -> None:
         """An analysis, its file and its pictures; a failure is noted with its reason."""
-        case, kind = self.case, self.case.tables.analyses[name].kind
+        case, kind = self.case, self.case.tables.analyses[name]
         began = time.monotonic()
         try:
             if self.structure is None:
                 self.watch.stage("mesh and model")
                 self.structure = Structure(case, self.comm)
                 self._write_model()
-            self.watch.stage(f"{title} ({kind})")
+            self.watch.stage(f"{title} ({kind.kind})")
             with located(case, "analyses", name):
                 self._require_disk(name)
-                file = self._running_file(name, kind)
+                running = os.path.join(self.path, "analyses", f"{name}.{kind.running}")
+                file = running if kind.running else None
                 result = self.structure.solve(case, name, file=file, progress=self.watch.fraction)
                 tree = self.structure.tree(case, name, result)
         except (CaseError, SolveError) as error:
@@ -171,8 +171,7 @@ class _Run:
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
             pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
-        table = case.tables.analyses[name]
-        told = no_locus(table) if kind == "locus" and not result else repr(result)
+        told = kind.told(result)
         self.structure.release(result)
         if self.folder is not None:
             self.folder.record(name, "finished", seconds=seconds)
@@ -181,40 +180,28 @@ class _Run:
     def _require_disk(self, name: str) -> None:
         """Refuse an analysis whose results would not fit on the disk. Collective."""
         assert self.structure is not None
-        model, table = self.structure.model, self.case.tables.analyses[name]
-        sizes = int(model.unknowns), len(model.pairs), len(self.structure.points(self.case))
+        model, kind = self.structure.model, self.case.tables.analyses[name]
+        points = len(self.structure.points(self.case))
+        cost = kind.cost(Size(self.case, int(model.unknowns), len(model.pairs), points))
         require_disk(
-            table.kind,
+            kind.kind,
             self.comm,
-            PlannedFile(os.path.join(self.path, RESULTS), demand(self.case, table, *sizes)[2]),
+            PlannedFile(os.path.join(self.path, RESULTS), cost.disk),
             what=f"what is kept of {name}",
             remedy=lambda share: "keep fewer instants (decimation) or points, or name another folder",
         )
 
-    def _running_file(self, name: str, kind: str) -> str | None:
-        """File from which an interrupted history or curve goes on, the same on all ranks."""
-        endings = {"transient": "history.h5", "frequency_response": "curve.h5", "load_response": "curve.h5"}
-        if kind not in endings:
-            return None
-        return os.path.join(self.path, "analyses", f"{name}.{endings[kind]}")
-
-    def _keep(self, name: str, kind: str, result: Any, tree: Tree) -> None:
+    def _keep(self, name: str, kind: Kind, result: Any, tree: Tree) -> None:
         with collective(self.comm):
             if self.folder is None:
                 return
             with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
-                file.attrs["kind"] = kind
+                file.attrs["kind"] = kind.kind
                 write_tree(file, tree)
             if self.case.tables.output.csv:
                 make_folder(os.path.join(self.path, TABLES))
                 write_tables(tree, os.path.join(self.path, TABLES), name)
-            if kind in ("periodic", "modulation") and result.reduced is not None:
-                sb.save_orbit(result, self.folder.part(name, "orbit.h5"))
-            if kind in FILED:
-                sb.save_result(result, self.folder.part(name, "result.h5"))
-            curve = self.folder.part(name, "curve.h5")
-            if kind == "frequency_response" and not os.path.isfile(curve):
-                sb.save_branch(result, curve)
+            kind.save(result, functools.partial(self.folder.part, name))
 
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""

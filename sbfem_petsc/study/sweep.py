@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,18 +13,18 @@ import numpy as np
 from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
-from ..indicators.detection import frequency_shift
 from ..parallel import agreed, alone, checked_communicator, collective
 from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths
 from .case.case import Case, read_case
-from .estimates import ROW, demand
-from .figures import figures
+from .costs import Size
+from .estimates import ROW
 from .folder import Folder
+from .kinds.kind import Wanted
 from .rows import Row
 from .shares import Costs, Shares
-from .solve import Structure
+from .structure import Structure
 from .sweep_file import FILE, Sweep, read_sweep, together, write
 from .watch import Watch, watch_for
 
@@ -176,7 +177,7 @@ class _Sweeping:
         self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
         self.costs = Costs()
         self.file = os.path.join(self.folder, f"{comm.rank // self.table.ranks_per_row:05d}.rows")
-        self.healthy: dict[str, np.ndarray] = {}
+        self.healthy: dict[str, Any] = {}
 
     def all(self) -> Sweep:
         """Compute what is missing and put the table together."""
@@ -212,8 +213,8 @@ class _Sweeping:
         """
         tables, each = self.case.tables, ROW
         if self.table.histories:
-            sizes = 0, 0, len(tables.points) + POINTS
-            each += sum(demand(self.case, tables.analyses[name], *sizes)[2] for name in self.names)
+            size = Size(self.case, 0, 0, len(tables.points) + POINTS)
+            each += sum(tables.analyses[name].cost(size).disk for name in self.names)
         require_disk(
             "sweep",
             self.comm,
@@ -237,7 +238,7 @@ class _Sweeping:
         """Rows of one structure, as long as no other group has taken them."""
         structure: Structure | None = None
         reason = ""
-        modal: dict[str, Any] = {}
+        results: dict[str, Any] = {}
         try:
             while (taken := shares.row(place)) is not None:
                 number, began, first = numbers[taken], time.monotonic(), structure is None
@@ -247,7 +248,7 @@ class _Sweeping:
                         case = self.case.with_values(self.inputs[number])
                         if structure is None:
                             structure = Structure(case, self.group)
-                        values, reason = self._row(case, number, structure, modal), ""
+                        values, reason = self._row(case, number, structure, results), ""
                     except Exception as error:  # a row that fails must not end the others
                         if isinstance(error, (OutOfMemory, MemoryError)) and self.group.size > 1:
                             raise  # but ranks that may wait for this one
@@ -270,35 +271,34 @@ class _Sweeping:
                 structure.destroy()
 
     def _row(
-        self, case: Case, number: int, structure: Structure, modal: dict[str, Any]
+        self, case: Case, number: int, structure: Structure, alike: dict[str, Any]
     ) -> dict[str, tuple[Any, str]]:
         points = structure.points(case)
         values: dict[str, tuple[Any, str]] = {}
         for name in self.names:
-            table = case.tables.analyses[name]
-            key = table.model_dump_json() if table.kind == "modal" else ""
-            result = modal.get(key) or structure.solve(case, name)
+            kind = case.tables.analyses[name]
+            key = kind.model_dump_json() if kind.alike else ""
+            result = alike.get(key) or structure.solve(case, name)
             if key:
-                modal[key] = result
-            found = figures(
-                case,
-                name,
-                result,
-                points,
-                noise=None if self.table.noise is None else (self.table.noise, number),
-                histories=self.table.histories,
-            )
+                alike[key] = result
+            healthy = functools.partial(self._healthy, case, name)
+            wanted = Wanted(case, points, self._noisy(number, name), self.table.histories, healthy)
+            found = kind.row(result, wanted)
             values.update({f"{name}/{quantity}": entry for quantity, entry in found.items()})
             structure.release(result)
-            if table.kind == "modal":
-                healthy = self._healthy(case, name)
-                if healthy is not None:
-                    shift = _shift(np.asarray(result.frequencies), healthy)
-                    values[f"{name}/frequency_shift"] = (shift, "1")
         return values
 
-    def _healthy(self, case: Case, name: str) -> np.ndarray | None:
-        """Frequencies of the healthy structure beside a row; None where there is none."""
+    def _noisy(self, number: int, name: str) -> Callable[[np.ndarray], np.ndarray] | None:
+        """Adds white noise of a signal-to-noise ratio (dB, of powers about the mean), that of a row."""
+        noise = self.table.noise
+        if noise is None:
+            return None
+        place = list(self.case.tables.analyses).index(name)
+        random, share = np.random.default_rng([noise.seed, number, place]), 10.0 ** (-noise.snr / 20.0)
+        return lambda u: u + share * float(np.std(u)) * random.standard_normal(u.shape)
+
+    def _healthy(self, case: Case, name: str) -> Any:
+        """Result of the healthy structure beside a row; None where there is none. Collective."""
         changes = self.table.healthy
         if changes is None:
             faults = {"beam": ("notches", "cracks"), "plate": ("cracks",)}
@@ -310,20 +310,11 @@ class _Sweeping:
         if key not in self.healthy:
             structure = Structure(reference, self.group)
             try:
-                found = structure.solve(reference, name)
-                self.healthy[key] = np.asarray(found.frequencies)
-                structure.release(found)
+                self.healthy[key] = structure.solve(reference, name)
+                structure.release(self.healthy[key])
             finally:
                 structure.destroy()
         return self.healthy[key]
-
-
-def _shift(cracked: np.ndarray, healthy: np.ndarray) -> np.ndarray:
-    """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
-    shift = np.full(len(cracked), np.nan)
-    both = min(len(cracked), len(healthy))
-    shift[:both] = frequency_shift(cracked[:both].tolist(), healthy[:both].tolist())
-    return shift
 
 
 def _reason(error: Exception) -> str:

@@ -190,11 +190,13 @@ def test_no_thread_waits_for_another():
 
 @pytest.mark.slow
 def test_faces_are_for_users():
-    """Modules of ours import from the module that a name comes from; studies write `sb.` as users do."""
+    """Modules of ours import from the module that a name comes from; studies write `sb.` and `plot.`
+    as users do.
+    """
     faces = {"meshing", "sbfem_petsc", "sbfem_petsc.indicators", "sbfem_petsc.plot"}
     assert all(hasattr(importlib.import_module(face), "_HOME") for face in faces)
     taken = {(name.split(".")[1], face) for name, found in imported().items() for face in faces & found}
-    assert taken == {("study", "sbfem_petsc"), ("cli", "sbfem_petsc")}
+    assert taken == {("study", "sbfem_petsc"), ("study", "sbfem_petsc.plot"), ("cli", "sbfem_petsc")}
 
 
 @pytest.mark.slow

@@ -2,7 +2,6 @@
 
 import json
 import pathlib
-import types
 import warnings
 
 import numpy as np
@@ -96,7 +95,7 @@ def test_hash_of_named_files(tmp_path):
         case = case_from_text(text, str(tmp_path / "case.toml"))
         keys.append(case.key)
     assert keys[0] != keys[1]
-    force = objects.load(case, ["burst"], 3.0)
+    (force,) = objects.load(case, ["burst"], 3.0)
     assert force.fy(1e-3) == pytest.approx(6.0)
 
 
@@ -135,17 +134,9 @@ fy = { kind = "constant", value = 4.0 }
     assert wind == sb.EdgeLoad("top", pressure=sb.Step(10.0, time=1.0))
     assert weight == sb.SupportMotion(ay=19.62)
     assert chirp == sb.PointForce("A", fx=sb.Chirp(2.0, 10.0, 20.0, 2.0), fy=sb.Constant(8.0))
-    tone = objects.load(case, ["push"], 0.5, frequency=50.0)
+    (tone,) = objects.load(case, ["push"], 0.5, frequency=50.0)
     assert tone == sb.PointForce("A", fy=sb.Harmonic(100.0, 50.0))
     model.destroy()
-
-
-def test_lacking_feature():
-    """A kind of analysis that the installed package lacks is refused with a sentence."""
-    case = case_from_text(CASE + '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\n')
-    package = types.SimpleNamespace(__name__="sbfem_petsc")
-    with pytest.raises(ValueError, match=r"line \d+: analyses\.bone\.kind needs sbfem_petsc\.backbone"):
-        objects.installed(case, ("analyses", "bone", "kind"), package, "backbone")
 
 
 def test_documentation_in_sync():

@@ -18,6 +18,7 @@ import pytest
 
 from sbfem_petsc import plot
 from sbfem_petsc.study import report
+from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.watch import LogLines
 from tests.parallel import ROOT, on_ranks
 from tests.results.test_strangers_files import changed
@@ -346,7 +347,7 @@ def test_pictures_of_analyses_with_like_names(tmp_path):
     captions = []
     for names in (("push_", ("push_2_",)), ("push_2_",)):
         body = xml.etree.ElementTree.Element("body")
-        report._pictures(body, str(tmp_path), *names)
+        report._pictures(body, str(tmp_path), KINDS["static"].captions, *names)
         captions.append([str(picture.get("alt")) for picture in body.iter("img")])
     assert captions == [
         ["deformed region of crack 1"],

@@ -377,7 +377,7 @@ def test_failures_and_bytes_between_rows(tmp_path):
 
 
 def test_failed_rows_are_tried_again(tmp_path, monkeypatch):
-    from sbfem_petsc.study.solve import Structure
+    from sbfem_petsc.study.structure import Structure
 
     path, out, solve, asked = written(tmp_path, ROWS), tmp_path / "out", Structure.solve, []
 

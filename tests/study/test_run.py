@@ -6,7 +6,6 @@ import os
 import shutil
 import signal
 import time
-from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -19,8 +18,9 @@ from meshing.folder_index import INDEX
 from sbfem_petsc.study import revive
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
+from sbfem_petsc.study.kinds.kind import Run
 from sbfem_petsc.study.run import read_run, run_case
-from sbfem_petsc.study.solve import Structure
+from sbfem_petsc.study.structure import Structure
 from tests.parallel import on_ranks
 from tests.study.small_case import CASE, sbfem, started, written
 
@@ -480,13 +480,13 @@ modes = 4
     assert sentence in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_keys_of_a_backbone():
+def test_keys_of_a_backbone(monkeypatch):
     """All options of `backbone` are keys of the case file and reach it; tongues are followed if asked for."""
     text = '[analyses.bone]\nkind = "backbone"\nmode = 1\nstart = 1e-6\nstop = 1e-3\ninteractions = true\n'
     case = case_from_text(CASE + text)
-    structure, table, given = SimpleNamespace(model=None), case.tables.analyses["bone"], {}
-    Structure._backbone(structure, case, table, lambda *_, **options: given.update(options), None, "auto")
-    options = inspect.signature(sb.backbone).parameters
+    options, given = inspect.signature(sb.backbone).parameters, {}
+    monkeypatch.setattr(sb, "backbone", lambda model, **options: given.update(options))
+    case.tables.analyses["bone"].solve(case, None, Run(progress="auto"))
     assert set(given) == set(options) - {"model"}
     assert [given.pop(name) for name in ("mode", "start", "stop", "interactions")] == [1, 1e-6, 1e-3, True]
     assert all(value == options[name].default for name, value in given.items())

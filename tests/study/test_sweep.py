@@ -19,7 +19,7 @@ from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.parameters import words_of
 from sbfem_petsc.study.rows import Row
 from sbfem_petsc.study.shares import Costs
-from sbfem_petsc.study.solve import Structure
+from sbfem_petsc.study.structure import Structure
 from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import on_ranks
 from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written

@@ -11,7 +11,6 @@ from sbfem_petsc.study.case import objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.problems import CaseError
 from sbfem_petsc.study.run import run_case
-from sbfem_petsc.study.tones import check_tones
 from tests.study.small_case import CASE, SWEEP
 
 NEW = "<new>"  # mark of the line on which the fault stands
@@ -535,7 +534,7 @@ def test_tones_without_a_common_period(fault, tmp_path):
     text = text.replace('kind = "static"\nload = "push"', 'kind = "static"\nload = "still"')
     case = case_from_text(f"{text}\n[analyses.further]\n{analysis}\n", "case.toml")
     with pytest.raises(CaseError, match=rf"case\.toml, line \d+: analyses\.further.*{item}.*{sentence}"):
-        check_tones(case)
+        case.check_tones()
     with pytest.raises(CaseError):
         run_case(case, tmp_path / "output")
     assert not (tmp_path / "output").exists()
@@ -548,6 +547,6 @@ def test_tones_that_a_sweep_gives():
     )
     text += '[sweep]\nmethod = "list"\n[sweep.parameters]\n"loads.push.fy.frequency" = [400.0, 800.0]\n'
     case = case_from_text(text, "case.toml")
-    check_tones(case, case.tables.sweep.parameters)
+    case.check_tones(case.tables.sweep.parameters)
     with pytest.raises(CaseError, match=r"analyses\.steady\.load.*517\.3 Hz"):
-        check_tones(case)
+        case.check_tones()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -14,15 +14,15 @@ from pydantic import Field, ValidationError
 from meshing.whole_file import require_regular
 
 from ...options import Pair, item
-from ..analysis_tables import Analysis
+from .analyses import Analysis
 from .contradictions import contradictions
 from .geometry import Geometry, Material, Mesh, ModelTable
 from .loads import Load
 from .locations import parse, read_text
 from .parameters import STRUCTURE, parameter_problems, replaced_in
-from .problems import CaseError, Path, Problem, from_validation
+from .problems import CaseError, from_validation
 from .sweep import SweepTable
-from .tables import Name, Table
+from .tables import Name, Path, Problem, Table
 
 
 class Output(Table):
@@ -98,6 +98,23 @@ class Case:
     def resolve(self, file: str) -> str:
         """Path of a file that the case names."""
         return os.path.join(self.folder, file)
+
+    def check_tones(self, varied: Iterable[str] = ()) -> None:
+        """Refuse analyses whose loads have no common period, or tones that belong to none of theirs.
+
+        Parameters
+        ----------
+        varied : iterable of str
+            Keys that a sweep gives other values: analyses with tones among them are left to its rows.
+
+        Raises
+        ------
+        CaseError
+        """
+        prefixes = {".".join(key.split(".")[:2]) for key in varied}
+        for name, kind in self.tables.analyses.items():
+            if not {f"analyses.{name}", *(f"loads.{load}" for load in kind.loads())} & prefixes:
+                kind.tones(self, ("analyses", name))
 
     def with_data(self, data: dict[str, Any]) -> Case:
         """The case with other tables, checked again; errors name the lines of this one."""

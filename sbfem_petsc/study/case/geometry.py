@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from ...options import Pair, item
-from .tables import AnyNames, Name, Table, by_kind
+from .tables import AnyNames, Name, Problem, Table, by_kind
 
 
 class Notch(Table):
@@ -136,6 +137,11 @@ class Isotropic(Table):
     density: float = item(text="density", unit="kg/m^3", gt=0)
     plane: Literal["stress", "strain"] = item("stress", text="plane stress or plane strain")
 
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A material that cannot be compressed in plane strain."""
+        if self.plane == "strain" and self.poisson >= 0.5:
+            yield "poisson", f"= {self.poisson:g} must be below 0.5 in plane strain"
+
 
 class Orthotropic(Table):
     """Orthotropic linear elastic material."""
@@ -180,6 +186,11 @@ class RayleighBand(Table):
     low: float = item(text="lower frequency", unit="Hz", gt=0)
     high: float = item(text="upper frequency", unit="Hz", gt=0)
 
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Frequencies in the wrong order."""
+        if self.low >= self.high:
+            yield "low", f"= {self.low:g} must be below high = {self.high:g}, in Hz"
+
 
 class ModelTable(Table):
     """Supports, damping, thickness."""
@@ -197,3 +208,9 @@ class ModelTable(Table):
     continued_fraction: int = item(
         1, text="terms of the continued fraction for the inertia of S-elements", ge=0, le=20
     )
+
+    def problems(self) -> Iterator[Problem]:
+        """Damping factors below zero."""
+        for k, value in enumerate(self.rayleigh if isinstance(self.rayleigh, list) else ()):
+            if value < 0.0:
+                yield Problem(("rayleigh", k), f"= {value:g} must not be negative")

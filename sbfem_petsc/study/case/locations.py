@@ -15,7 +15,8 @@ else:  # pragma: no cover - the standard library has it from 3.11 on
 
 from meshing.whole_file import require_regular
 
-from .problems import CaseError, Path, Problem
+from .problems import CaseError
+from .tables import Path, Problem
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _DIGITS = re.compile(r"[\d_]+")

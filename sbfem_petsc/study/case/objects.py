@@ -15,7 +15,8 @@ from meshing.plate import Plate
 from meshing.shapes.features import CrackLine, Hole, VNotch
 
 from .loads import COMPONENTS
-from .problems import CaseError, Path, one_of
+from .problems import CaseError, one_of
+from .tables import Path
 
 if TYPE_CHECKING:
     from .case import Case
@@ -110,47 +111,37 @@ def mesh(case: Case) -> BoundaryMesh:
 
 
 def _check_names(case: Case, found: BoundaryMesh) -> None:
-    tables, points, sets = case.tables, tuple(found.points), tuple(found.edge_sets)
-    places = [("model", "clamped", name) for name in clamped(case)]
+    points, sets, regions = tuple(found.points), tuple(found.edge_sets), tuple(found.material_names)
+    valid = {
+        "neither an edge set nor a point": (*sets, *points),
+        "no point": points,
+        "no edge set": sets,
+    }
+    for path, name, what in _named(case):
+        if name not in valid[what]:
+            raise case.problem(path, f"= {name!r} is {what}; {one_of(valid[what], name)}")
+    own = case.tables.materials
+    for name in own:
+        if name not in regions:
+            raise case.problem(("materials", name), f"is no region of the mesh; {one_of(regions, name)}")
+    missing = [name for name in regions if own and name not in own]
+    if missing:
+        raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
+
+
+def _named(case: Case) -> Iterator[tuple[Path, str, str]]:
+    """Names of places that a case uses: where, which, and what it is not if it does not exist."""
+    tables, either = case.tables, "neither an edge set nor a point"
+    yield from ((("model", "clamped"), name, either) for name in clamped(case))
     for k, support in enumerate(tables.model.supports):
-        places.append(("model", f"supports[{k}]", support.where))
-    for table, key, name in places:
-        if name not in points and name not in sets:
-            path: Path = (table, key)
-            if key.startswith("supports"):
-                path = (table, "supports", int(key[9:-1]), "where")
-            raise case.problem(
-                path, f"= {name!r} is neither an edge set nor a point; {one_of((*sets, *points), name)}"
-            )
+        yield ("model", "supports", k, "where"), support.where, either
     for name, load in tables.loads.items():
-        for key, valid in (("point", points), ("edge_set", sets)):
-            place = getattr(load, key, None)
-            if place is not None and place not in valid:
-                raise case.problem(
-                    ("loads", name, key), f"= {place!r} does not exist; {one_of(valid, place)}"
-                )
-    for name in tables.output.points or ():
-        if name not in points:
-            raise case.problem(("output", "points"), f"= {name!r} is no point; {one_of(points, name)}")
+        for key, what in (("point", "no point"), ("edge_set", "no edge set")):
+            if hasattr(load, key):
+                yield ("loads", name, key), getattr(load, key), what
+    yield from ((("output", "points"), name, "no point") for name in tables.output.points or ())
     for name, analysis in tables.analyses.items():
-        asked: dict[Path, Any] = {("point",): getattr(analysis, "point", None)}
-        asked |= {("stress_at", place): at for place, at in getattr(analysis, "stress_at", {}).items()}
-        asked |= {
-            ("starts", k, "point"): axis.point for k, axis in enumerate(getattr(analysis, "starts", ()))
-        }
-        for keys, point in asked.items():
-            if isinstance(point, str) and point not in points:
-                raise case.problem(
-                    ("analyses", name, *keys), f"= {point!r} is no point; {one_of(points, point)}"
-                )
-    regions = tuple(found.material_names)
-    if tables.materials:
-        for name in tables.materials:
-            if name not in regions:
-                raise case.problem(("materials", name), f"is no region of the mesh; {one_of(regions, name)}")
-        missing = [name for name in regions if name not in tables.materials]
-        if missing:
-            raise case.problem(("materials",), f"has no table for the region {missing[0]!r}; add it")
+        yield from ((("analyses", name, *path), point, "no point") for path, point in analysis.places())
 
 
 def clamped(case: Case) -> tuple[str, ...]:
@@ -211,8 +202,8 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
         )
 
 
-def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> Any:
-    """Sum of named loads.
+def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float | None = None) -> list[Any]:
+    """Named loads, which act together.
 
     Parameters
     ----------
@@ -236,7 +227,7 @@ def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float
             values[key] = _signal(case, ("loads", name, key), value, factor, frequency)
         with located(case, "loads", name):
             parts.append(kinds[table.kind](**place, **values))
-    return parts[0] if len(parts) == 1 else parts
+    return parts
 
 
 def _signal(case: Case, path: Path, table: Any, factor: float, frequency: float | None) -> Any:
@@ -258,31 +249,6 @@ def _signal(case: Case, path: Path, table: Any, factor: float, frequency: float 
             }
             signal = kinds[table.kind](**options)
         return signal if factor == 1.0 else factor * signal
-
-
-def analysis_function(case: Case, name: str) -> Any:
-    """The function of the Python interface that an analysis calls.
-
-    Raises
-    ------
-    CaseError
-        If the installed package lacks it.
-    """
-    kind = case.tables.analyses[name].kind
-    function = {"modulation": "periodic", "locus": "loci"}.get(kind, kind)
-    return installed(case, ("analyses", name, "kind"), sb, function)
-
-
-def installed(case: Case, path: Path, package: Any, name: str) -> Any:
-    """A name of a package, or the error, at a path of the case, that the package lacks it."""
-    try:
-        return getattr(package, name)
-    except AttributeError:
-        raise case.problem(
-            path,
-            f"needs {package.__name__}.{name}, which the installed version {sb.__version__} does not have; "
-            "install a newer one",
-        ) from None
 
 
 def _make(case: Case, path: Path, kind: Any, **options: Any) -> Any:

@@ -13,8 +13,9 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.stats import qmc
 
-from .problems import Path, Problem, from_validation, one_of, written
+from .problems import from_validation, one_of, written
 from .sweep import Range, SweepTable
+from .tables import Path, Problem
 
 _PART = re.compile(r'(?:^|\.)(?:"([^"]*)"|([A-Za-z0-9_-]+))|\[(\d+)\]')
 # Tables that decide over mesh, model and reduction.

@@ -5,34 +5,15 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
 from ...checks import shown
-from .tables import kind_names, member_of
+from .tables import Path, Problem, kind_names, member_of
 
-Path = tuple[str | int, ...]
-
-
-@dataclass(frozen=True)
-class Problem:
-    """One thing that is wrong.
-
-    Attributes
-    ----------
-    path : tuple of str and int
-        Where in the case: keys and positions in arrays.
-    text : str
-        The sentence without its place.
-    line : int or None
-        Line of the file; None: that of the path.
-    """
-
-    path: Path
-    text: str
-    line: int | None = None
+# Names of files, and of groups in them, and bytes of a name that leave room for endings.
+_FILED, _LONGEST = re.compile(r"[^/\\.\s][^/\\]*"), 120
 
 
 class CaseError(ValueError):
@@ -77,6 +58,11 @@ def written(path: Path) -> str:
         key = part if re.fullmatch(r"[\w-]{1,80}", part) else f'"{shown(part)[1:-1]}"'
         text += f".{key}" if text else key
     return text
+
+
+def filed(name: str) -> bool:
+    """Whether files can bear a name."""
+    return bool(_FILED.fullmatch(name)) and name.isprintable() and len(name.encode()) <= _LONGEST
 
 
 def one_of(names: Iterable[str], wrong: object = None) -> str:

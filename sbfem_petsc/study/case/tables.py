@@ -4,15 +4,42 @@ from __future__ import annotations
 
 import types
 import typing
+from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag
 
 from ...options import Options
 
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong.
+
+    Attributes
+    ----------
+    path : tuple of str and int
+        Where in the case: keys and positions in arrays.
+    text : str
+        The sentence without its place.
+    line : int or None
+        Line of the file; None: that of the path.
+    """
+
+    path: Path
+    text: str
+    line: int | None = None
+
 
 class Table(Options):
     """A table of a case file."""
+
+    def problems(self) -> Iterator[Problem]:
+        """What single keys cannot tell, at paths within the table."""
+        return (Problem((key,) if key else (), text) for key, text in self.contradictions())
 
 
 def _printable(name: str) -> str:
@@ -41,11 +68,12 @@ def kind_of(value: Any) -> Any:
 
 def by_kind(*tables: type[Table]) -> Any:
     """Union of tables told apart by their key `kind`."""
-    members = tuple(Annotated[table, Tag(_kind(table))] for table in tables)
+    members = tuple(Annotated[table, Tag(kind_name(table))] for table in tables)
     return Annotated[typing.Union[members], Discriminator(kind_of)]  # noqa: UP007 - made at run time
 
 
-def _kind(table: type[BaseModel]) -> str:
+def kind_name(table: type[BaseModel]) -> str:
+    """Kind of a table that has one."""
     return str(typing.get_args(table.model_fields["kind"].annotation)[0])
 
 
@@ -96,7 +124,9 @@ def _chosen(annotation: Any, value: Any) -> Any:
         for table in found:
             if "kind" not in table.model_fields:
                 continue
-            if _kind(table) == wanted or (wanted is None and not table.model_fields["kind"].is_required()):
+            if kind_name(table) == wanted or (
+                wanted is None and not table.model_fields["kind"].is_required()
+            ):
                 return table
         return found[0] if len(found) == 1 else annotation
     return annotation
@@ -104,4 +134,4 @@ def _chosen(annotation: Any, value: Any) -> Any:
 
 def kind_names(annotation: Any) -> list[str]:
     """Kinds of the tables in an annotation."""
-    return [_kind(table) for table in members(annotation) if "kind" in table.model_fields]
+    return [kind_name(table) for table in members(annotation) if "kind" in table.model_fields]

@@ -1,0 +1,62 @@
+"""What analyses cost, by fitted rules; see `estimates`."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .case.case import Case
+
+# Modes of a reduction, steps of a period, and points of a curve, where a case does not say.
+FEWEST_MODES, STEPS, CURVE_POINTS = 80, 512, 60
+# Seconds: a step of a history, for each mode and as much again for each so many contact pairs; a step of a
+# steady state without its multipliers, for the square of the modes and for the pairs, and with them.
+_HISTORY, _ALIKE = 1.5e-8, 26.0
+_SQUARE, _PAIR, MULTIPLIERS = 1.6e-9, 1.5e-7, 2.0
+
+
+@dataclass(frozen=True)
+class Size:
+    """What the cost of an analysis depends on: unknowns of the model, contact pairs, points that are kept;
+    the case for its loads.
+    """
+
+    case: Case
+    unknowns: int
+    pairs: int
+    points: int
+
+    def extracting(self, count: int) -> float:
+        """Seconds of so many modes."""
+        return 0.05 + 6e-7 * self.unknowns * count
+
+    def modes(self, asked: int | None) -> int:
+        """Modes of a reduction."""
+        return asked or min(FEWEST_MODES, max(1, self.unknowns // 4))
+
+    def stepping(self, modes: int) -> float:
+        """Seconds of a step of a history."""
+        return _HISTORY * modes * (1.0 + self.pairs / _ALIKE)
+
+    def period(self, modes: int, steps: int) -> tuple[float, float]:
+        """Seconds and bytes of so many steps of a steady state."""
+        seconds = steps * (_SQUARE * modes**2 + _PAIR * self.pairs)
+        return seconds, 8.0 * steps * (6 * modes + 3 * self.pairs)
+
+
+@dataclass(frozen=True)
+class Cost:
+    """Seconds on one core, of what analyses of one structure share and of an analysis itself; bytes of memory
+    beside the model's, and on the disk.
+    """
+
+    shared: float
+    own: float
+    memory: float = 0.0
+    disk: float = 0.0
+
+    @property
+    def seconds(self) -> float:
+        """Of a first analysis."""
+        return self.shared + self.own

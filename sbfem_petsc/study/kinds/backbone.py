@@ -1,0 +1,62 @@
+"""backbone: frequency of free vibration over its energy."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import sbfem_petsc as sb
+
+from ...analysis.options import BackboneOptions
+from ...options import item
+from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..quantities import Tree, of_points, quantities
+from .kind import Drawn, Kind, Run, Values, Wanted
+
+
+class Backbone(BackboneOptions, Kind):
+    """Free nonlinear vibration: frequency over energy of a nonlinear normal mode."""
+
+    kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
+    alike = True
+    saved = "result.h5"
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
+        return sb.backbone(model, **self.of(BackboneOptions), progress=run.progress)
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        return {
+            **quantities(
+                result,
+                mode=("1", "number of the mode"),
+                energy=("J", "energy of the motion"),
+                frequency=("Hz", "frequency of the motion"),
+                frequency_error=("Hz", "estimated error of the frequency"),
+                damping_ratio=("1", "damping ratio by the rate of decay"),
+                damping_error=("1", "estimated error of damping_ratio"),
+                energy_damping_ratio=("1", "damping ratio by the energy"),
+                energy_damping_error=("1", "estimated error of energy_damping_ratio"),
+                stable=("1", "stability of each point"),
+                complete=("1", ""),
+                reason=("1", "why the branch ends"),
+            ),
+            "amplitude": of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
+            "harmonics": of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        return {
+            "first_frequency": (float(result.frequency[0]), "Hz"),
+            "last_frequency": (float(result.frequency[-1]), "Hz"),
+            "last_energy": (float(result.energy[-1]), "J"),
+        }
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        yield "backbone", drawn.plot.plot_backbone({drawn.title: result}, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        # some iterations a point, and each once more with half the step
+        modes, count = size.modes(self.modes), min(self.points, CURVE_POINTS)
+        seconds, memory = size.period(modes, self.steps or STEPS)
+        seconds *= 6 * count * (MULTIPLIERS if self.stability else 1.0)
+        return Cost(size.extracting(modes), seconds, memory, 400.0 * count * (modes + size.points * 60))

@@ -1,0 +1,130 @@
+"""basins: which steady state the histories from a grid of initial states settle on."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import BasinsOptions
+from ...options import item
+from ..case.parameters import grid
+from ..case.sweep import Times
+from ..case.tables import Name, Path, Problem, Table
+from ..costs import STEPS, Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import PERIODIC, Drawn, Loaded, Run, Values, Wanted
+from .periodic import common_period
+
+
+class StartAxis(Table):
+    """An axis of a grid of initial states."""
+
+    values: Times = item(text="rising values: a list or { start, stop, count }")
+    kind: Literal["displacement", "velocity", "impulse"] = item(
+        "displacement", text="of a mode; impulse: of a unit load, N s"
+    )
+    mode: int = item(1, text="number of the mode, of an impulse that of the unit load, from 1", ge=1)
+    point: Name | None = item(
+        None, text="point whose motion the values are (m, m/s); default: modal coordinates"
+    )
+    direction: Literal["x", "y"] = item("y", text="direction of the point's motion")
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Values that do not rise, and a point that an impulse has not."""
+        values = self.values
+        listed = values if isinstance(values, list) else [values.start, values.stop][: values.count]
+        if any(after <= before for before, after in zip(listed, listed[1:])):
+            yield "values", f"= {listed} must rise"
+        if self.kind == "impulse" and self.point is not None:
+            yield "point", f"= {self.point!r} has no meaning for an impulse; leave it out"
+
+
+class Basins(BasinsOptions, Loaded):
+    """Which steady state the histories from a grid of initial states settle on."""
+
+    kind: Literal["basins"] = item(text="basins of attraction")
+    starts: list[StartAxis] = item(text="axes of the grid", min_length=1, max_length=3)
+    signals = PERIODIC
+    saved = "result.h5"
+
+    def problems(self) -> Iterator[Problem]:
+        """A load that is none, and a mode that is not kept, too."""
+        yield from super().problems()
+        if self.factor == 0.0:
+            yield Problem(("factor",), "= 0 leaves no load; give another factor")
+        for k, axis in enumerate(self.starts):
+            if axis.kind != "impulse" and self.modes is not None and axis.mode > self.modes:
+                text = f"= {axis.mode} must be one of the modes = {self.modes}"
+                yield Problem(("starts", k, "mode"), text)
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Basins:
+        starts = [
+            sb.StartAxis(
+                tuple(map(float, grid(axis.values))),
+                axis.kind,
+                axis.mode,
+                axis.point,
+                direction=axis.direction,
+            )
+            for axis in self.starts
+        ]
+        options = self.of(BasinsOptions)
+        return sb.basins(model, self.acting(case), starts=starts, **options, progress=run.progress)
+
+    def places(self) -> Iterator[tuple[Path, str]]:
+        return (
+            (("starts", k, "point"), axis.point)
+            for k, axis in enumerate(self.starts)
+            if axis.point is not None
+        )
+
+    def tones(self, case: Any, path: Path) -> None:
+        common_period(self, case, path)
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        return {
+            "reached": Quantity(result.reached, "1", "number of the orbit that is reached, -1 for none"),
+            "periods": Quantity(result.periods, "1", "forcing periods until that was known"),
+            "share": Quantity(result.share, "1", "share of the initial states that reach each orbit"),
+            **{
+                f"axis{number}": Quantity(np.array(axis.values), "1", axis.label)
+                for number, axis in enumerate(result.axes, 1)
+            },
+            "orbits": [
+                {
+                    "periods": Quantity(int(orbit.periods), "1", "forcing periods in its period"),
+                    "largest_multiplier": Quantity(complex(orbit.multipliers[0]), "1", "of largest modulus"),
+                    "contact_peak": Quantity(
+                        float(orbit.contact_resultant.max(initial=0.0)), "N", "largest resultant"
+                    ),
+                    "amplitude": of_points(points, orbit.amplitude, "m", "half the peak-to-peak of u_y"),
+                    "integrity": Quantity(
+                        result.integrity(k), "J", "energy of the least disturbance that leads away"
+                    ),
+                }
+                for k, orbit in enumerate(result.orbits)
+            ],
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        return {
+            "orbits": (float(len(result.orbits)), "1"),
+            "largest_share": (float(result.share.max(initial=0.0)), "1"),
+            "not_settled": (float(np.mean(result.reached < 0)), "1"),
+        }
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        if len(result.axes) == 2 and min(result.reached.shape) > 1:
+            yield "basins", drawn.plot.plot_basins(result, title=drawn.title, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        modes = size.modes(self.modes)
+        starts = math.prod(len(grid(axis.values)) for axis in self.starts)
+        # about a hundred periods a history
+        seconds = 100 * starts * (self.steps or STEPS) * size.stepping(modes)
+        return Cost(size.extracting(modes), seconds, 16.0 * starts * modes, 32.0 * starts)

@@ -1,0 +1,129 @@
+"""frequency_response: steady states over the forcing frequency."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import FrequencyResponseOptions
+from ...options import item
+from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..quantities import Quantity, Tree, of_points, quantities
+from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
+
+
+class Curve(Kind):
+    """A kind whose result is a response curve."""
+
+    running = "curve.h5"
+    captions = {"curve": "response curve"}
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        over = "Hz" if result.parameter == "frequency" else "1"
+        tree: Tree = {
+            "parameter": Quantity(result.parameter),
+            "frequency": Quantity(np.asarray(result.frequency), "Hz", "forcing frequency"),
+            **branch_tree(result, points, over, "frequency, or factor on the loads"),
+            "undecided": Quantity(result.undecided, "1", "whether its uncertainty leaves that open"),
+            "converged": Quantity(result.converged),
+            "contact_peak": Quantity(result.contact_peak, "N", "largest contact resultant"),
+            "bifurcations": [
+                {
+                    "kind": item.kind,
+                    "value": float(item.value),
+                    "error": float(item.error),
+                    "own_value": float(item.own_value),
+                    "multiplier": complex(item.multiplier),
+                }
+                for item in result.bifurcations
+            ],
+        }
+        if result.parameter == "frequency":
+            tree["peak"] = {
+                point: quantities(
+                    result.peak(point),
+                    frequency=("Hz", "of the largest amplitude"),
+                    amplitude=("m", "largest amplitude"),
+                    lower=("Hz", "lower half-power frequency"),
+                    upper=("Hz", "upper half-power frequency"),
+                    bandwidth=("Hz", "half-power bandwidth"),
+                    skewness=("1", "0 symmetric, +1 leaning to higher frequencies"),
+                )
+                for point in points
+            }
+        return tree
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {
+            "complete": (float(result.complete), "1"),
+            "curve_points": (float(len(result.value)), "1"),
+            "unstable_points": (float(np.sum(~np.asarray(result.stable))), "1"),
+            "bifurcations": (float(len(result.bifurcations)), "1"),
+        }
+        for point in wanted.points:
+            if result.parameter != "frequency":
+                values[f"last_amplitude/{point}"] = (float(result.amplitude(point)[-1]), "m")
+                continue
+            peak = result.peak(point)
+            values[f"peak_frequency/{point}"] = (peak.frequency, "Hz")
+            values[f"peak_amplitude/{point}"] = (peak.amplitude, "m")
+            values[f"bandwidth/{point}"] = (peak.bandwidth, "Hz")
+            values[f"skewness/{point}"] = (peak.skewness, "1")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.points)
+        if point is not None:
+            yield "curve", drawn.plot.plot_branches({drawn.title: result}, point, comm=drawn.comm)
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        """A curve without contact is not kept while it runs."""
+        if not os.path.isfile(part(self.running)):
+            sb.save_branch(result, part(self.running))
+
+    @classmethod
+    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        if tree["bifurcations"]:
+            yield ("bifurcation", "at"), [(entry["kind"], entry["value"]) for entry in tree["bifurcations"]]
+
+
+class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
+    """Steady states over the forcing frequency, through folds; the linear response without contact."""
+
+    kind: Literal["frequency_response"] = item(text="response curve over the frequency")
+    signals = ("constant",)
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
+        kept = run.kept if self.contact else {"progress": run.progress}
+        options = self.of(FrequencyResponseOptions)
+        return sb.frequency_response(model, self.acting(case), **options, **kept)
+
+    def cost(self, size: Size) -> Cost:
+        if not self.contact:
+            return Cost(size.extracting(size.modes(self.modes)), 0.0, disk=1e6)
+        return curve_cost(size, self)
+
+
+def branch_tree(result: Any, points: Sequence[str], unit: str, text: str) -> Tree:
+    """What curves of any kind have in common, over a value with its unit and description."""
+    return {
+        "value": Quantity(result.value, unit, text),
+        "amplitude": of_points(points, result.amplitude, "m", "half the peak-to-peak of u_y"),
+        "harmonics": of_points(points, result.harmonics, "m", "complex harmonics of u_y, the mean first"),
+        "stable": Quantity(result.stable, "1", "stability of each point"),
+        "complete": Quantity(bool(result.complete)),
+        "reason": Quantity(result.reason, "1", "why the curve ends"),
+    }
+
+
+def curve_cost(size: Size, table: Any) -> Cost:
+    """Of a curve of steady states."""
+    modes, count = size.modes(table.modes), min(table.points, CURVE_POINTS)
+    seconds, memory = size.period(modes, (table.steps or STEPS) * (table.periods or 1))
+    seconds *= count * (MULTIPLIERS if table.stability else 1.0)
+    return Cost(size.extracting(modes), seconds, memory, 400.0 * count * (modes + size.points * 60))

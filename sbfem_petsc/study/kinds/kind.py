@@ -1,0 +1,265 @@
+"""What every kind of analysis tells of itself: its table in a case file, and what runs, sweeps, reports and
+estimates do with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...options import item
+from ..case import objects
+from ..case.loads import COMPONENTS
+from ..case.problems import one_of
+from ..case.tables import Names, Path, Problem, Table
+from ..costs import Cost, Size
+from ..quantities import Tree
+
+if TYPE_CHECKING:
+    from ..case.case import Case, CaseTables
+
+Values = dict[str, tuple[Any, str]]  # value and unit by name
+LOAD = "name of a load, or several that act together"
+PERIODIC: tuple[str, ...] = ("harmonic", "constant")
+
+
+@dataclass(frozen=True)
+class Run:
+    """How an analysis is run.
+
+    Attributes
+    ----------
+    file : str or None
+        File from which an interrupted run goes on, of kinds with `running`.
+    progress : callable or None
+        Called with the fraction done where the analysis tells it.
+    """
+
+    file: str | None = None
+    progress: Callable[[float], None] | None = None
+
+    @property
+    def kept(self) -> dict[str, Any]:
+        """Arguments of an analysis that keeps what it has until it is told to go on."""
+        return {"file": self.file, "resume": self.file is not None, "progress": self.progress}
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What a row of a sweep is to hold of an analysis.
+
+    Attributes
+    ----------
+    case : Case
+        That of the row.
+    points : sequence of str
+    noisy : callable or None
+        Adds noise to a motion.
+    histories : bool
+        Keep the motion of the points too.
+    healthy : callable
+        Gives the result of the structure without faults, or None where there is none. Collective.
+    """
+
+    case: Case
+    points: Sequence[str]
+    noisy: Callable[[np.ndarray], np.ndarray] | None
+    histories: bool
+    healthy: Callable[[], Any]
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """What pictures of a result need beside it: the analysis' name, points that the case asks for, ranks."""
+
+    title: str
+    asked: Sequence[str]
+    comm: Any
+
+    @property
+    def plot(self) -> Any:
+        """Matplotlib comes with the first picture."""
+        from ... import plot
+
+        return plot
+
+    def point(self, known: Any) -> str | None:
+        """The point that a picture shows: the first that the case asks for, else the free end's corner."""
+        known = list(known)
+        chosen = [point for point in self.asked if point in known]
+        return chosen[0] if chosen else "A" if "A" in known else known[0] if known else None
+
+
+class Kind(Table):
+    """A table [analyses.NAME] and what is done with it.
+
+    Attributes
+    ----------
+    loads_in : tuple of str
+        Keys that name loads.
+    signals : tuple of str or None
+        Kinds of signals that its loads may have beside numbers; None: all.
+    free : bool
+        Whether the structure may have rigid-body motions.
+    statics : bool
+        Whether it takes memory as statics do, and not as modes.
+    alike : bool
+        Whether loads have no part in it: one result serves all rows of a structure.
+    moving : bool
+        Whether its result is a motion, which can be animated.
+    fields : bool
+        Whether its result has fields for ParaView.
+    running : str
+        Ending of the file from which an interrupted run goes on.
+    saved : str
+        Ending of the file that a result is written to by itself.
+    captions : dict of str to str
+        What its pictures show, where their names do not say it.
+    """
+
+    if TYPE_CHECKING:
+        kind: Any  # the name in a case file, of each kind its own
+
+    loads_in: ClassVar[tuple[str, ...]] = ()
+    signals: ClassVar[tuple[str, ...] | None] = None
+    free: ClassVar[bool] = False
+    statics: ClassVar[bool] = False
+    alike: ClassVar[bool] = False
+    moving: ClassVar[bool] = False
+    fields: ClassVar[bool] = False
+    running: ClassVar[str] = ""
+    saved: ClassVar[str] = ""
+    captions: ClassVar[dict[str, str]] = {}
+
+    def solve(self, case: Case, model: Any, run: Run) -> Any:
+        """The result, on the case's model. Collective."""
+        raise NotImplementedError
+
+    def loads(self) -> list[str]:
+        """Names of its loads."""
+        return [name for key in self.loads_in for name in getattr(self, key)]
+
+    def against(self, case: CaseTables) -> Iterator[Problem]:
+        """What contradicts the rest of the case, at paths within the table."""
+        if not self.free and case.model.clamped == [] and not case.model.supports:
+            yield Problem(
+                ("kind",),
+                f"= {self.kind!r} needs a structure held against every rigid-body motion, but "
+                "model.clamped = [] and there are no supports; clamp an edge set",
+            )
+        for key in self.loads_in:
+            names = getattr(self, key)
+            yield from (
+                Problem((key,), f"= {name!r} is no load; {one_of(case.loads, name)}")
+                for name in names
+                if name not in case.loads
+            )
+            loads = {name: case.loads[name] for name in names if name in case.loads}
+            yield from self._signals(key, loads)
+
+    def _signals(self, key: str, loads: dict[str, Any]) -> Iterator[Problem]:
+        """Signals that an analysis does not understand; and a number beside signals that vary, where numbers
+        are amplitudes: it may be meant as a constant.
+        """
+        allowed = self.signals
+        if allowed is None:
+            return
+        given = [
+            (name, part, getattr(load, part, 0.0)) for name, load in loads.items() for part in COMPONENTS
+        ]
+        kinds = [getattr(value, "kind", None) for _, _, value in given]
+        for (name, part, _), kind in zip(given, kinds):
+            if kind is not None and kind not in allowed:
+                what = f"numbers and {' or '.join(allowed)}" if allowed else "numbers"
+                yield Problem(
+                    (key,),
+                    f"= {name!r} has {part} of kind {kind!r}, but {self.kind} takes {what}; use "
+                    "transient, or another load",
+                )
+        if "harmonic" not in allowed or all(kind in (None, "constant") for kind in kinds):
+            return
+        for name, part, value in given:
+            if isinstance(value, float) and value != 0.0:
+                yield Problem(
+                    (key,),
+                    f"= {name!r} has {part} = {value:g}, a number beside signals, which may be meant as a "
+                    f'constant or as an amplitude; give {{ kind = "constant", value = {value:g} }} or '
+                    f'{{ kind = "harmonic", amplitude = {value:g}, frequency = ... }}',
+                )
+
+    def places(self) -> Iterator[tuple[Path, str]]:
+        """Points that must exist, by their paths within the table."""
+        return iter(())
+
+    def tones(self, case: Case, path: Path) -> None:
+        """Refuse loads without the common period or the tones that the analysis needs, which a run would come
+        to refuse behind the analyses before it.
+
+        Parameters
+        ----------
+        case : Case
+        path : tuple
+            Of the table.
+
+        Raises
+        ------
+        CaseError
+        """
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        """Quantities of a result. Collective."""
+        raise NotImplementedError
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        """What a row of a sweep keeps of a result. Collective."""
+        raise NotImplementedError
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        """Name and axes of each picture. Collective."""
+        return iter(())
+
+    def write_fields(self, result: Any, path: str) -> None:
+        """Write fields for ParaView, of kinds with `fields`. Collective."""
+        raise NotImplementedError
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        """Write the result itself, of kinds with `saved`, to the path that `part` gives an ending. On one
+        rank.
+        """
+        if self.saved:
+            sb.save_result(result, part(self.saved))
+
+    def told(self, result: Any) -> str:
+        """A line about a result."""
+        return repr(result)
+
+    def cost(self, size: Size) -> Cost:
+        """What it takes."""
+        raise NotImplementedError
+
+    @classmethod
+    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        """Heading and rows of tables in a report, beside that of all small quantities."""
+        return iter(())
+
+
+class Loaded(Kind):
+    """A kind under loads that act together, with a factor on them."""
+
+    loads_in = ("load",)
+    load: Names = item(text=LOAD)
+    factor: float = item(1.0, text="factor on the load")
+
+    def acting(self, case: Case) -> Any:
+        """The loads."""
+        return objects.load(case, self.load, self.factor)
+
+
+def peak_of(u: np.ndarray) -> float:
+    """Half the peak-to-peak of u_y."""
+    return 0.5 * float(np.ptp(u[:, 1]))

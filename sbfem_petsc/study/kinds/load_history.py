@@ -1,0 +1,79 @@
+"""load_history: equilibria under slowly changing loads."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import LoadHistoryOptions
+from ...options import item
+from ..case.parameters import grid
+from ..case.sweep import Times
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import Drawn, Loaded, Run, Values, Wanted
+from .static import notes
+
+
+class LoadHistory(LoadHistoryOptions, Loaded):
+    """Static states along loads that change slowly, signals taken at each time; numbers are constants."""
+
+    kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
+    times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
+    statics = True
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
+        return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        return {
+            "time": Quantity(result.time, "s", "times of the states"),
+            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
+            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+            "gap": Quantity(result.gap, "m", "gaps of the contact pairs", detail=True),
+            "stress_intensity": {
+                name: Quantity(factors, unit, "K_I, K_II") for name, factors, unit in _intensities(result)
+            },
+            **notes(result),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {
+            "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
+            "closed_states": (float(np.sum(result.contact_resultant > 0.0)), "1"),
+        }
+        for point in wanted.points:
+            u = result.displacement(point)
+            values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
+            if wanted.histories:
+                values[f"displacement/{point}"] = (u, "m")
+        for name, factors, unit in _intensities(result):
+            values[f"peak_stress_intensity/{name}"] = (np.abs(factors).max(axis=0), unit)
+            if wanted.histories:
+                values[f"stress_intensity/{name}"] = (factors, unit)
+        if wanted.histories:
+            values["time"] = (result.time, "s")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.states[0].model.points)
+        if point is not None:
+            yield "history", drawn.plot.plot_load_history(result, point, title=drawn.title, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        count = len(grid(self.times))
+        disk = 8.0 * count * (2 * size.pairs + 4 * size.points)
+        return Cost(0.0, count * (0.01 + 1e-5 * size.unknowns), 24.0 * size.unknowns * count, disk)
+
+
+def _intensities(result: Any) -> Iterator[tuple[str, np.ndarray, str]]:
+    """Name, factors over time and unit of each tip."""
+    first = result.states[0]
+    return (
+        (name, result.stress_intensity(name), first.model.tips.unit(name)) for name in first.stress_intensity
+    )

@@ -1,0 +1,35 @@
+"""load_response: steady states over a factor on the oscillating loads."""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import sbfem_petsc as sb
+
+from ...analysis.options import LoadResponseOptions
+from ...options import item
+from ..case.objects import load
+from ..case.tables import Names, Path
+from ..costs import Cost, Size
+from .frequency_response import Curve, curve_cost
+from .kind import LOAD, PERIODIC, Run
+from .periodic import common_period
+
+
+class LoadResponse(LoadResponseOptions, Curve):
+    """Steady states at a fixed frequency over a factor on the oscillating loads."""
+
+    kind: Literal["load_response"] = item(text="response curve over the load")
+    load: Names = item(text=LOAD)
+    loads_in = ("load",)
+    signals = PERIODIC
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
+        options = self.of(LoadResponseOptions)
+        return sb.load_response(model, load(case, self.load), **options, **run.kept)
+
+    def tones(self, case: Any, path: Path) -> None:
+        common_period(self, case, path)
+
+    def cost(self, size: Size) -> Cost:
+        return curve_cost(size, self)

@@ -1,0 +1,99 @@
+"""locus: bifurcations of a response curve, followed over a second parameter."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import sbfem_petsc as sb
+
+from ...analysis.options import FrequencyRange, LineOptions
+from ...options import item
+from ..case.tables import Problem
+from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..quantities import Quantity, Tree
+from .kind import Drawn, Loaded, Run, Values, Wanted
+
+
+class Locus(LineOptions, FrequencyRange, Loaded):
+    """Bifurcations of a response curve over the frequency, followed over a second parameter: a map of
+    behaviour."""
+
+    kind: Literal["locus"] = item(text="bifurcations over frequency and a second parameter")
+    least: float = item(0.5, text="least factor", ge=0, le=1)
+    most: float = item(2.0, text="largest factor", ge=1)
+    bifurcations: list[Literal["fold", "period doubling", "Neimark-Sacker", "grazing"]] = item(
+        ["fold", "period doubling", "Neimark-Sacker"], text="which kinds are followed", min_length=1
+    )
+    signals = ("constant",)
+    saved = "result.h5"
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A range of one factor, too."""
+        yield from super().contradictions()
+        if self.least == self.most:
+            yield "most", f"= {self.most:g} is least itself; give a range of factors"
+
+    def against(self, case: Any) -> Iterator[Problem]:
+        """A factor on damping that there is none of, too."""
+        yield from super().against(case)
+        undamped = case.model.damping == 0.0 and case.model.rayleigh is None
+        if self.parameter == "damping" and undamped:
+            text = '= "damping" has no effect without damping; give model.damping, or another parameter'
+            yield Problem(("parameter",), text)
+
+    def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.Locus, ...]:
+        load, kinds = self.acting(case), tuple(self.bifurcations)
+        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=run.progress)
+        options = self.of(LineOptions)
+        return sb.loci(curve, self.least, self.most, kinds=kinds, **options, progress=run.progress)
+
+    def _none(self) -> str:
+        """Why there is no line."""
+        listed = " or ".join(filter(None, (", ".join(self.bifurcations[:-1]), self.bifurcations[-1])))
+        return (
+            f"no {listed} that can be followed was found on the curve from {self.start:g} to {self.stop:g} Hz"
+            f"{f' at {self.factor:g} times the load' if self.factor != 1.0 else ''}"
+        )
+
+    def told(self, result: Any) -> str:
+        return repr(result) if result else self._none()
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        lines = [
+            {
+                "kind": line.kind,
+                "parameter": line.parameter,
+                "frequency": Quantity(line.frequency, "Hz", "forcing frequency"),
+                "value": Quantity(line.value, "1", "factor on the second parameter"),
+                "multiplier": Quantity(
+                    line.multiplier, "1", "multiplier on the unit circle, nan for grazing"
+                ),
+                "ends": f"{line.reasons[0]}; {line.reasons[1]}",
+            }
+            for line in result
+        ]
+        tree: Tree = {"count": Quantity(len(lines), "1", "number of lines"), "loci": lines}
+        return tree if lines else {**tree, "reason": Quantity(self._none(), "1", "why there is none")}
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {}
+        for kind in self.bifurcations:
+            lines = [line for line in result if line.kind == kind]
+            name = kind.replace(" ", "_").replace("-", "_").lower()
+            values[f"{name}_lines"] = (float(len(lines)), "1")
+            least = min((float(line.value.min()) for line in lines), default=math.nan)
+            values[f"{name}_least_factor"] = (least, "1")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        if result:
+            yield "loci", drawn.plot.plot_loci(result, title=drawn.title, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        # a curve with its multipliers, and three Newton iterations with four sets of them a point of a line
+        modes, lines = size.modes(self.modes), 4
+        seconds, memory = size.period(modes, self.steps or STEPS)
+        seconds *= MULTIPLIERS * (CURVE_POINTS + 12 * lines * min(self.points, 40))
+        return Cost(size.extracting(modes), seconds, memory, 64.0 * lines * self.points)

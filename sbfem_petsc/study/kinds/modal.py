@@ -1,0 +1,104 @@
+"""modal: natural frequencies and modes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import ModalOptions
+from ...indicators.detection import frequency_shift
+from ...options import item
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import Drawn, Kind, Run, Values, Wanted
+
+# Rows of a report's table.
+_ROWS = 60
+
+
+class Modal(ModalOptions, Kind):
+    """Natural frequencies and modes of the undamped structure with open cracks: `count` or `band`."""
+
+    kind: Literal["modal"] = item(text="natural frequencies and modes")
+    free = alike = fields = True
+    captions = {"modes": "mode shapes"}
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
+        return sb.modal(model, **self.of(ModalOptions))
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        return {
+            "frequencies": Quantity(result.frequencies, "Hz", "natural frequencies, open cracks"),
+            "residuals": Quantity(result.residuals, "1", "residuals of the eigenpairs"),
+            "displacement": of_points(
+                points, result.displacement, "m", "displacement (x, y) in each mass-normalised mode"
+            ),
+            "solver": Quantity(result.solver),
+            "iterations": Quantity(int(result.iterations)),
+            "unknowns": Quantity(int(result.unknowns)),
+            **estimated(self, result),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {
+            "frequencies": (np.asarray(result.frequencies), "Hz"),
+            "largest_residual": (float(np.max(result.residuals)), "1"),
+            **estimated_error(self, result),
+        }
+        healthy = wanted.healthy()
+        if healthy is not None:
+            values["frequency_shift"] = (_shift(result.frequencies, healthy.frequencies), "1")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        yield "modes", drawn.plot.plot_modes(result)
+
+    def write_fields(self, result: Any, path: str) -> None:
+        from ...results.vtu import write_modes
+
+        write_modes(path, result)
+
+    def cost(self, size: Size) -> Cost:
+        count = self.count or 50
+        return Cost(
+            size.extracting(count), 0.0, 24.0 * size.unknowns * count, 16.0 * count * (size.points + 1)
+        )
+
+    @classmethod
+    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        frequencies = tree["frequencies"].value[:_ROWS]
+        yield ("mode", "frequency, Hz"), list(enumerate(map(float, frequencies), 1))
+
+
+def _shift(cracked: Any, healthy: Any) -> np.ndarray:
+    """Relative shift of frequencies paired by their numbers; nan where one structure has fewer in a band."""
+    shift = np.full(len(cracked), np.nan)
+    both = min(len(cracked), len(healthy))
+    shift[:both] = frequency_shift(list(map(float, cracked[:both])), list(map(float, healthy[:both])))
+    return shift
+
+
+def estimated(table: Any, result: Any) -> Tree:
+    """What an accuracy asked for has led to."""
+    if table.accuracy is None:
+        return {}
+    estimate = result.estimate
+    return {
+        "estimate": {
+            "error": Quantity(float(estimate.error), "1", "estimated relative error"),
+            "first_error": Quantity(float(estimate.first_error), "1", "that of the case's own mesh"),
+            "converged": Quantity(bool(estimate.converged), "1", "whether the accuracy is reached"),
+            "unknowns": Quantity(
+                np.array([level.unknowns for level in estimate.levels]), "1", "displacement unknowns by level"
+            ),
+        }
+    }
+
+
+def estimated_error(table: Any, result: Any) -> Values:
+    """Error of an analysis that an accuracy is asked of."""
+    return {} if table.accuracy is None else {"estimated_error": (float(result.estimate.error), "1")}

@@ -1,0 +1,143 @@
+"""modulation: two tones with a common period, and the sidebands of the high one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...indicators.lines import Sidebands, sidebands
+from ...loads import separate
+from ...options import item
+from ..case.objects import load, located
+from ..case.tables import Name, Names, Path
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree
+from .kind import Drawn, Run, Values, Wanted
+from .periodic import Steady, steady_cost
+
+# Share of a period that counts as none when whole periods are counted.
+_ROUNDING = 1e-9
+
+
+class Modulation(Steady):
+    """Vibro-acoustic modulation: steady state under a strong low tone and a weak high one, with the sidebands
+    of the high one. Numbers in the two loads are the tones' amplitudes."""
+
+    kind: Literal["modulation"] = item(text="two tones and their sidebands")
+    pump: Names = item(text="load of the low tone")
+    pump_frequency: float = item(text="low tone", unit="Hz", gt=0)
+    probe: Names = item(text="load of the high tone")
+    probe_frequency: float = item(text="high tone", unit="Hz", gt=0)
+    point: Name = item(text="point whose motion is read")
+    direction: Literal["x", "y"] = item("y", text="direction of the motion that is read")
+    pairs: int = item(3, text="pairs of sidebands", ge=1, le=10)
+    longest: int = item(
+        64, text="most periods of the low tone in the common period of both tones", ge=1, le=2000
+    )
+    steps: int | None = item(None, text="time steps a period of the low tone", ge=48)
+    modes: int | None = item(None, text="modes; default: as for periodic", ge=1)
+    contact: bool = item(True, text="false: crack faces may overlap")
+    stability: bool = item(True, text="compute the Floquet multipliers")
+    loads_in = ("pump", "probe")
+    signals = ("constant",)
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Tones in the wrong order."""
+        if self.pump_frequency >= self.probe_frequency:
+            yield (
+                "pump_frequency",
+                f"= {self.pump_frequency:g} must be below probe_frequency = {self.probe_frequency:g}, in Hz; "
+                "exchange pump and probe",
+            )
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
+        return sb.periodic(
+            model,
+            self._acting(case),
+            self.pump_frequency,
+            steps=self._steps(),
+            modes=self.modes,
+            contact=self.contact,
+            stability=self.stability,
+            longest=self.longest,
+        )
+
+    def _acting(self, case: Any) -> list[Any]:
+        return [
+            *load(case, self.pump, frequency=self.pump_frequency),
+            *load(case, self.probe, frequency=self.probe_frequency),
+        ]
+
+    def _steps(self) -> int:
+        """Time steps a period of the low tone; by default 64 or more of the high one."""
+        return self.steps or max(512, math.ceil(64.0 * self.probe_frequency / self.pump_frequency))
+
+    def _period(self) -> float:
+        """Common period of the two tones, s."""
+        ratio = Fraction(self.probe_frequency / self.pump_frequency).limit_denominator(self.longest)
+        return ratio.denominator / self.pump_frequency
+
+    def _sidebands(self, result: Any, noisy: Callable[[np.ndarray], np.ndarray] | None = None) -> Sidebands:
+        """Read from the motion or from what `noisy` makes of it."""
+        values, period = result.displacement(self.point)[:, "xy".index(self.direction)], self._period()
+        # sidebands ask for two periods of the low tone at least, which a periodic motion has
+        repeats = max(1, math.ceil(2.0 / (period * self.pump_frequency) - _ROUNDING))
+        values = np.tile(values, repeats)
+        values = values if noisy is None else noisy(values)
+        time = np.arange(len(values)) * (repeats * period / len(values))
+        return sidebands(time, values, self.probe_frequency, self.pump_frequency, order=self.pairs)
+
+    def places(self) -> Iterator[tuple[Path, str]]:
+        yield ("point",), self.point
+
+    def tones(self, case: Any, path: Path) -> None:
+        from ...motion.excitation import common_periods
+
+        found = separate(self._acting(case))[1]
+        with located(case, *path, "probe_frequency"):
+            common_periods(found, self.pump_frequency, None, self.longest)
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        found = self._sidebands(result)
+        return {
+            **super().tree(result, points),
+            "common_period": Quantity(self._period(), "s", "common period of both tones"),
+            "sidebands": {
+                "carrier": Quantity(found.carrier, "Hz", "high tone"),
+                "modulation": Quantity(found.modulation, "Hz", "low tone"),
+                "centre": Quantity(np.asarray(found.centre), "m", "complex amplitude at the high tone"),
+                "lower": Quantity(found.lower, "m", "complex amplitudes at high - n low"),
+                "upper": Quantity(found.upper, "m", "complex amplitudes at high + n low"),
+                "indices": Quantity(found.indices, "1", "(|lower| + |upper|) / |centre| of each pair"),
+                "modulation_index": Quantity(found.modulation_index, "1", "that of the first pair"),
+            },
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values = super().row(result, replace(wanted, noisy=None))
+        # ratios to the low tone's own amplitude mean little for tones that are no multiples of it
+        values = {key: entry for key, entry in values.items() if not key.startswith("A")}
+        for ending, noisy in {"": None, "_noisy": wanted.noisy}.items():
+            if ending and noisy is None:
+                continue
+            found = self._sidebands(result, noisy)
+            values[f"modulation_index{ending}"] = (found.modulation_index, "1")
+            values[f"sideband_indices{ending}"] = (np.asarray(found.indices), "1")
+            values[f"carrier_amplitude{ending}"] = (abs(found.centre), "m")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        found = self._sidebands(result)
+        title = f"$u_{self.direction}$({self.point}), modulation index {found.modulation_index:.3g}"
+        yield "sidebands", drawn.plot.plot_sidebands({drawn.title: found}, title=title, comm=drawn.comm)
+        yield from super().pictures(result, drawn)
+
+    def cost(self, size: Size) -> Cost:
+        return steady_cost(size, self, self._steps() * max(1, round(self._period() * self.pump_frequency)))

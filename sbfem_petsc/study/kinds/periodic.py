@@ -1,0 +1,231 @@
+"""periodic: the steady state under periodic loads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import PeriodicOptions
+from ...indicators.detection import contact_duty
+from ...indicators.lines import harmonic_ratios
+from ...loads import separate
+from ...options import item
+from ..case import objects
+from ..case.loads import COMPONENTS
+from ..case.objects import located
+from ..case.tables import Path
+from ..costs import MULTIPLIERS, STEPS, Cost, Size
+from ..quantities import Quantity, Tree, of_points, quantities
+from .kind import PERIODIC, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of
+
+# Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
+HARMONICS, ROW_HARMONICS, SHOWN = 41, 21, 11
+# Highest order of the ratios A_n / A_1 that stand in the table of a sweep.
+RATIOS = 6
+
+
+class Steady(Kind):
+    """A kind whose result is one periodic motion."""
+
+    signals = PERIODIC
+    moving = True
+    captions = {
+        "orbit": "phase plane; gaps and contact resultant over a period",
+        "multipliers": "Floquet multipliers",
+    }
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        def harmonics(direction: str) -> Tree:
+            return of_points(
+                points,
+                lambda point: result.harmonics(point, direction)[:HARMONICS],
+                "m",
+                f"complex harmonics of u_{direction}, the mean first",
+            )
+
+        tree: Tree = {
+            "frequency": Quantity(float(result.frequency), "Hz", "forcing frequency"),
+            "periods": Quantity(int(result.periods), "1", "forcing periods in one period of the motion"),
+            "harmonics": harmonics("y"),
+            "harmonics_x": harmonics("x"),
+            "amplitude": of_points(
+                points, lambda point: peak_of(result.displacement(point)), "m", "half the peak-to-peak of u_y"
+            ),
+            "converged": Quantity(bool(result.converged)),
+            "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
+            "time": Quantity(result.time, "s", "instants of one period"),
+            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
+            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+            **quantities(
+                result,
+                multipliers=("1", "Floquet multipliers"),
+                multiplier_error=("1", "uncertainty of the largest modulus"),
+                iterations=("1", "Newton iterations"),
+                path=("1", "how the motion was reached"),
+            ),
+            "residuals": Quantity(np.asarray(result.residuals), "1", "norm of x(T) - x(0) at each iterate"),
+        }
+        if result.periods > 1:
+            tree["subharmonics"] = of_points(
+                points, result.subharmonics, "m", "complex amplitudes of u_y at j f / periods"
+            )
+        return tree
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {}
+        for point in wanted.points:
+            u = result.displacement(point)
+            values[f"amplitude/{point}"] = (peak_of(u), "m")
+            motions = (
+                {"": u[:, 1]} if wanted.noisy is None else {"": u[:, 1], "_noisy": wanted.noisy(u[:, 1])}
+            )
+            for ending, motion in motions.items():
+                values |= _harmonics(ending, point, motion, result.periods)
+            if wanted.histories:
+                values[f"displacement/{point}"] = (u, "m")
+        if wanted.histories:
+            values["time"] = (result.time, "s")
+        values["peak_contact_resultant"] = (float(result.contact_resultant.max(initial=0.0)), "N")
+        if result.contact_force.shape[1]:
+            values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+        values["converged"] = (float(result.converged), "1")
+        values["iterations"] = (float(result.iterations), "1")
+        values["residual"] = (float(result.residuals[-1]), "1")
+        if len(result.multipliers):
+            values["largest_multiplier"] = (float(np.abs(result.multipliers[0])), "1")
+            values["stable"] = (truth(result.stable), "1")
+        balance = self._energy_balance(wanted.case, result)
+        return values if balance is None else values | {"energy_error": (balance, "1")}
+
+    def _energy_balance(self, case: Any, result: Any) -> float | None:
+        """What the loads supply over a period less what damping takes, relative to the former: zero but for
+        the time steps' error. None where loads other than point forces act, or nothing is damped.
+        """
+        loads = [case.tables.loads[name] for name in self.loads()]
+        reduced, states = result.reduced, result.states
+        if reduced is None or any(load.kind != "point_force" for load in loads):
+            return None
+        duration = result.periods / result.frequency
+        lost = 2.0 * duration * float((reduced.damping * reduced.omega * (states.v**2).mean(axis=0)).sum())
+        supplied, column = 0.0, 0
+        for load in loads:
+            for key in COMPONENTS:
+                value = getattr(load, key, 0.0)
+                if isinstance(value, float) and value == 0.0:
+                    continue
+                u = result.displacement(load.point)[:, "xy".index(key[1])]
+                supplied += duration * float(np.mean(states.amplitudes[:, column] * _derivative(u, duration)))
+                column += 1
+        return (supplied - lost) / supplied if supplied > 0.0 and lost > 0.0 else None
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.points)
+        if point is None:
+            return
+        yield "harmonics", drawn.plot.plot_harmonics({drawn.title: result}, point, comm=drawn.comm)
+        if result.reduced is not None:
+            yield "orbit", drawn.plot.plot_orbit(result, point, title=drawn.title, comm=drawn.comm)
+        if len(result.multipliers):
+            yield "multipliers", drawn.plot.plot_multipliers(result, title=drawn.title, comm=drawn.comm)
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        if result.reduced is not None:
+            sb.save_orbit(result, part("orbit.h5"))
+
+    @classmethod
+    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        harmonics = {point: entry.value for point, entry in tree["harmonics"].items()}
+        orders = range(min([SHOWN, *map(len, harmonics.values())])) if harmonics else range(0)
+        heading = ("harmonic", *(f"|u_y({point})|, µm" for point in harmonics))
+        yield heading, [(k, *(1e6 * abs(values[k]) for values in harmonics.values())) for k in orders]
+
+
+class Periodic(PeriodicOptions, Steady, Loaded):
+    """The steady state under periodic loads by shooting; numbers in the load are amplitudes of
+    sin(2 pi frequency t)."""
+
+    kind: Literal["periodic"] = item(text="steady state")
+    reduced: bool = item(True, text="false: the unreduced model")
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """What the unreduced model has not, too."""
+        yield from super().contradictions()
+        if self.reduced:
+            return
+        if self.segments > 1:
+            yield "segments", "is for the reduced model; leave out reduced = false or segments"
+        if self.tolerance is not None:
+            yield "tolerance", "is for the reduced model; leave out reduced = false, or give steps"
+        if self.stability:
+            yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
+        if self.jacobian not in ("auto", "matrix-free"):
+            yield "jacobian", f'= "{self.jacobian}" is for the reduced model; leave out reduced = false'
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
+        reduction = "modes" if self.reduced else None
+        return sb.periodic(model, self.acting(case), **self.of(PeriodicOptions), reduction=reduction)
+
+    def tones(self, case: Any, path: Path) -> None:
+        periods = common_period(self, case, path)
+        if self.steps is not None and self.steps * periods % self.segments:
+            raise case.problem(
+                (*path, "segments"),
+                f"= {self.segments} must divide the {self.steps * periods} steps of a period of the motion; "
+                "give another number of either, or leave steps out",
+            )
+
+    def cost(self, size: Size) -> Cost:
+        return steady_cost(size, self, (self.steps or STEPS) * (self.periods or 1))
+
+
+def common_period(table: Any, case: Any, path: Path) -> int:
+    """Forcing periods in the common period of a table's load and its frequency.
+
+    Raises
+    ------
+    CaseError
+        If there is none.
+    """
+    from ...motion.excitation import common_periods
+    from ...motion.preparation import LONGEST
+
+    found = objects.load(case, table.load, getattr(table, "factor", 1.0), table.frequency)
+    with located(case, *path, "load"):
+        return common_periods(separate(found)[1], table.frequency, getattr(table, "periods", None), LONGEST)
+
+
+def steady_cost(size: Size, table: Any, steps: int) -> Cost:
+    """Of one motion of so many steps."""
+    modes = size.modes(table.modes)
+    seconds, memory = size.period(modes, steps)
+    disk = 8.0 * steps * (3 * modes + size.pairs + 2 * size.points)
+    return Cost(size.extracting(modes), seconds * (MULTIPLIERS if table.stability else 1.0), memory, disk)
+
+
+def truth(verdict: bool | None) -> float:
+    """1 or 0, nan for none."""
+    return math.nan if verdict is None else float(verdict)
+
+
+def _harmonics(ending: str, point: str, u: np.ndarray, periods: int) -> Values:
+    c = np.fft.rfft(u)[::periods] / len(u)
+    c[1:] *= 2.0
+    values: Values = {f"harmonics{ending}/{point}": (c[:ROW_HARMONICS], "m")}
+    if abs(c[1]) > 0.0:
+        ratio = harmonic_ratios(c[:ROW_HARMONICS])
+        values |= {f"A{n}_A1{ending}/{point}": (float(ratio[n]), "1") for n in range(2, RATIOS + 1)}
+    return values
+
+
+def _derivative(u: np.ndarray, duration: float) -> np.ndarray:
+    c = np.fft.rfft(u)
+    turns = 2.0j * np.pi / duration * np.arange(len(c))
+    if len(u) % 2 == 0:
+        turns[-1] = 0.0
+    return np.fft.irfft(turns * c, len(u))

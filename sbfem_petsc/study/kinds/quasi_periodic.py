@@ -1,0 +1,171 @@
+"""quasi_periodic: two tones without a common period."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import QuasiPeriodicOptions
+from ...loads import separate
+from ...options import item
+from ..case.objects import load, located
+from ..case.tables import Names, Path
+from ..costs import STEPS, Cost, Size
+from ..quantities import Quantity, Tree, of_points, quantities
+from .kind import PERIODIC, Drawn, Kind, Run, Values, Wanted
+from .periodic import truth
+
+# Lines of a spectrum in a report.
+_LINES = 15
+
+
+class QuasiPeriodic(QuasiPeriodicOptions, Kind):
+    """The steady state under two tones of any frequencies: lines m probe + n pump. Numbers in the two loads
+    are the tones' amplitudes; harmonic signals may be multiples of either tone."""
+
+    kind: Literal["quasi_periodic"] = item(text="two tones without a common period")
+    probe: Names = item(text="load of the first tone, whose sidebands are wanted")
+    probe_frequency: float = item(text="first tone", unit="Hz", gt=0)
+    pump: Names = item(text="load of the second tone")
+    pump_frequency: float = item(text="second tone", unit="Hz", gt=0)
+    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
+    loads_in = ("probe", "pump")
+    signals = PERIODIC
+    saved = "result.h5"
+    captions = {"lines": "lines of the spectrum"}
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """Tones that are one, and lines that the samples do not resolve."""
+        if self.pump_frequency == self.probe_frequency:
+            text = f"= {self.pump_frequency:g} is probe_frequency itself, in Hz; use periodic for one tone"
+            yield "pump_frequency", text
+        yield from unresolved(self.order, self.samples)
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodic:
+        return sb.quasi_periodic(
+            model,
+            self._acting(case),
+            (self.probe_frequency, self.pump_frequency),
+            **self.of(QuasiPeriodicOptions),
+        )
+
+    def _acting(self, case: Any) -> list[Any]:
+        return [
+            *load(case, self.probe, frequency=self.probe_frequency),
+            *load(case, self.pump, frequency=self.pump_frequency),
+        ]
+
+    def tones(self, case: Any, path: Path) -> None:
+        from ...motion.two_tones import drives
+
+        pair = (self.probe_frequency, self.pump_frequency)
+        with located(case, *path):
+            drives(separate(self._acting(case))[1], (max(pair), min(pair)))
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        named = lines_of(result.frequencies, self.order)
+
+        def lines(direction: str) -> Tree:
+            return of_points(
+                points,
+                lambda point: line_values(result, named, point, direction),
+                "m",
+                f"complex amplitudes of u_{direction} by line",
+            )
+
+        return {
+            "probe_frequency": Quantity(float(result.frequencies[0]), "Hz", "first tone"),
+            "pump_frequency": Quantity(float(result.frequencies[1]), "Hz", "second tone"),
+            "line": Quantity(named, "1", "m, n of each line"),
+            "frequency": Quantity(
+                np.abs(named @ np.array(result.frequencies)),
+                "Hz",
+                "frequency of each line, |m probe + n pump|",
+            ),
+            "lines": lines("y"),
+            "lines_x": lines("x"),
+            "modulation_index": of_points(
+                points, result.modulation_index, "1", "(|c_1,1| + |c_1,-1|) / |c_1,0| of u_y"
+            ),
+            "contact_peak": Quantity(float(result.contact_peak), "N", "largest contact resultant"),
+            "residuals": Quantity(np.array(result.residuals), "1", "of Newton's method, relative"),
+            **quantities(
+                result,
+                stable=("1", "stability, None if it was not asked for or is not known"),
+                exponents=("1/s", "largest Lyapunov exponents"),
+                tail=("1", "share of the highest quarter of the samples' harmonics"),
+                samples=("1", "phases of the slower tone"),
+                steps=("1", "time steps a period of the faster tone"),
+            ),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        named = lines_of(result.frequencies, self.order)
+        values: Values = {
+            "contact_peak": (float(result.contact_peak), "N"),
+            "residual": (float(result.residuals[-1]), "1"),
+            "iterations": (float(len(result.residuals) - 1), "1"),
+            "line_frequency": (np.abs(named @ np.array(result.frequencies)), "Hz"),
+        }
+        if len(result.exponents):
+            values["largest_exponent"] = (float(result.exponents[0]), "1/s")
+            values["stable"] = (truth(result.stable), "1")
+        for point in wanted.points:
+            values[f"lines/{point}"] = (line_values(result, named, point), "m")
+            values[f"modulation_index/{point}"] = (result.modulation_index(point), "1")
+            values[f"carrier_amplitude/{point}"] = (abs(result.line(1, 0, point)), "m")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.points)
+        if point is not None:
+            axes = drawn.plot.plot_lines({drawn.title: result}, point, order=self.order, comm=drawn.comm)
+            yield "lines", axes
+
+    def cost(self, size: Size) -> Cost:
+        modes, steps = size.modes(self.modes), self.steps or STEPS
+        # iterations of Newton's method on all samples, each with the derivative of its trajectory
+        seconds = 4 * self.samples * size.period(modes, steps)[0]
+        disk = 16.0 * size.points * (2 * self.order + 1) ** 2
+        return Cost(size.extracting(modes), seconds, curve_memory(size, modes, self.samples, steps), disk)
+
+    @classmethod
+    def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:
+        """Lines of the spectrum, the highest first."""
+        numbers, frequencies = tree["line"].value, tree["frequency"].value
+        heights = np.abs([entry.value for entry in tree["lines"].values()])
+        order = np.argsort(-heights.max(axis=0, initial=0.0), kind="stable")[:_LINES]
+        heading = ("line", "frequency, Hz", *(f"|u_y({point})|, µm" for point in tree["lines"]))
+        names = [f"{m} probe {n:+d} pump" for m, n in numbers[order]]
+        yield heading, list(zip(names, frequencies[order].tolist(), *(1e6 * heights[:, order]).tolist()))
+
+
+def unresolved(order: int, samples: int) -> Iterator[tuple[str, str]]:
+    """Lines that samples do not resolve."""
+    if order > samples // 2:
+        text = f"= {order} is more than half of samples = {samples}; give samples = {2 * order + 1} or more"
+        yield "order", text
+
+
+def lines_of(frequencies: Sequence[float], order: int) -> np.ndarray:
+    """(k, 2): m and n of the lines m f1 + n f2 with |m|, |n| <= order, by ascending frequency from the mean
+    on; of a line and its mirror image the one whose frequency is positive.
+    """
+    span = range(-order, order + 1)
+    found = [(m * frequencies[0] + n * frequencies[1], m, n) for m in span for n in span]
+    found = [entry for entry in found if entry[0] > 0.0 or entry[1:] == (0, 0)]
+    return np.array([entry[1:] for entry in sorted(found)])
+
+
+def line_values(result: Any, lines: np.ndarray, point: str, direction: str = "y") -> np.ndarray:
+    """(k,) complex amplitudes of a quasi-periodic motion at lines (m, n), m."""
+    return np.array([result.line(int(m), int(n), point, direction) for m, n in lines])
+
+
+def curve_memory(size: Size, modes: int, samples: int, steps: int) -> float:
+    """Bytes of an invariant curve and the derivative of its trajectories."""
+    return 8.0 * samples * (2 * modes * (2 * modes + steps) + steps * size.pairs)

@@ -1,0 +1,114 @@
+"""quasi_periodic_response: motions with a tone of their own behind a Neimark-Sacker point."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
+from ...errors import SolveError
+from ...options import item
+from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
+from ..quantities import Quantity, Tree, of_points, quantities
+from .kind import Drawn, Loaded, Run, Values, Wanted
+from .quasi_periodic import curve_memory, line_values, lines_of, unresolved
+
+
+class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Loaded):
+    """Motions with a tone of their own behind a Neimark-Sacker point of a response curve over the frequency,
+    followed over the frequency."""
+
+    kind: Literal["quasi_periodic_response"] = item(text="curve of motions with a tone of their own")
+    bifurcation: int = item(1, text="which of its Neimark-Sacker points, from 1", ge=1)
+    end: float = item(text="frequency up to which the quasi-periodic motions are followed", unit="Hz", gt=0)
+    order: int = item(3, text="lines are kept up to this |m| and |n|", ge=1, le=20)
+    signals = ("constant",)
+    saved = "result.h5"
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A range of one value, samples that are even, lines that they do not resolve."""
+        yield from FrequencyRange.contradictions(self)
+        yield from SwitchOptions.contradictions(self)
+        yield from unresolved(self.order, self.samples)
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.QuasiPeriodicBranch:
+        load = self.acting(case)
+        curve = sb.frequency_response(model, load, **self.of(FrequencyRange), progress=run.progress)
+        found = [item for item in curve.bifurcations if item.kind == "Neimark-Sacker"]
+        if len(found) < self.bifurcation:
+            raise SolveError(
+                f"quasi_periodic_response: the curve from {self.start:g} to {self.stop:g} Hz has "
+                f"{len(found)} Neimark-Sacker points, not {self.bifurcation}; give another bifurcation, "
+                "range or load"
+            )
+        guess = sb.switch_branch(curve, found[self.bifurcation - 1], **self.of(SwitchOptions))
+        return sb.quasi_periodic_response(
+            guess,
+            self.end,
+            largest_step=self.largest_step,
+            **self.of(TorusCurveOptions),
+            progress=run.progress,
+        )
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        named = lines_of(result.frequencies[0], self.order)
+
+        def lines(point: str) -> np.ndarray:
+            return np.array([line_values(motion, named, point) for motion in result.motions])
+
+        return {
+            "own_frequency": Quantity(result.frequencies[:, 1], "Hz", "of the motion's own tone"),
+            "line": Quantity(named, "1", "m, n of each line, in order of frequency at the first motion"),
+            "lines": of_points(
+                points, lines, "m", "complex amplitudes of u_y at m f1 + n f2, by motion and line"
+            ),
+            "own_amplitude": of_points(
+                points,
+                lambda point: np.abs(result.line(0, 1, point)),
+                "m",
+                "amplitude of u_y at the own tone",
+            ),
+            "contact_peak": Quantity(
+                np.array([motion.contact_peak for motion in result.motions]), "N", "largest contact resultant"
+            ),
+            **quantities(
+                result,
+                value=("Hz", "forcing frequency"),
+                stable=("1", "stability of each motion"),
+                tail=("1", "share of the highest quarter of the samples' harmonics"),
+                complete=("1", ""),
+                reason=("1", "why the curve ends"),
+            ),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        own = result.frequencies[:, 1]
+        return {
+            "complete": (float(result.complete), "1"),
+            "curve_points": (float(len(result)), "1"),
+            "unstable_points": (float(np.sum(~result.stable)), "1"),
+            "least_own_frequency": (float(own.min()), "Hz"),
+            "largest_own_frequency": (float(own.max()), "Hz"),
+            **{
+                f"own_amplitude/{point}": (float(np.abs(result.line(0, 1, point)).max()), "m")
+                for point in wanted.points
+            },
+        }
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.motions[0].points)
+        if point is not None:
+            axes = drawn.plot.plot_quasi_periodic(result, point, title=drawn.title, comm=drawn.comm)
+            yield "own_tones", axes
+
+    def cost(self, size: Size) -> Cost:
+        # a curve with its multipliers, and about four iterations on all samples a motion
+        modes, steps, count = size.modes(self.modes), self.steps or STEPS, min(self.points, CURVE_POINTS)
+        seconds = MULTIPLIERS * size.period(modes, steps)[0] * (CURVE_POINTS + 8 * self.samples * count)
+        lines = size.points * (2 * self.order + 1) ** 2
+        disk = 16.0 * count * (lines + 2 * self.samples * modes)
+        return Cost(size.extracting(modes), seconds, curve_memory(size, modes, self.samples, steps), disk)

@@ -1,0 +1,112 @@
+"""static: equilibrium with contact."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import StaticOptions
+from ...options import Pair, item
+from ..case.problems import filed
+from ..case.tables import Name, Path, Problem
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import Drawn, Loaded, Run, Values, Wanted
+from .modal import estimated, estimated_error
+
+# Cracks of a model that are drawn.
+MOST_CRACKS = 4
+
+
+class Static(StaticOptions, Loaded):
+    """Displacement, contact forces and stress intensity under constant loads."""
+
+    kind: Literal["static"] = item(text="equilibrium with contact")
+    stress_at: dict[Name, Pair | Name] = item(
+        {},
+        text="places whose stress is wanted by names of your choice, name = [x, y] or the name of a point",
+        unit="m",
+    )
+    signals = ()
+    statics = fields = True
+    captions = {"crack": "deformed region of crack", "contact": "contact pressure and gap along crack"}
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.Static:
+        return sb.static(model, self.acting(case), **self.of(StaticOptions))
+
+    def against(self, case: Any) -> Iterator[Problem]:
+        yield from super().against(case)
+        for place in self.stress_at:
+            if not filed(place):
+                text = "cannot be a name of a place; use letters, digits, '-' and '_', at most 100 of them"
+                yield Problem(("stress_at", place), text)
+
+    def places(self) -> Iterator[tuple[Path, str]]:
+        return ((("stress_at", name), at) for name, at in self.stress_at.items() if isinstance(at, str))
+
+    def _stresses(self, result: Any) -> dict[str, np.ndarray]:
+        """Stress (xx, yy, xy), Pa, at the places that are named. Collective."""
+        return {
+            place: np.asarray(result.stress(at if isinstance(at, str) else tuple(at)))
+            for place, at in self.stress_at.items()
+        }
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        stresses = self._stresses(result)
+        return {
+            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
+            "contact_resultant": Quantity(float(result.contact_resultant), "N", "sum of the contact forces"),
+            "contact_force": Quantity(result.contact_force, "N", "contact forces, compression positive"),
+            "gap": Quantity(result.gap, "m", "gaps of the contact pairs"),
+            "active": Quantity(result.active, "1", "pairs in contact"),
+            "stress_intensity": {
+                name: Quantity(np.asarray(values), result.model.tips.unit(name), "K_I, K_II")
+                for name, values in result.stress_intensity.items()
+            },
+            **notes(result),
+            "residual": Quantity(
+                float(result.residual), "1", "imbalance of the forces, relative to the load"
+            ),
+            "iterations": Quantity(int(result.iterations), "1", "iterations of the active set"),
+            "solver": Quantity(result.solver),
+            **(
+                {"stress": of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")}
+                if stresses
+                else {}
+            ),
+            **estimated(self, result),
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {
+            f"displacement/{point}": (result.displacement(point), "m") for point in wanted.points
+        }
+        values["contact_resultant"] = (float(result.contact_resultant), "N")
+        values["residual"] = (float(result.residual), "1")
+        for name, pair in result.stress_intensity.items():
+            values[f"stress_intensity/{name}"] = (np.asarray(pair), result.model.tips.unit(name))
+        values |= {f"stress/{place}": (stress, "Pa") for place, stress in self._stresses(result).items()}
+        return values | estimated_error(self, result)
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        for crack in range(min(len(result.model.cracks), MOST_CRACKS)):
+            yield f"crack{crack + 1}", drawn.plot.plot_crack(result.model, {drawn.title: result}, crack)
+            if result.contact_resultant > 0.0:
+                yield f"contact{crack + 1}", drawn.plot.plot_contact({drawn.title: result}, crack)
+
+    def write_fields(self, result: Any, path: str) -> None:
+        from ...results.vtu import write_vtu
+
+        write_vtu(path, result.model, {"displacement": result})
+
+    def cost(self, size: Size) -> Cost:
+        return Cost(0.0, 0.03 + 1e-5 * size.unknowns, disk=32.0 * size.pairs)
+
+
+def notes(result: Any) -> Tree:
+    """What K, G and T of the tips do not tell by themselves."""
+    return {"notes": Quantity("; ".join(result.notes))} if result.notes else {}

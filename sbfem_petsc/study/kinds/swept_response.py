@@ -1,0 +1,82 @@
+"""swept_response: a motion whose forcing frequency runs slowly."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import SweptOptions
+from ...options import item
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import Drawn, Loaded, Run, Values, Wanted
+
+
+class SweptResponse(SweptOptions, Loaded):
+    """A motion whose forcing frequency runs slowly from a steady state at `start` to `stop`, and back."""
+
+    kind: Literal["swept_response"] = item(text="slowly swept frequency: amplitudes and jumps")
+    back: bool = item(True, text="sweep back from stop to start as well")
+    least: float = item(
+        0.2, text="relative change of the amplitude, beyond that of a linear resonance, that is a jump", gt=0
+    )
+    signals = ("constant",)
+    saved = "result.h5"
+
+    def solve(self, case: Any, model: Any, run: Run) -> tuple[sb.SweptResponse, ...]:
+        load, there = self.acting(case), self.of(SweptOptions)
+        ways = [there, {**there, "start": self.stop, "stop": self.start}][: 1 + self.back]
+        return tuple(sb.swept_response(model, load, **way, progress=run.progress) for way in ways)
+
+    def _jumps(self, swept: Any, point: str) -> np.ndarray:
+        """Frequencies at which the amplitude jumps, Hz; nan for a sweep too short or fast to tell."""
+        if not swept.tells_jumps:
+            return np.array([np.nan])
+        return np.array([jump.frequency for jump in swept.jumps(point, self.least)])
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        return {
+            "up" if swept.upwards else "down": {
+                "frequency": Quantity(swept.frequency, "Hz", "mean forcing frequency of each cycle"),
+                "amplitude": of_points(
+                    points, swept.amplitude, "m", "half the peak-to-peak of u_y in a cycle"
+                ),
+                "contact_peak": Quantity(swept.contact_peak, "N", "largest contact resultant in a cycle"),
+                "jump": of_points(
+                    points,
+                    lambda point, swept=swept: self._jumps(swept, point),  # type: ignore[misc]
+                    "Hz",
+                    "frequencies at which the amplitude jumps; nan for a sweep too short or fast to tell",
+                ),
+            }
+            for swept in result
+        }
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {}
+        for swept in result:
+            way = "up" if swept.upwards else "down"
+            for point in wanted.points:
+                jumps = self._jumps(swept, point)
+                values[f"{way}_amplitude/{point}"] = (float(swept.amplitude(point).max()), "m")
+                values[f"{way}_jumps/{point}"] = (float(len(jumps)) if swept.tells_jumps else math.nan, "1")
+                values[f"{way}_first_jump/{point}"] = (float(jumps[0]) if len(jumps) else math.nan, "Hz")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result[0].points)
+        if point is not None:
+            options = {"least": self.least, "title": drawn.title}
+            yield "swept", drawn.plot.plot_swept(None, result, point, **options, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        modes, (low, high) = size.modes(self.modes), sorted((self.start, self.stop))
+        cycles = 0.5 * (low + high) * self.duration * (1 + self.back)
+        count = cycles * (self.steps or 320) * high / low
+        disk = 16.0 * cycles * (size.points + 2)
+        return Cost(size.extracting(modes), count * size.stepping(modes), 8.0 * count * size.points, disk)

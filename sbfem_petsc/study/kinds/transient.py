@@ -1,0 +1,131 @@
+"""transient: time history with contact."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+import sbfem_petsc as sb
+
+from ...analysis.options import TransientOptions
+from ...indicators.detection import contact_duty
+from ...options import item
+from ..costs import Cost, Size
+from ..quantities import Quantity, Tree, of_points
+from .kind import Drawn, Loaded, Run, Values, Wanted
+from .static import notes
+
+_ENERGIES = {
+    "kinetic": "kinetic energy",
+    "strain": "strain energy",
+    "external": "work of the loads",
+    "damping": "energy dissipated by damping",
+    "contact": "work of the contact forces",
+}
+
+
+class Transient(TransientOptions, Loaded):
+    """A time history with contact; numbers in the load are constants from t = 0."""
+
+    kind: Literal["transient"] = item(text="time history")
+    initial: Literal["rest", "equilibrium"] = item(
+        "rest", text="at rest, or in static equilibrium with the loads at t = 0"
+    )
+    reduced: bool = item(True, text="false: the unreduced model")
+    moving = True
+    running = "history.h5"
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """A scheme of the unreduced model alone, too."""
+        yield from super().contradictions()
+        if self.scheme == "paper" and self.reduced and "reduced" in self.model_fields_set:
+            yield "scheme", '= "paper" integrates the unreduced model; leave reduced = true out'
+
+    def solve(self, case: Any, model: Any, run: Run) -> sb.History:
+        return sb.transient(
+            model,
+            self.acting(case),
+            **self.of(TransientOptions),
+            initial=self.initial,
+            reduction="modes" if self.reduced else None,
+            **run.kept,
+        )
+
+    def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        tree: Tree = {
+            "time": Quantity(result.time, "s", "instants"),
+            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
+            "velocity": of_points(points, result.velocity, "m/s", "velocity (x, y)", detail=True),
+            "acceleration": of_points(
+                points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True
+            ),
+            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
+            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+            "energy": {
+                name: Quantity(getattr(result.energy, name), "J", text, detail=True)
+                for name, text in _ENERGIES.items()
+            },
+            "step": Quantity(float(result.step), "s", "time step"),
+            "energy_error": Quantity(
+                _energy_error(result), "1", "largest imbalance of the energies, relative to the loads' work"
+            ),
+        }
+        facts = result.states.tip_facts
+        if facts.names:
+            tree["stress_intensity"] = {
+                name: Quantity(result.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
+                for name in facts.names
+            }
+            tree |= notes(result)
+        return tree
+
+    def row(self, result: Any, wanted: Wanted) -> Values:
+        values: Values = {
+            "energy_error": (_energy_error(result), "1"),
+            "peak_contact_resultant": (float(result.contact_resultant.max(initial=0.0)), "N"),
+        }
+        if result.contact_force.shape[1]:
+            values["contact_duty"] = (contact_duty(result.time, result.contact_force).any, "1")
+        for point in wanted.points:
+            u = result.displacement(point)
+            values[f"peak/{point}"] = (float(np.abs(u[:, 1]).max()), "m")
+            if wanted.histories:
+                values[f"displacement/{point}"] = (u, "m")
+                if wanted.noisy is not None:
+                    noisy = np.stack([wanted.noisy(c) for c in u.T], axis=1)
+                    values[f"displacement_noisy/{point}"] = (noisy, "m")
+        if wanted.histories:
+            values["time"] = (result.time, "s")
+        return values
+
+    def pictures(self, result: Any, drawn: Drawn) -> Iterator[tuple[str, Any]]:
+        point = drawn.point(result.points)
+        if point is not None:
+            yield "history", drawn.plot.plot_history(result, point, title=drawn.title, comm=drawn.comm)
+
+    def cost(self, size: Size) -> Cost:
+        modes = size.modes(self.modes)
+        count = max(1, math.ceil(self.duration / (self.step or self._step(size))))
+        kept = count / (self.decimation or 1)
+        row = 8.0 * (2 * modes + size.pairs + 6 + 4 * size.points)
+        memory, disk = row * min(kept, 1e9), 2.0 * row * kept
+        if not self.reduced:
+            return Cost(0.0, count * 2.4e-7 * size.unknowns, memory, disk)
+        return Cost(size.extracting(modes), count * size.stepping(modes), memory, disk)
+
+    def _step(self, size: Size) -> float:
+        """The default step while the highest mode is not known yet: that of the load, at most."""
+        loads = [size.case.tables.loads[name].model_dump().values() for name in self.load]
+        signals = [value for values in loads for value in values if isinstance(value, dict)]
+        keys = ("frequency", "start", "stop")
+        highest = max((signal.get(key) or 0.0 for signal in signals for key in keys), default=0.0)
+        return 1.0 / (320.0 * highest) if highest > 0.0 else self.duration / 2000.0
+
+
+def _energy_error(result: Any) -> float:
+    """Largest imbalance of the energies, relative to the loads' work."""
+    supplied = float(np.abs(result.energy.external).max(initial=0.0))
+    return float(np.abs(result.energy.balance).max()) / supplied if supplied > 0.0 else 0.0
