@@ -92,8 +92,6 @@ _HOME = {
     "read_history": "results.history",
     "save_branch": "results.branches",
     "read_branch": "results.branches",
-    "save_orbit": "results.orbits",
-    "read_orbit": "results.orbits",
     "save_result": "results.nonlinear",
     "read_result": "results.nonlinear",
     "write_animation": "results.animation",

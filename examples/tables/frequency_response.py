@@ -188,7 +188,7 @@ def keep(comm, folder, name, damping, curve, halves):
     sb.on_root(comm, lambda: sb.save_branch(curve, os.path.join(folder, f"curve_{plain}.h5")))
     for number, orbit in enumerate(halves):
         file = os.path.join(folder, f"doubled_{plain}_{number}.h5")
-        sb.on_root(comm, partial(sb.save_orbit, orbit, file))
+        sb.on_root(comm, partial(sb.save, file, orbit))
 
 
 def write(folder, found):

@@ -107,7 +107,7 @@ def write(folder, frequency, orbits):
     write_harmonics(orbits, os.path.join(folder, f"harmonics_{frequency:g}Hz.csv"), "A", count=COUNT)
     for name, orbit in orbits.items():
         plain = name.replace(", ", "_").replace(" ", "_")
-        sb.save_orbit(orbit, os.path.join(folder, f"orbit_{frequency:g}Hz_{plain}.h5"))
+        sb.save(os.path.join(folder, f"orbit_{frequency:g}Hz_{plain}.h5"), orbit)
 
 
 def pictures_at(folder, comm, orbits, frequency):

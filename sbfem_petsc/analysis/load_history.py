@@ -7,7 +7,8 @@ history shows how faces close and open, and K_I(t) and K_II(t), under loads too 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from ..checks import instance, real_array
 from ..errors import at_point
 from ..loads import Loads
 from ..parallel import agreed, collective
+from ..record.record import Record, derived, described, quantity
 from ..signals.signal import Signal
 from ..system.model import Model
 from ..system.places import checked_line
@@ -25,20 +27,33 @@ from .options import LoadHistoryOptions
 from .static import Static, static
 
 
-@dataclass(frozen=True, eq=False)
-class LoadHistory:
-    """Static states at given times.
+@described
+class LoadHistory(Record):
+    """Static states at given times."""
 
-    Attributes
-    ----------
-    time : (n,) array
-        s.
-    states : tuple of n Static
-        The solutions themselves, their fields included.
-    """
+    labels: ClassVar = {"place": "points"}
+    coordinates: ClassVar = ("time",)
 
-    time: np.ndarray
-    states: tuple[Static, ...]
+    time: np.ndarray = quantity("s", "times of the states", "time")
+    states: tuple[Static, ...] = quantity(
+        text="the solutions themselves, their fields included", part="Static", detail=True
+    )
+
+    def check(self) -> None:
+        """Raise ValueError unless each time has its state."""
+        if not len(self.states) == len(self.time) > 0:
+            raise ValueError(f"{len(self.states)} states at {len(self.time)} times do not fit")
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return tuple(self.states[0].point_displacements)
+
+    @derived("m", "displacement", "time place xy", called="displacement")
+    def point_displacements(self) -> np.ndarray:
+        """(n, points, 2): of the named points, m."""
+        found = [list(state.point_displacements.values()) for state in self.states]
+        return np.array(found).reshape(len(self.time), -1, 2)
 
     def displacement(self, point: str | tuple[float, float]) -> np.ndarray:
         """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
@@ -70,7 +85,7 @@ class LoadHistory:
         """Largest displacement of a node, m. Collective."""
         return max(state._furthest() for state in self.states)
 
-    @property
+    @derived(text="what K, G and T of the tips do not tell by themselves", dims="note")
     def notes(self) -> tuple[str, ...]:
         """What K, G and T of the tips do not tell by themselves in one state or more, see `Static`. They are
         printed too.
@@ -88,17 +103,17 @@ class LoadHistory:
         at_point(self.states[0].stress_intensity, crack, "crack tip")
         return np.array([state.stress_intensity[crack] for state in self.states])
 
-    @property
+    @derived("N", "contact forces, compression positive", "time pair", detail=True)
     def contact_force(self) -> np.ndarray:
         """(n, pairs): N, compression positive."""
         return np.array([state.contact_force for state in self.states])
 
-    @property
+    @derived("m", "gaps of the contact pairs", "time pair", detail=True)
     def gap(self) -> np.ndarray:
         """(n, pairs): m."""
         return np.array([state.gap for state in self.states])
 
-    @property
+    @derived("N", "sum of the contact forces", "time")
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of all contact forces, N."""
         return np.array([state.contact_resultant for state in self.states])

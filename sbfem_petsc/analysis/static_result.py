@@ -12,7 +12,6 @@ from ..errors import SolveError, at_point
 from ..loads import Loads
 from ..parallel import agreed
 from ..petsc import MPI
-from ..record.body import Body
 from ..record.gather import whole
 from ..record.record import Record, derived, described, quantity
 from ..system.boundary import LoadColumns
@@ -47,7 +46,9 @@ class Static(Record):
 
     coordinates: ClassVar = ("pair_cracks",)
 
-    point_displacements: dict[str, np.ndarray] = quantity("m", "displacement", "place xy", row=True)
+    point_displacements: dict[str, np.ndarray] = quantity(
+        "m", "displacement", "place xy", called="displacement", row=True
+    )
     contact_force: np.ndarray = quantity(
         "N", "contact forces, compression positive, all cracks in order", "pair"
     )
@@ -84,6 +85,7 @@ class Static(Record):
         "Pa",
         "stress at places that were asked for",
         "at stress",
+        called="stress",
         row=True,
         finite=False,
         default_factory=dict,
@@ -96,11 +98,11 @@ class Static(Record):
 
     @agreed()
     def gathered(self) -> dict[str, Any]:
-        """The field and what it belongs to, on rank 0. Collective."""
+        """The field, on rank 0. Collective."""
         if self.model is None:
             return {"field": self.field}
         part = self.model.part
-        return {"field": whole(self.model.comm, part.nodes, self.field), "body": Body.of(self.model)}
+        return {"field": whole(self.model.comm, part.nodes, self.field)}
 
     @property
     def _solved(self) -> Model:

@@ -5,20 +5,20 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from ..checks import choice, index_of, integer, real_array, shown, text
+from ..record.record import Record, derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from ..writing import write_table
 from .orbit import Orbit
 
 KINDS = ("displacement", "velocity", "impulse")
 
 
 @dataclass(frozen=True)
-class StartAxis:
+class StartAxis(Record):
     """An axis of a grid of initial states.
 
     Attributes
@@ -35,11 +35,13 @@ class StartAxis:
     direction : {"x", "y"}
     """
 
-    values: tuple[float, ...]
-    kind: str = "displacement"
-    mode: int = 1
-    point: str | None = None
-    direction: str = field(default="y", kw_only=True)
+    values: tuple[float, ...] = quantity(
+        "SI", "values along the axis", "value", unit_of=lambda axis: axis.unit
+    )
+    kind: str = quantity(text="what they are of", default="displacement", one_of=KINDS)
+    mode: int = quantity("1", "number of the mode, or of the unit load", default=1, least=1)
+    point: str | None = quantity(text="point in whose displacement they are", default=None)
+    direction: str = quantity(text="its direction", default="y", kw_only=True, one_of=("x", "y"))
 
     def __post_init__(self) -> None:
         owner = "StartAxis"
@@ -79,34 +81,84 @@ class StartAxis:
         return f"{self.quantity}, {self.unit}"
 
 
-@dataclass(frozen=True, eq=False)
-class Basins:
+@described
+class Basins(Record):
     """Where histories from many initial states settle.
 
-    Attributes
-    ----------
-    frequency : float
-        Forcing frequency, Hz.
-    orbits : tuple of Orbit
-        The steady states: those that were given, then those that were found.
-    reached : (...) int array
-        Number of the orbit that each initial state leads to, from 0; -1: none within the periods allowed.
-    periods : (...) int array
-        Forcing periods until that was known.
-    states : (..., 2 m) array
-        Initial states (Omega q, q').
-    axes : tuple of StartAxis
-        Of the grid; empty where the initial states were given one by one.
+    `reached` is the number of the orbit that each initial state leads to, from 0, -1 where it is none within
+    the periods allowed; `periods` are the forcing periods until that was known; `states` the initial states
+    (Omega q, q'), m sqrt(kg)/s. The last is (..., 2 m), the others (...) over the axes of the grid.
     """
 
-    frequency: float
-    orbits: tuple[Orbit, ...]
+    coordinates: ClassVar = ("starts",)
+
+    frequency: float = quantity("Hz", "forcing frequency", least=1e-300)
+    orbits: tuple[Orbit, ...] = quantity(
+        text="the steady states: those that were given, then those that were found", part="Orbit", detail=True
+    )
     reached: np.ndarray
     periods: np.ndarray
     states: np.ndarray = field(repr=False)
-    axes: tuple[StartAxis, ...] = ()
+    axes: tuple[StartAxis, ...] = quantity(
+        text="axes of the grid; none where the initial states were given one by one",
+        part="StartAxis",
+        default=(),
+    )
 
-    @property
+    @derived("1", "lengths of the axes", "axis", kinds="iu", back=True, detail=True, least=1)
+    def shape(self) -> np.ndarray:
+        """Of `reached`."""
+        return np.array(self.reached.shape)
+
+    @derived("SI", "values of the axes", "start axis")
+    def starts(self) -> np.ndarray | None:
+        """(starts, axes), None where the initial states were given one by one."""
+        if not self.axes:
+            return None
+        grid = np.meshgrid(*(axis.values for axis in self.axes), indexing="ij")
+        return np.stack([values.ravel() for values in grid], axis=1)
+
+    @derived("1", "number of the orbit reached, -1: none", "start", kinds="i", back=True, least=-1)
+    def orbit_reached(self) -> np.ndarray:
+        """(starts,): `reached`, one initial state after the other."""
+        return self.reached.ravel()
+
+    @derived("1", "forcing periods until that was known", "start", kinds="i", back=True, least=0)
+    def periods_needed(self) -> np.ndarray:
+        """(starts,): `periods`."""
+        return self.periods.ravel()
+
+    @derived("m sqrt(kg)/s", "initial states (Omega q, q')", "start state", back=True, detail=True)
+    def initial_states(self) -> np.ndarray:
+        """(starts, 2 m): `states`."""
+        return self.states.reshape(self.reached.size, -1)
+
+    @classmethod
+    def revived(cls, found: dict[str, Any]) -> Basins:
+        """From a file."""
+        shape = tuple(found.pop("shape").tolist())
+        return cls(
+            **found
+            | {
+                "reached": found.pop("orbit_reached").reshape(shape),
+                "periods": found.pop("periods_needed").reshape(shape),
+                "states": found.pop("initial_states").reshape(*shape, -1),
+            }
+        )
+
+    def check(self) -> None:
+        """Raise ValueError unless grid, orbits and axes belong together."""
+        shape = tuple(len(axis.values) for axis in self.axes)
+        if (shape and shape != self.reached.shape) or self.reached.max(initial=-1) >= len(self.orbits):
+            raise ValueError(
+                f"starts of shape {self.reached.shape} lead to none of {len(self.orbits)} orbits"
+            )
+        points = {name for orbit in self.orbits for name in orbit.points}
+        for axis in self.axes:
+            if axis.point is not None and axis.point not in points:
+                raise ValueError(f"point {axis.point!r} of an axis is none of its orbits'")
+
+    @derived("1", "share of the initial states that reach each orbit", "orbit", row=True)
     def share(self) -> np.ndarray:
         """(k,): share of the initial states that leads to each orbit. Of states drawn at random it is an
         estimate of the probability p, with the standard error sqrt(p (1 - p) / n).
@@ -129,22 +181,6 @@ class Basins:
         that is known to be so.
         """
         return max((orbit._furthest(least) for orbit in self.orbits), default=0.0)
-
-    def to_csv(self, path: str) -> None:
-        """Write the number of the orbit and the periods of each initial state as comma-separated values, with
-        the values of the axes before them.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it cannot be written.
-        """
-        columns = {}
-        grid = np.meshgrid(*(axis.values for axis in self.axes), indexing="ij") if self.axes else []
-        for number, (axis, values) in enumerate(zip(self.axes, grid), 1):
-            columns[f"axis{number}_{axis.kind}"] = values.ravel()
-        columns |= {"orbit": self.reached.ravel(), "periods": self.periods.ravel()}
-        write_table(path, columns)
 
     def __repr__(self) -> str:
         shares = ", ".join(f"{100.0 * share:.3g} %" for share in self.share)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from ..motion.fixed_point import FixedPoint
 from ..motion.history import Motion
 from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
 from ..motion.states import ModalStates, Point
+from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
 from .multipliers import multipliers_of
 from .shooting import WHOLE, shoot, shoot_nearby
@@ -30,48 +31,44 @@ NEAR = 0.05
 # more for where in a step pairs switch, which scatters. Of those motions it was between half and ten times
 # the error in all but two.
 SAFETY = 5.0 / 3.0
+# Harmonics that are kept in files and tables beside the motion itself.
+HARMONICS = 41
 
 
-@dataclass(frozen=True, eq=False)
+@described
 class Orbit(Motion):
     """A periodic motion; its instants are the equal steps of one period, the end left out.
 
-    Attributes
-    ----------
-    frequency : float
-        Forcing frequency f, Hz.
-    periods : int
-        Forcing periods in one period of the motion.
-    multipliers : (k,) complex array
-        Floquet multipliers over the motion's period, by falling modulus; empty if they were not asked for,
-        and for an unreduced model.
-    uncertainty : float or callable
-        `multiplier_error`, or what computes it when it is first asked for.
-    state : (2 m,) array
-        (Omega q, q') at t = 0; empty for an unreduced model.
-    residuals : tuple of float
-        Norm of x(T) - x(0) at each Newton iterate.
-    path : str
-        How it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
-        "ramp of the damping", "neighbouring frequency", "multiple shooting", "point of a curve" or "period
-        doubling".
-    converged : bool
-    products : int
-        Linearised periods integrated for the linear solves of an unreduced model.
-    step_error : float
-        Relative change of the displacements from half as many steps; nan unless a tolerance was given.
+    `path` is how it was reached: "Newton", "history" (some periods integrated before it), "ramp of the load",
+    "ramp of the damping", "neighbouring frequency", "multiple shooting", "point of a curve" or "period
+    doubling". `uncertainty` is `multiplier_error`, or what computes it when it is first asked for. State and
+    multipliers are empty for an unreduced model.
     """
 
-    frequency: float
-    periods: int
-    residuals: tuple[float, ...]
-    path: str
-    state: np.ndarray = field(default_factory=lambda: np.zeros(0))
-    multipliers: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=complex))
+    frequency: float = quantity("Hz", "forcing frequency f", least=1e-300)
+    periods: int = quantity("1", "forcing periods in one period of the motion", least=1)
+    residuals: tuple[float, ...] = quantity(
+        "m sqrt(kg)/s", "norm of x(T) - x(0) at each Newton iterate", "iterate"
+    )
+    path: str = quantity(text="how it was reached")
+    state: np.ndarray = quantity(
+        "m sqrt(kg)/s", "(Omega q, q') at t = 0", "state", detail=True, default_factory=lambda: np.zeros(0)
+    )
+    multipliers: np.ndarray = quantity(
+        "1",
+        "Floquet multipliers over the motion's period, by falling modulus",
+        "multiplier",
+        kinds="cf",
+        default_factory=lambda: np.zeros(0, dtype=complex),
+    )
     uncertainty: float | Callable[[], float] = field(default=math.nan, compare=False)
-    products: int = 0
-    converged: bool = True
-    step_error: float = math.nan
+    products: int = quantity(
+        "1", "linearised periods integrated for the linear solves of an unreduced model", default=0
+    )
+    converged: bool = quantity("1", "whether it is one", default=True)
+    step_error: float = quantity(
+        "1", "relative change of the displacements from half as many steps", finite=False, default=math.nan
+    )
 
     @property
     def iterations(self) -> int:
@@ -83,7 +80,7 @@ class Orbit(Motion):
         """s."""
         return self.periods / self.frequency
 
-    @functools.cached_property
+    @derived("1", "uncertainty of the largest modulus of the multipliers", back=True, finite=False, kept=True)
     def multiplier_error(self) -> float:
         """Uncertainty of the largest modulus of the multipliers: 5/3 of its change in twice the steps; nan if
         no motion is found in these. It takes two to three times as long as the multipliers themselves, so it
@@ -92,11 +89,42 @@ class Orbit(Motion):
         """
         return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
 
+    @classmethod
+    def revived(cls, found: dict[str, Any]) -> Any:
+        """From a file: the uncertainty as a number."""
+        return cls(**found | {"uncertainty": found.pop("multiplier_error")})
+
+    def check(self) -> None:
+        """Raise ValueError unless state and periods fit the instants."""
+        super().check()
+        size = 2 * self.states.q.shape[1] if isinstance(self.states, ModalStates) else 0
+        if len(self.state) != size or self.periods > len(self.time):
+            raise ValueError(f"a state of {len(self.state)} numbers and {self.periods} periods do not fit")
+
+    @derived(
+        "m",
+        "complex harmonics of the displacement, the mean first",
+        "harmonic place xy",
+        called="harmonics",
+        kinds="c",
+        row=True,
+    )
+    def point_harmonics(self) -> np.ndarray:
+        """(41 at most, points, 2): of the named points."""
+        u = self.point_displacements
+        flat = [one_sided(column)[:: self.periods][:HARMONICS] for column in u.reshape(len(u), -1).T]
+        return np.array(flat).T.reshape(-1, *u.shape[1:]) if flat else np.zeros((0, 0, 2), dtype=complex)
+
+    @derived("m", "half the peak-to-peak of u_y", "place", called="amplitude", row=True)
+    def point_amplitudes(self) -> np.ndarray:
+        """(points,): of the named points."""
+        return 0.5 * np.ptp(self.point_displacements[..., 1], axis=0)
+
     def __getstate__(self) -> dict[str, Any]:
         """What is pickled or copied: the uncertainty as a number."""
         return {**self.__dict__, "uncertainty": self.multiplier_error}
 
-    @property
+    @derived("1", "whether small disturbances die out, where that is known", row=True)
     def stable(self) -> bool | None:
         """Whether small disturbances die out: no multiplier outside the unit circle; None if the uncertainty
         does not allow a verdict, or the multipliers were not asked for.

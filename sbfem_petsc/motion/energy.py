@@ -4,36 +4,30 @@ contact does work.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ..contact.marching import StepHistory
 from ..errors import SolveError, on_all_ranks
+from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
 
 # Work of the contact forces, relative to the energy supplied, beyond which a history is refused.
 WORK_LIMIT = 0.01
 
 
-@dataclass(frozen=True, eq=False)
-class Energy:
-    """Energies and work since the start, (n,) arrays, J.
-
-    Attributes
-    ----------
-    kinetic, strain : (n,) arrays
-        The strain energy includes a reduced model's residual flexibility.
-    external, damping, contact : (n,) arrays
-        Work of the loads, energy dissipated by damping, work of the contact forces (zero but for the steps in
-        which pairs close or open, where it is the integrator's error; summed over the parts of halved steps).
+@described
+class Energy(Record):
+    """Energies and work since the start. Contact works in the steps in which pairs close or open alone, where
+    it is the integrator's error, summed over the parts of halved steps.
     """
 
-    kinetic: np.ndarray
-    strain: np.ndarray
-    external: np.ndarray
-    damping: np.ndarray
-    contact: np.ndarray
+    kinetic: np.ndarray = quantity("J", "kinetic energy", "time")
+    strain: np.ndarray = quantity(
+        "J", "strain energy, a reduced model's residual flexibility included", "time"
+    )
+    external: np.ndarray = quantity("J", "work of the loads", "time")
+    damping: np.ndarray = quantity("J", "energy dissipated by damping", "time")
+    contact: np.ndarray = quantity("J", "work of the contact forces", "time")
 
     @property
     def total(self) -> np.ndarray:

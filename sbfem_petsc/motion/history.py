@@ -2,36 +2,37 @@
 
 from __future__ import annotations
 
-import functools
-from dataclasses import dataclass
+import warnings
+from typing import ClassVar
 
 import numpy as np
 
-from ..checks import Bounds, names_of, real, shown
-from ..errors import SolveError, UnknownName, on_all_ranks
+from meshing.warnings import IncompleteHistory
+
+from ..checks import Bounds, real, shown
+from ..errors import SolveError, UnknownName, caller_level, on_all_ranks
 from ..parallel import agreed
+from ..record.record import Record, derived, described, quantity
 from ..system.model import Model
 from ..system.places import checked_line
 from ..system.sampling import Field
-from ..writing import write_table
 from .energy import Energy
 from .states import ModalStates, Point, SampledStates
 
 
-@dataclass(frozen=True, eq=False)
-class Motion:
-    """Instants of a motion.
+@described
+class Motion(Record):
+    """Instants of a motion."""
 
-    Attributes
-    ----------
-    time : (n,) array
-        s.
-    states : ModalStates or SampledStates
-        How they are kept: of a reduced or of an unreduced model.
-    """
+    labels: ClassVar = {"place": "points"}
+    coordinates: ClassVar = ("time",)
 
-    time: np.ndarray
-    states: ModalStates | SampledStates
+    time: np.ndarray = quantity("s", "instants", "time")
+    states: ModalStates | SampledStates = quantity(
+        text="how they are kept: of a reduced or of an unreduced model",
+        part="ModalStates SampledStates",
+        detail=True,
+    )
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -43,22 +44,40 @@ class Motion:
         """The reduced model that moves, None for an unreduced one."""
         return self.states.reduced if isinstance(self.states, ModalStates) else None
 
-    @property
+    @derived("m", "displacement", "time place xy", called="displacement")
+    def point_displacements(self) -> np.ndarray:
+        """(n, points, 2): displacements of the named points, m."""
+        found = [self.states.displacement(point) for point in self.points]
+        return np.stack(found, axis=1) if found else np.zeros((len(self.time), 0, 2))
+
+    @derived("N", "contact forces, compression positive", "time pair", detail=True, stored=False)
     def contact_force(self) -> np.ndarray:
         """(n, pairs): forces of the contact pairs, N, compression positive; those of an unreduced model are
         means over the step that ends at the instant.
         """
         return self.states.contact[:, : self.states.pairs]
 
-    @property
+    @derived("N", "sum of the contact forces, those inside tip elements included", "time")
     def contact_resultant(self) -> np.ndarray:
         """(n,): sum of all contact forces, those inside the tip elements included, N."""
         return self.states.contact.sum(axis=1)
 
-    @property
+    @derived("m", "gaps of the contact pairs", "time pair", detail=True, stored=False)
     def gap(self) -> np.ndarray:
         """(n, pairs): gaps of the contact pairs, m."""
         return self.states.gap[:, : self.states.pairs]
+
+    @derived(text="what K of the tips does not tell by itself", dims="note", kept=True)
+    def notes(self) -> tuple[str, ...]:
+        """What K of the tips does not tell by itself: units at notches, that of a crack along an interface
+        that closes G alone means something. They are printed too.
+        """
+        return self.states.tip_facts.notes(self.states.contact)
+
+    def check(self) -> None:
+        """Raise ValueError unless time rises."""
+        if not len(self.time) or (np.diff(self.time) <= 0.0).any():
+            raise ValueError("'time' does not rise")
 
     def displacement(self, point: Point) -> np.ndarray:
         """(n, 2): displacement of a named point, or of any point (x, y) in m, in m. Collective for (x, y)."""
@@ -123,13 +142,6 @@ class Motion:
         moves = (np.linalg.norm(self.displacement(name), axis=-1).max() for name in self.points)
         return float(max(moves, default=0.0))
 
-    @functools.cached_property
-    def notes(self) -> tuple[str, ...]:
-        """What K of the tips does not tell by itself: units at notches, that of a crack along an interface
-        that closes G alone means something. They are printed too.
-        """
-        return self.states.tip_facts.notes(self.states.contact)
-
     @agreed()
     def field(self, time: float) -> Field:
         """The displacement field at the kept instant next to a time (s), for `plot_crack`, `write_vtu`, or,
@@ -146,49 +158,41 @@ class Motion:
         )
         return self.states.field(int(np.argmin(np.abs(self.time - at))))
 
-    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
-        """Write time, displacements of points (default: all) and the contact resultant as comma-separated
-        values.
 
-        The file takes its name when it is whole.
-
-        Raises
-        ------
-        TypeError, ValueError, KeyError
-            If it cannot be written, or for an unknown point.
-        """
-        chosen = self.points if points is None else names_of("to_csv", "points", points)
-        columns = {"time_s": self.time}
-        for point in chosen:
-            u = self.displacement(point)
-            columns |= {f"ux_{point}_m": u[:, 0], f"uy_{point}_m": u[:, 1]}
-        columns["contact_resultant_N"] = self.contact_resultant
-        write_table(path, columns)
-
-
-@dataclass(frozen=True, eq=False)
+@described
 class History(Motion):
-    """A time history; its instants are the kept steps, from t = 0.
+    """A time history; its instants are the kept steps, from t = 0."""
 
-    Attributes
-    ----------
-    energy : Energy
-    step : float
-        Time step of the integration, s.
-    exchanges : int
-        Exchanges of active sets in all steps; 0 for an unreduced model, which does not count them.
-    damped_modes : int
-        Modes in which the model's damping ratio is met: all of a reduced model's, the computed ones of an
-        unreduced one.
-    complete : bool
-        Whether the run that made it has reached its end; False only for one read from an unfinished file.
-    """
+    energy: Energy = quantity(text="energies and work", part="Energy", detail=True)
+    step: float = quantity("s", "time step of the integration", least=0.0)
+    exchanges: int = quantity(
+        "1",
+        "exchanges of active sets in all steps; 0 for an unreduced model, which does not count them",
+        default=0,
+    )
+    damped_modes: int = quantity(
+        "1",
+        "modes in which the model's damping ratio is met: all of a reduced model's, the computed ones of an "
+        "unreduced one",
+        default=0,
+    )
+    complete: bool = quantity("1", "whether the run that made it has reached its end", default=True)
 
-    energy: Energy
-    step: float
-    exchanges: int = 0
-    damped_modes: int = 0
-    complete: bool = True
+    @derived("1", "largest imbalance of the energies, relative to the loads' work", row=True)
+    def energy_error(self) -> float:
+        """0 where no load works."""
+        supplied = float(np.abs(self.energy.external).max(initial=0.0))
+        return float(np.abs(self.energy.balance).max()) / supplied if supplied > 0.0 else 0.0
+
+    def told(self, path: str) -> None:
+        """Warn of a run that has not ended."""
+        if not self.complete:
+            warnings.warn(
+                f"history file {path!r} is incomplete: it ends at {self.time[-1]:.6g} s, before its run "
+                "does; resume=True continues from there",
+                IncompleteHistory,
+                stacklevel=caller_level(),
+            )
 
     def __repr__(self) -> str:
         kind = f"{len(self.reduced.omega)} modes" if self.reduced is not None else "unreduced model"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from ..errors import SolveError, UnknownName, listed, on_all_ranks
+from ..record.record import Record, described, quantity
 from ..reduction.outputs import LinearOutput
 from ..reduction.reduced_model import ReducedModel
 from ..system.places import checked_place
@@ -77,26 +77,15 @@ class States(Protocol):
         Collective."""
 
 
-@dataclass(frozen=True, eq=False)
-class ModalStates:
-    """Instants of a reduced model's motion.
+@described
+class ModalStates(Record):
+    """Instants of a reduced model's motion."""
 
-    Attributes
-    ----------
-    q, v : (n, m) arrays
-        Modal coordinates and their rates.
-    amplitudes : (n, l) array
-        Of the unit loads.
-    contact : (n, c) array
-        N, compression positive.
-    reduced : ReducedModel
-    """
-
-    q: np.ndarray
-    v: np.ndarray
-    amplitudes: np.ndarray
-    contact: np.ndarray
-    reduced: ReducedModel
+    q: np.ndarray = quantity("m sqrt(kg)", "modal coordinates", "time mode")
+    v: np.ndarray = quantity("m sqrt(kg)/s", "rates of the modal coordinates", "time mode")
+    amplitudes: np.ndarray = quantity("unit of the load", "load signals", "time load")
+    contact: np.ndarray = quantity("N", "forces of the contact rows, compression positive", "time row")
+    reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel")
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -190,33 +179,36 @@ class ModalStates:
         return self.reduced.field(self.q[instant], self.amplitudes[instant], self.contact[instant])
 
 
-@dataclass(frozen=True, eq=False)
-class SampledStates:
-    """Instants of an unreduced model's motion: what was sampled while it ran.
-
-    Attributes
-    ----------
-    displacements, velocities, accelerations : dict of str to (n, 2) array
-        Of the named points, m, m/s, m/s^2.
-    contact, gap : (n, c) arrays
-        N (mean of the step that ends at the instant) and m.
-    pairs : int
-    intensities : dict of str to (n, 2) array
-        Pa m^(1/2), or as `tip_facts` says.
-    tip_facts : TipFacts
-    fields : KeptFields or None
-        For any other place.
+@described
+class SampledStates(Record):
+    """Instants of an unreduced model's motion: what was sampled while it ran, and `fields` for any other
+    place, which no file keeps.
     """
 
-    displacements: dict[str, np.ndarray]
-    velocities: dict[str, np.ndarray]
-    accelerations: dict[str, np.ndarray]
-    contact: np.ndarray
-    gap: np.ndarray
-    pairs: int
-    intensities: dict[str, np.ndarray]
-    tip_facts: TipFacts
+    displacements: dict[str, np.ndarray] = quantity("m", "displacement", "time place xy", by="place")
+    velocities: dict[str, np.ndarray] = quantity("m/s", "velocity", "time place xy", by="place")
+    accelerations: dict[str, np.ndarray] = quantity("m/s^2", "acceleration", "time place xy", by="place")
+    contact: np.ndarray = quantity(
+        "N", "forces of the contact rows, means over the step that ends at the instant", "time row"
+    )
+    gap: np.ndarray = quantity("m", "gaps of the contact rows", "time row")
+    pairs: int = quantity("1", "contact rows that are node pairs", least=0)
+    intensities: dict[str, np.ndarray] = quantity(
+        "Pa m^(1 - exponent)",
+        "K_I and K_II of the crack tips",
+        "time tip component",
+        by="tip",
+        unit_of=lambda states: states.tip_facts.common,
+    )
+    tip_facts: TipFacts = quantity(text="kinds of the tips", part="TipFacts")
     fields: KeptFields | None = None
+
+    def check(self) -> None:
+        """Raise ValueError unless pairs and tips are those of its rows."""
+        if self.pairs > self.contact.shape[1] or self.tip_facts.contact_rows[-1] > self.contact.shape[1]:
+            raise ValueError(f"pairs or tips are not those of {self.contact.shape[1]} contact rows")
+        if self.tip_facts.names != tuple(self.intensities):
+            raise ValueError(f"the tips are said to be {self.tip_facts.names} and {tuple(self.intensities)}")
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""

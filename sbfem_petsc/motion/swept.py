@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
 from ..checks import positive
 from ..errors import at_point
+from ..record.record import Record, described, quantity
 from ..reduction.reduced_model import ReducedModel
-from ..writing import write_table
 from .integration import Rows
 from .linear_passage import APART, linear_changes
 from .reduced_history import ReducedIntegrator
@@ -37,32 +38,33 @@ class Jump:
     after: float
 
 
-@dataclass(frozen=True, eq=False)
-class SweptResponse:
+@described
+class SweptResponse(Record):
     """A motion under a swept frequency, one entry for each cycle of the drive.
 
-    Attributes
-    ----------
-    frequency : (n,) array
-        Mean forcing frequency of a cycle, Hz, rising or falling.
-    duration : float
-        Of the sweep, s.
-    point_amplitudes : (n, points) array
-        Half the peak-to-peak of u_y in a cycle, m.
-    contact_peak : (n,) array
-        Largest contact resultant in a cycle, N.
-    settling : int
-        Cycles in which a disturbance falls to 1/e: of the mode with the least decay among those in the range,
-        or of the nearest one; 0 without damping.
-    reduced : ReducedModel
+    `settling` is that of the mode with the least decay among those in the range, or of the nearest one; 0
+    without damping.
     """
 
-    frequency: np.ndarray
-    duration: float
-    point_amplitudes: np.ndarray
-    contact_peak: np.ndarray
-    settling: int
-    reduced: ReducedModel = field(repr=False)
+    labels: ClassVar = {"place": "points"}
+    coordinates: ClassVar = ("frequency",)
+
+    frequency: np.ndarray = quantity(
+        "Hz", "mean forcing frequency of a cycle, rising or falling", "cycle", least=1e-300
+    )
+    duration: float = quantity("s", "of the sweep", least=1e-300)
+    point_amplitudes: np.ndarray = quantity(
+        "m", "half the peak-to-peak of u_y in a cycle", "cycle place", called="amplitude", least=0.0
+    )
+    contact_peak: np.ndarray = quantity("N", "largest contact resultant in a cycle", "cycle", least=0.0)
+    settling: int = quantity("1", "cycles in which a disturbance falls to 1/e", least=0)
+    reduced: ReducedModel = quantity(text="the reduced model", part="ReducedModel", detail=True, repr=False)
+
+    def check(self) -> None:
+        """Raise ValueError unless it has cycles, and the points of its model."""
+        if not len(self.frequency) or self.point_amplitudes.shape[1] != len(self.points):
+            shape = self.point_amplitudes.shape
+            raise ValueError(f"{len(self.frequency)} cycles and amplitudes of shape {shape} do not fit")
 
     @property
     def points(self) -> tuple[str, ...]:
@@ -182,18 +184,6 @@ class SweptResponse:
                 f"times of {w} cycles, where nothing tells a jump from the passage through a resonance; "
                 f"sweep in {self.duration * self.rate / FASTEST:.3g} s or more"
             )
-
-    def to_csv(self, path: str) -> None:
-        """Write frequency, contact and the amplitudes of all points as comma-separated values.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it cannot be written.
-        """
-        columns = {"frequency_Hz": self.frequency, "contact_peak_N": self.contact_peak}
-        columns |= {f"amplitude_{name}_m": self.amplitude(name) for name in self.points}
-        write_table(path, columns)
 
     def __repr__(self) -> str:
         return (

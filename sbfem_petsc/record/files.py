@@ -23,8 +23,9 @@ from ..parallel import agreed, collective, ranks_of
 from ..petsc import MPI
 from ..writing import replaced
 from . import journal
+from .body import Body
 from .layout import bare, text, text_of, write
-from .reading import record_in
+from .reading import records_in
 from .record import Record, record_class
 
 # Of the layout: files of another one are refused.
@@ -63,14 +64,34 @@ def save(path: Any, result: Any) -> None:
             named = isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name
             if part is not result and not named:
                 raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
-    whole = {name: part.gathered() for name, part in parts.items()}
+    whole: dict[int, dict[str, Any]] = {}
+    bodies: dict[int, Body | None] = {}
+    for part in parts.values():
+        _gather(part, whole, bodies)
     with collective(comm):
         if comm.rank == 0:
             with written(path) as file:
+                seen: dict[int, str] = {}
                 if several:
                     file.attrs["several"] = len(parts)
                 for name, part in parts.items():
-                    write(file.create_group(name, track_order=True) if name else file, part, whole[name])
+                    write(file.create_group(name, track_order=True) if name else file, part, whole, seen=seen)
+
+
+def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, Body | None]) -> None:
+    """What is distributed of a record and of those in it, by their identity, and the body that each field is
+    of, once a model. Collective.
+    """
+    found = whole[id(record)] = record.gathered()
+    model = getattr(record, "model", None)
+    if found and model is not None:
+        if id(model) not in bodies:
+            bodies[id(model)] = Body.of(model)
+        found["body"] = bodies[id(model)]
+    for _, about, part in record.parts():
+        for one in part if isinstance(part, tuple) else (part,):
+            if about.stored and id(one) not in whole:
+                _gather(one, whole, bodies)
 
 
 def read(path: Any) -> Any:
@@ -98,11 +119,7 @@ def read(path: Any) -> Any:
     if journal.is_journal(name):
         return _kept(name)
     with opened(name) as file:
-        if "record" in file.attrs:
-            found: Any = record_in(file)
-        else:
-            parts = {key: record_in(file[key]) for key in file}
-            found = tuple(parts.values()) if "several" in file.attrs else parts
+        found = records_in(file)
     for part in (
         found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
     ):

@@ -20,7 +20,7 @@ BARE = b"This is a netCDF dimension but not a netCDF variable.%10d"
 def write(
     group: h5py.Group,
     record: Record,
-    whole: Mapping[str, Any] = {},
+    whole: Mapping[int, Mapping[str, Any]] = {},
     given: tuple[str, ...] = (),
     seen: dict[int, str] | None = None,
 ) -> None:
@@ -28,8 +28,8 @@ def write(
 
     Parameters
     ----------
-    whole : dict
-        What `Record.gathered` has found.
+    whole : dict of int to dict
+        What `Record.gathered` has found of each record, by its identity.
     given : tuple of str
         Axes that stand for "*", and those that have another name here, as "order:further_order".
     seen : dict of int to str
@@ -37,23 +37,24 @@ def write(
     """
     seen = {} if seen is None else seen
     seen[id(record)] = group.name
+    mine = whole.get(id(record), {})
     group.attrs["record"] = text_of(type(record).__name__)
-    for q in record.quantities(lambda about: about.stored, given=given, **whole):
+    for q in record.quantities(lambda about: about.stored, given=given, **mine):
         if isinstance(q.value, str):
             group.attrs[q.name] = text_of(q.value)
             continue
-        kinds = entries(type(record))[q.name].kinds
+        kinds = q.entry.kinds
         array = np.asarray(q.value)
         if array.dtype.kind not in kinds:
-            array = array.astype(TYPES[kinds[0]])
+            array = array.astype(TYPES[kinds[0]], casting="same_kind")
         for dim, names in q.names.items():
             if dim not in group:
                 put(group, dim, texts_of(names), About(text=f"names of {dim}"), "1", (dim,))
         put(group, q.name, array, q.about, q.unit, q.dims)
     for name, entry in entries(type(record)).items():
         if entry.field and isinstance(getattr(record, name), Mapping) and not getattr(record, name):
-            group.attrs[name] = h5py.Empty("S2")
-    parts = [*record.parts(), *((n, About(), item) for n, item in whole.items() if isinstance(item, Record))]
+            group.attrs[entry.called] = h5py.Empty("S2")
+    parts = [*record.parts(), *((n, About(), item) for n, item in mine.items() if isinstance(item, Record))]
     for name, about, part in parts:
         if not about.stored:
             continue
@@ -64,9 +65,9 @@ def write(
         if isinstance(part, tuple):
             own.attrs["several"] = len(part)
             for k, item in enumerate(part):
-                write(own.create_group(f"{k:04d}", track_order=True), item, seen=seen)
+                write(own.create_group(f"{k:04d}", track_order=True), item, whole, seen=seen)
         else:
-            write(own, part, given=expanded(about.dims, given), seen=seen)
+            write(own, part, whole, expanded(about.dims, given), seen)
 
 
 def put(

@@ -14,15 +14,23 @@ from .layout import bare, text
 from .record import Entry, Record, entries, expanded, record_class
 
 
-def record_in(group: h5py.Group) -> Any:
-    """What `layout.write` wrote.
+def records_in(group: h5py.Group) -> Any:
+    """What `layout.write` wrote into a group, or into groups of it: a record, a tuple, or a dict by name.
 
     Raises
     ------
     ValueError
         If a part is missing, of another type or length, out of its range, or does not fit the others.
     """
-    return _Reader().record(group, (), {})
+    reader = _Reader()
+    if "record" in group.attrs:
+        return reader.record(group, (), {})
+    found = {name: reader.record(group[name], (), {}) for name in group}
+    if "several" not in group.attrs:
+        return found
+    if group.attrs["several"] != len(found):
+        raise ValueError(f"it has {len(found)} parts, not {group.attrs['several']}")
+    return tuple(found.values())
 
 
 class _Reader:
@@ -61,7 +69,7 @@ class _Reader:
         self, group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: Mapping[str, int]
     ) -> dict[str, Any]:
         """A part, or several of them, by its name; nothing where it may be missing."""
-        name, of = entry.name, record_class(entry.about.part)
+        name, of = entry.name, tuple(map(record_class, entry.about.part.split()))
         item: Any = group.get(name)
         found: Any = None
         if name in group.attrs:
@@ -78,7 +86,7 @@ class _Reader:
         if several != entry.type.startswith("tuple") or not all(
             isinstance(one, of) for one in (found if several else (found,))
         ):
-            raise ValueError(f"{name!r} is not of {of.__name__}")
+            raise ValueError(f"{name!r} is not of {entry.about.part}")
         return {name: found}
 
 
@@ -95,18 +103,18 @@ def _quantity(
     group: h5py.Group, entry: Entry, given: tuple[str, ...], lengths: dict[str, int]
 ) -> dict[str, Any]:
     """A field as its type says: number, text, array, tuple, or dict by names."""
-    name, about, kind = entry.name, entry.about, entry.type
+    name, here, about, kind = entry.name, entry.called, entry.about, entry.type
     dims = expanded(about.dims, given)
-    if name in group.attrs and "dict" in kind:  # without an entry
+    if here in group.attrs and "dict" in kind:  # without an entry
         return {name: {}}
-    if name in group.attrs and not dims and entry.kinds == "U":
-        word = text(group.attrs[name])
+    if here in group.attrs and not dims and entry.kinds == "U":
+        word = text(group.attrs[here])
         if about.one_of and word not in about.one_of:
             raise ValueError(f"{name} = {word!r} is none of {', '.join(about.one_of)}")
         return {name: word}
-    if name not in group:
+    if here not in group:
         return _missing(entry)
-    array = sound(group[name], entry, dims, lengths)
+    array = sound(group[here], entry, dims, lengths)
     if not dims:
         return {name: array.item()}
     if kind.startswith("dict"):

@@ -53,6 +53,8 @@ class About:
     ----------
     unit, text : str
         "1" without dimension.
+    called : str
+        Its name in files and tables, if that is another one.
     dims : tuple of str
         Names of its axes; of a part those that stand for "*" in it.
     kinds : str
@@ -74,8 +76,10 @@ class About:
         Of a derived quantity: it is read, for `Record.revived`.
     distributed : bool
         Ranks have parts of it, and `Record.gathered` the whole.
+    kept : bool
+        Of a derived quantity: it is computed once.
     part : str
-        Name of the record class that it, or each of a tuple, is of.
+        Name of the record class that it, or each of a tuple, is of; of several classes that it may be of.
     unit_of : callable
         The unit of one record, where that depends on it.
     """
@@ -83,6 +87,7 @@ class About:
     unit: str = "1"
     text: str = ""
     dims: tuple[str, ...] = ()
+    called: str = ""
     kinds: str = ""
     least: float = -math.inf
     finite: bool = True
@@ -93,6 +98,7 @@ class About:
     stored: bool = True
     back: bool = False
     distributed: bool = False
+    kept: bool = False
     part: str = ""
     unit_of: Callable[[Any], str] | None = None
 
@@ -115,7 +121,12 @@ class Derived(Generic[Value]):
         self.__doc__ = function.__doc__ or _words(about)
 
     def __get__(self, record: Any, owner: Any = None) -> Value:
-        return self if record is None else self.function(record)  # type: ignore[return-value]
+        if record is None:
+            return self  # type: ignore[return-value]
+        value = self.function(record)
+        if self.about.kept:
+            record.__dict__[self.function.__name__] = value  # which is found before this is asked again
+        return value
 
 
 def derived(
@@ -136,6 +147,11 @@ class Entry:
     type: str
     field: bool
     needed: bool
+
+    @property
+    def called(self) -> str:
+        """Its name in files and tables."""
+        return self.about.called or self.name
 
     @property
     def kinds(self) -> str:
@@ -173,12 +189,21 @@ class Quantity:
         Entries along some of the axes.
     """
 
-    name: str
+    entry: Entry
     value: Any
-    about: About
     unit: str
     dims: tuple[str, ...]
     names: Mapping[str, tuple[str, ...]]
+
+    @property
+    def name(self) -> str:
+        """In files and tables."""
+        return self.entry.called
+
+    @property
+    def about(self) -> About:
+        """What it is."""
+        return self.entry.about
 
     @property
     def titled(self) -> str:
@@ -289,7 +314,7 @@ class Record:
                 if value is None:
                     continue
             unit = about.unit if about.unit_of is None else about.unit_of(self)
-            yield Quantity(name, np.asarray(value) if dims else value, about, unit, dims, names)
+            yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names)
 
     @classmethod
     def labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
@@ -322,6 +347,8 @@ class Record:
                         column.append(entry)
                 continue
             axis = q.dims[0]
+            if not len(q.value):
+                continue
             if axis not in found:
                 found[axis] = {axis: list(q.names[axis])} if axis in q.names else {}
             found[axis] |= {f"{name}{q.titled}": column for name, column in q.columns()}

@@ -13,30 +13,22 @@ import numpy as np
 
 from ..analysis.backbone import Backbone
 from ..checks import shown
-from ..continuation.basins import Basins, StartAxis
 from ..continuation.branch import Branch
 from ..continuation.line_file import FORM, VERSION, WHAT
-from ..continuation.orbit import Orbit
 from ..continuation.problems.free import FreeSystem
 from ..continuation.problems.locus import KINDS, PARAMETERS, Locus
 from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
 from ..continuation.problems.tones import QuasiPeriodic
-from ..motion.states import ModalStates
-from ..motion.swept import SweptResponse
 from ..recording import branch_file
 from ..recording.hdf5 import new_hdf5, opened, put
 from ..recording.loci import write_locus
 from ..recording.reduced_models import read_reduced_model, write_reduced_model
-from ..recording.sound import number, numbers, text, truth, whole
-from . import orbits
+from ..recording.sound import numbers, text, truth, whole
 from .branches import read_branch, save_branch
 from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
 
 # Kinds of which a file may hold several.
-LISTED = ("loci", "swept responses")
-# Most modes, cycles.
-MOST = 10**9
-
+LISTED = ("loci",)
 _BACKBONE = {
     "energy": ("J", "energy of the motion"),
     "frequency": ("Hz", "its frequency"),
@@ -51,16 +43,6 @@ _BACKBONE = {
     "point_amplitudes": ("m", "half the peak-to-peak of u_y"),
     "stable": ("1", "whether no multiplier is outside the unit circle"),
 }
-_SWEPT = {
-    "frequency": ("Hz", "mean forcing frequency of each cycle"),
-    "point_amplitudes": ("m", "half the peak-to-peak of u_y in a cycle"),
-    "contact_peak": ("N", "largest contact resultant in a cycle"),
-}
-_BASINS = {
-    "reached": ("1", "number of the orbit that each initial state leads to, -1: none"),
-    "periods": ("1", "forcing periods until that was known"),
-    "states": ("m sqrt(kg)/s", "initial states (Omega q, q')"),
-}
 
 
 def save_result(result: Any, path: str) -> None:
@@ -68,8 +50,8 @@ def save_result(result: Any, path: str) -> None:
 
     Parameters
     ----------
-    result : Orbit, Branch, Backbone, Locus, Basins, SweptResponse, QuasiPeriodic or QuasiPeriodicBranch
-        Or a sequence of Locus, or of SweptResponse.
+    result : Branch, Backbone, Locus, QuasiPeriodic or QuasiPeriodicBranch
+        Or a sequence of Locus.
     path : str
 
     Raises
@@ -77,8 +59,6 @@ def save_result(result: Any, path: str) -> None:
     TypeError, ValueError
         If it cannot be written.
     """
-    if isinstance(result, Orbit):
-        return orbits.save_orbit(result, path)
     if isinstance(result, Branch):
         return save_branch(result, path)
     items = list(result) if isinstance(result, (list, tuple)) else [result]
@@ -90,8 +70,8 @@ def save_result(result: Any, path: str) -> None:
     ]
     if not fits:
         raise TypeError(
-            f"save_result: result = {shown(result)} must be an Orbit, Branch, Backbone, Locus, Basins, "
-            "SweptResponse, QuasiPeriodic or QuasiPeriodicBranch, or several Locus or SweptResponse"
+            f"save_result: result = {shown(result)} must be a Branch, Backbone, Locus, QuasiPeriodic or "
+            "QuasiPeriodicBranch, or several Locus"
         )
     kind = fits[0]
     write = _KINDS[kind][1]
@@ -107,11 +87,11 @@ def save_result(result: Any, path: str) -> None:
 
 
 def read_result(path: str) -> Any:
-    """Read what `save_result`, `save_orbit` or `save_branch` wrote.
+    """Read what `save_result` or `save_branch` wrote.
 
     Returns
     -------
-    Orbit, Branch, Backbone, Locus, Basins, SweptResponse, QuasiPeriodic, QuasiPeriodicBranch, or a tuple
+    Branch, Backbone, Locus, QuasiPeriodic, QuasiPeriodicBranch, or a tuple
 
     Raises
     ------
@@ -123,11 +103,9 @@ def read_result(path: str) -> Any:
     IncompleteBranch
         See `read_branch`.
     """
-    forms = {FORM: VERSION, orbits.FORM: orbits.VERSION, branch_file.FORM: branch_file.VERSION}
+    forms = {FORM: VERSION, branch_file.FORM: branch_file.VERSION}
     with opened(path, WHAT, forms) as file:
         form = file.attrs["format"]
-        if form == orbits.FORM:
-            return orbits.orbit_in(file)
         if form == FORM:
             kind, several = text(file, "kind"), truth(file, "several")
             if kind not in _KINDS or (several and kind not in LISTED):
@@ -212,81 +190,10 @@ def _locus_in(group: h5py.Group) -> Locus:
     )
 
 
-def _write_swept(group: h5py.Group, swept: SweptResponse) -> None:
-    group.attrs.update({"duration": swept.duration, "settling": swept.settling})
-    _put_all(group, _SWEPT, swept)
-    write_reduced_model(group.create_group("reduced_model"), swept.reduced)
-
-
-def _swept_in(group: h5py.Group) -> SweptResponse:
-    reduced = read_reduced_model(group["reduced_model"])
-    count = len(numbers(group, "frequency", None, least=0.0))
-    if not count:
-        raise ValueError("'frequency' is empty")
-    return SweptResponse(
-        numbers(group, "frequency", count),
-        number(group, "duration", least=1e-300),
-        numbers(group, "point_amplitudes", count, len(reduced.points.names), least=0.0),
-        numbers(group, "contact_peak", count, least=0.0),
-        whole(group, "settling", most=MOST),
-        reduced,
-    )
-
-
-def _write_basins(group: h5py.Group, basins: Basins) -> None:
-    group.attrs["frequency"] = basins.frequency
-    _put_all(group, _BASINS, basins)
-    orbit_group, axes = group.create_group("orbits"), group.create_group("axes")
-    for k, orbit in enumerate(basins.orbits):
-        orbits.write_orbit(orbit_group.create_group(f"{k:04d}"), orbit)
-    for k, axis in enumerate(basins.axes):
-        part = axes.create_group(f"{k:04d}")
-        part.attrs.update(
-            {"kind": axis.kind, "mode": axis.mode, "point": axis.point or "", "direction": axis.direction}
-        )
-        put(part, "values", axis.values, "SI", axis.label)
-
-
-def _basins_in(group: h5py.Group) -> Basins:
-    found = tuple(orbits.orbit_in(group["orbits"][name]) for name in sorted(group["orbits"]))
-    axes = tuple(_axis_in(group["axes"][name]) for name in sorted(group["axes"]))
-    dataset = group.get("reached")
-    shape = tuple(len(axis.values) for axis in axes) or getattr(dataset, "shape", ())
-    reached = numbers(group, "reached", *shape, kinds="i", least=-1)
-    if reached.size == 0 or reached.max() >= len(found):
-        raise ValueError(f"'reached' names no orbit but the {len(found)} there are")
-    points = {name for orbit in found for name in orbit.points}
-    for axis in axes:
-        if axis.point is not None and axis.point not in points:
-            raise ValueError(f"point {axis.point!r} of an axis is none of its orbits'")
-    sizes: set[int | None] = {2 * o.states.q.shape[1] for o in found if isinstance(o.states, ModalStates)}
-    states = numbers(group, "states", *shape, *(sizes or {None}))
-    return Basins(
-        frequency=number(group, "frequency", least=1e-300),
-        orbits=found,
-        reached=reached,
-        periods=numbers(group, "periods", *shape, kinds="i", least=0),
-        states=states,
-        axes=axes,
-    )
-
-
-def _axis_in(group: h5py.Group) -> StartAxis:
-    return StartAxis(
-        tuple(numbers(group, "values", None).tolist()),
-        text(group, "kind"),
-        whole(group, "mode", least=1, most=MOST),
-        text(group, "point") or None,
-        direction=text(group, "direction"),
-    )
-
-
 # Kinds by the names in a file: what they are of, and what writes and reads one.
 _KINDS: dict[str, tuple[type, Callable[[h5py.Group, Any], None], Callable[[h5py.Group], Any]]] = {
     "backbone": (Backbone, _write_backbone, _backbone_in),
     "loci": (Locus, write_locus, _locus_in),
-    "swept responses": (SweptResponse, _write_swept, _swept_in),
-    "basins": (Basins, _write_basins, _basins_in),
     "quasi-periodic": (QuasiPeriodic, write_torus, torus_in),
     "quasi-periodic branch": (QuasiPeriodicBranch, write_torus_branch, torus_branch_in),
 }

@@ -7,6 +7,7 @@ import os
 import re
 from typing import Any
 
+import h5py
 import numpy as np
 
 import sbfem_petsc as sb
@@ -174,14 +175,21 @@ def _recorded(home: str, name: str) -> Any:
     readers = {
         "history.h5": sb.read_history,
         "curve.h5": sb.read_branch,
-        "orbit.h5": sb.read_orbit,
-        "result.h5": sb.read_result,
+        "orbit.h5": sb.read,
+        "result.h5": _result,
     }
     for ending, read in readers.items():
         file = regular_file(home, PARTS, f"{name}.{ending}")
         if file is not None:
             return read(file)
     return None
+
+
+def _result(path: str) -> Any:
+    """A result: backbones and quasi-periodic motions are no records yet."""
+    with h5py.File(path) as file:
+        record = "schema" in file.attrs
+    return sb.read(path) if record else sb.read_result(path)
 
 
 def export_results(path: str, wanted: list[str], output: str | None, comm: Any, watch: Watch) -> list[str]:

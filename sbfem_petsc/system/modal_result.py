@@ -10,7 +10,6 @@ import numpy as np
 from ..checks import integer
 from ..errors import at_point
 from ..parallel import agreed
-from ..record.body import Body
 from ..record.gather import whole
 from ..record.record import Record, described, quantity
 from .structure import Structure
@@ -34,7 +33,7 @@ class Modal(Record):
     )
     shapes: np.ndarray
     point_shapes: dict[str, np.ndarray] = quantity(
-        "1/sqrt(kg)", "displacement in each mode", "mode place xy", by="place"
+        "1/sqrt(kg)", "displacement in each mode", "mode place xy", called="displacement", by="place"
     )
     auxiliary_inertia: np.ndarray = quantity(
         "sqrt(kg)",
@@ -55,13 +54,12 @@ class Modal(Record):
 
     @agreed()
     def gathered(self) -> dict[str, Any]:
-        """The modes' fields and what they belong to, on rank 0. Collective."""
+        """The modes' fields, on rank 0. Collective."""
         if self.model is None:
             return {"fields": self.fields}
         part, comm = self.model.part, self.model.comm
         modes = [whole(comm, part.nodes, self.model.nodal(shape)) for shape in self.shapes.T]
-        fields = np.array(modes) if comm.rank == 0 else None
-        return {"fields": fields, "body": Body.of(self.model)}
+        return {"fields": np.array(modes) if comm.rank == 0 else None}
 
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""

@@ -191,12 +191,12 @@ def test_only_from_a_period_doubling(curve):
 def test_orbit_file(orbit, tmp_path):
     """A motion read back is the same; other files are told apart."""
     path = str(tmp_path / "orbit.h5")
-    sb.save_orbit(orbit, path)
-    again = sb.read_orbit(path)
+    sb.save(path, orbit)
+    again = sb.read(path)
     same_products(again.harmonics("2"), orbit.harmonics("2"))
     np.testing.assert_array_equal(again.multipliers, orbit.multipliers)
     assert again.stable == orbit.stable and again.periods == 2 and repr(again) == repr(orbit)
     with pytest.raises(ValueError, match="HDF5 file of another kind"):
         sb.read_branch(path)
     with pytest.raises(ValueError, match="orbit file .* does not exist"):
-        sb.read_orbit(str(tmp_path / "none.h5"))
+        sb.read(str(tmp_path / "none.h5"))

@@ -45,7 +45,7 @@ def test_harmonics(tmp_path):
         for case in ("healthy_300_N", "1_N"):  # no contact, or none that closes: the first harmonic alone
             c = harmonics(tmp_path / f"harmonics_{name}.csv", case)
             assert np.delete(c, 1).max() < 1e-12 * c[1]
-        orbit = sb.read_orbit(str(tmp_path / f"orbit_{name}_300_N.h5"))
+        orbit = sb.read(str(tmp_path / f"orbit_{name}_300_N.h5"))
         assert (
             orbit.stable
             and orbit.iterations <= 10  # with updated derivatives, two for the price of one

@@ -394,8 +394,6 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
     "read_history": [lambda: {"path": "given/history.h5", "in_memory": True}],
     "save_branch": [lambda: {"branch": branch(), "path": "saved.h5"}],
     "read_branch": [lambda: {"path": "given/branch.h5"}],
-    "save_orbit": [lambda: {"orbit": orbit(), "path": "saved.h5"}],
-    "read_orbit": [lambda: {"path": "given/orbit.h5"}],
     "save_result": [lambda: {"result": quasi_periodic(), "path": "saved.h5"}],
     "read_result": [lambda: {"path": "given/result.h5"}],
     "write_animation": [
@@ -865,7 +863,7 @@ def write_files() -> None:
     with open("given/wave.csv", "w", encoding="utf-8") as file:
         file.write("time,value\n0,0\n1,1\n2,0\n")
     sb.transient(oscillator(), 20.0, 0.01, 1e-3, file="given/history.h5")
-    sb.save_orbit(orbit(), "given/orbit.h5")
+    sb.save("given/orbit.h5", orbit())
     sb.save_branch(branch(), "given/branch.h5")
     sb.save_result(quasi_periodic(), "given/result.h5")
     mesh().save("given/mesh.h5")

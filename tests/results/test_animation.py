@@ -155,9 +155,9 @@ def test_motions_without_fields(moved, tmp_path):
     _, history = moved
     path = tmp_path / "orbit.h5"
     orbit = sb.periodic(history.reduced, sb.PointForce("A", fy=300.0), 3000.0, stability=False)
-    sb.save_orbit(orbit, path)
+    sb.save(path, orbit)
     with pytest.raises(sb.SolveError, match="keeps no fields"):
-        write_animation(tmp_path / "film", sb.read_orbit(path))
+        write_animation(tmp_path / "film", sb.read(path))
     with pytest.raises(TypeError, match="neither a History nor an Orbit"):
         write_animation(tmp_path / "film", history.reduced)
 

@@ -8,14 +8,13 @@ point is a line of its own.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 import numpy as np
 
 from ...errors import SolveError
 from ...motion.family import Family
-from ...writing import write_table
+from ...record.record import Record, described, quantity
 from ..events import fold
 from ..follow import CLOSED, Line, Settings, follow
 from ..newton import correct
@@ -29,37 +28,26 @@ PACE = Settings(points=101, first=0.02, largest=0.2, smallest=1e-4)
 AT_END = "end of the range"
 
 
-@dataclass(frozen=True, eq=False)
-class Locus:
-    """A bifurcation followed over two parameters.
-
-    Attributes
-    ----------
-    kind : {"fold", "period doubling", "Neimark-Sacker", "grazing"}
-    parameter : {"load", "damping", "gap"}
-        The second parameter: a factor on the oscillating loads, all damping ratios, or all initial gaps.
-    frequency : (n,) array
-        Forcing frequency, Hz.
-    value : (n,) array
-        The factor.
-    states : (n, 2 m) array
-        (Omega q, q') at t = 0.
-    multiplier : (n,) complex array
-        The one on the unit circle; nan for grazing.
-    reasons : (str, str)
-        Why either end is one.
-    periods : int
-        Forcing periods in the period of the motion.
+@described
+class Locus(Record):
+    """A bifurcation followed over two parameters: the forcing frequency and a factor on the oscillating
+    loads, all damping ratios, or all initial gaps.
     """
 
-    kind: str
-    parameter: str
-    frequency: np.ndarray
-    value: np.ndarray
-    states: np.ndarray = field(repr=False)
-    multiplier: np.ndarray = field(repr=False)
-    reasons: tuple[str, str]
-    periods: int = 1
+    coordinates: ClassVar = ("frequency", "value")
+
+    kind: str = quantity(text="what is followed", one_of=KINDS)
+    parameter: str = quantity(text="what the factor is on", one_of=PARAMETERS)
+    frequency: np.ndarray = quantity("Hz", "forcing frequency", "point", least=0.0)
+    value: np.ndarray = quantity("1", "factor on the second parameter", "point")
+    states: np.ndarray = quantity(
+        "m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True, repr=False
+    )
+    multiplier: np.ndarray = quantity(
+        "1", "the one on the unit circle; nan for grazing", "point", kinds="c", finite=False, repr=False
+    )
+    reasons: tuple[str, str] = quantity(text="why either end is one", dims="end")
+    periods: int = quantity("1", "forcing periods in the period of the motion", default=1, least=1)
 
     def __len__(self) -> int:
         return len(self.value)
@@ -71,22 +59,6 @@ class Locus:
             f"factor on the {self.parameter} {self.value.min():.6g} to {self.value.max():.6g}; ends: "
             f"{self.reasons[0]}; {self.reasons[1]})"
         )
-
-    def to_csv(self, path: str) -> None:
-        """Write frequency, factor and multiplier as comma-separated values.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If it cannot be written.
-        """
-        columns = {
-            "frequency_Hz": self.frequency,
-            f"{self.parameter}_factor": self.value,
-            "multiplier_real": self.multiplier.real,
-            "multiplier_imaginary": self.multiplier.imag,
-        }
-        write_table(path, columns)
 
 
 class LocusRecorder(Protocol):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -23,6 +23,9 @@ class Backbone(BackboneOptions, Kind):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
         return sb.backbone(model, **self.of(BackboneOptions), progress=run.progress)
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        sb.save_result(result, part(self.saved))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         return {

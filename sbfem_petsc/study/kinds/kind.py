@@ -232,7 +232,7 @@ class Kind(Table):
         rank.
         """
         if self.saved:
-            sb.save_result(result, part(self.saved))
+            sb.save(part(self.saved), result)
 
     def told(self, result: Any) -> str:
         """A line about a result."""

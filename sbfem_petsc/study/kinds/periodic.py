@@ -136,7 +136,7 @@ class Steady(Kind):
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
         if result.reduced is not None:
-            sb.save_orbit(result, part("orbit.h5"))
+            sb.save(part("orbit.h5"), result)
 
     @classmethod
     def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -65,6 +65,9 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
         pair = (self.probe_frequency, self.pump_frequency)
         with located(case, *path):
             drives(separate(self._acting(case))[1], (max(pair), min(pair)))
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        sb.save_result(result, part(self.saved))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies, self.order)

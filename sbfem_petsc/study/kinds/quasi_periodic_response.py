@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -53,6 +53,9 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
             **self.of(TorusCurveOptions),
             progress=run.progress,
         )
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        sb.save_result(result, part(self.saved))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies[0], self.order)
