@@ -111,7 +111,7 @@ def jacobian(reduced, repeats, unknowns):
     for frequency in FREQUENCIES:
         period = Period(reduced, Excitation.of([sb.Harmonic(FORCE, frequency)], frequency, 1, 1), STEPS)
         driven = period.at(frequency)
-        state = shoot(period, driven.linear_state, frequency).state
+        state = shoot(driven, driven.linear_state).state
         motion = driven.run(state)
         size = len(state)
         seconds = [

@@ -23,7 +23,7 @@ def doublings(load, curve):
     multiplier.
     """
     result = []
-    if not curve.period.pairs:
+    if not curve.contact:
         return result
     for item in curve.bifurcations:
         if item.kind == "period doubling":
@@ -150,7 +150,7 @@ def stability(found):
     ):
         result.add_column(name, justify="right", no_wrap=True)
     for damping, name, curve, halves in rows(found):
-        if curve.period.pairs:
+        if curve.contact:
             kinds = [item.kind for item in curve.bifurcations]
             shared = together(curve)
             result.add_row(
@@ -202,7 +202,7 @@ def write(folder, found):
             {
                 "damping": f"{damping:g}",
                 "force_N": f"{force_of(name):g}",
-                "contact": str(curve.period.pairs > 0),
+                "contact": str(curve.contact),
                 "points": str(len(curve.value)),
                 "complete": str(curve.complete),
                 "peak_Hz": f"{peak.frequency:.6f}",

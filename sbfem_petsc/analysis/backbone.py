@@ -18,8 +18,8 @@ from ..continuation.problems.free_stability import free_multipliers
 from ..continuation.problems.free_start import first_motion
 from ..errors import SolveError, on_all_ranks
 from ..motion.excitation import one_sided
-from ..motion.fixed_point import FixedPoint
 from ..motion.loading import communicator
+from ..motion.period_map import FixedPoint
 from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
 from ..parallel import collective

@@ -67,7 +67,7 @@ def switch_branch(
         If the samples do not resolve the quasi-periodic motion (`QuasiPeriodic.tail`).
     """
     instance("switch_branch", "branch", branch, Branch, "a Branch")
-    comm = branch.reduced.comm
+    comm = branch.period.reduced.comm
     with collective(comm):
         instance("switch_branch", "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if bifurcation.kind not in ("period doubling", "Neimark-Sacker"):
@@ -87,7 +87,8 @@ def _quasi_periodic(
     branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...], samples: int
 ) -> QuasiPeriodic:
     """On an invariant curve whose mean square distance from the periodic motion is given."""
-    own = OwnTone(branch.period, branch.parameter, branch.fixed_frequency, samples, branch.reduced.comm)
+    period = branch.period
+    own = OwnTone(period, branch.parameter, branch.fixed_frequency, samples, period.comm)
     own.require_room("switch_branch")
     problem, found = "", []
     for share in sizes:
@@ -134,9 +135,9 @@ def _doubled(branch: Branch, bifurcation: Bifurcation, sizes: tuple[float, ...])
         motion, half = point.state.motion, period.steps // 2
         apart = np.linalg.norm(period.weights * (motion.states[half] - motion.states[0]))
         if apart > TRULY * abs(share) * norm:
-            fixed, at = point.state, branch.conditions(point.value)
+            fixed = point.state
             fixed.residuals = tuple(fixed.scale * missed for missed in point.residuals)
-            return make_orbit(fixed, *orbit_stability(period, fixed, *at), "period doubling")
+            return make_orbit(fixed, *orbit_stability(fixed), "period doubling")
     raise on_all_ranks(
         SolveError(
             f"switch_branch: no motion of twice the period was found near {bifurcation!r}; give another size"

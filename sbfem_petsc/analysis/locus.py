@@ -67,7 +67,7 @@ def locus(
         point.
     start, stop : float
         Factors on the second parameter between which the locus is followed; the branch's own conditions, the
-        factor 1 (of a `load_response`: the bifurcation's), lie between them or at an end.
+        factor 1 (of a `load_response` over this parameter: the bifurcation's), lie between them or at an end.
     parameter : {"load", "damping", "gap"}
         What the factor is on: all oscillating loads, all damping ratios, or all initial gaps.
     points : int
@@ -94,7 +94,7 @@ def locus(
     """
     what = "locus"
     instance(what, "branch", branch, Branch, "a Branch")
-    comm = branch.reduced.comm
+    comm = branch.period.reduced.comm
     with collective(comm):
         instance(what, "bifurcation", bifurcation, Bifurcation, "a Bifurcation of the branch")
         if bifurcation.kind not in KINDS:
@@ -113,8 +113,8 @@ def locus(
                 f"{branch.states.shape[1]}; give one of branch.bifurcations"
             )
         _require_effect(what, branch, parameter)
-        frequency, factor = branch.conditions(bifurcation.own_value)
-        value = factor if parameter == "load" else 1.0
+        driven = branch.over.at(branch.period, bifurcation.own_value)
+        value = bifurcation.own_value if branch.parameter == parameter else 1.0
         if not min(start, stop) <= value <= max(start, stop):
             raise ValueError(
                 f"locus: the bifurcation is at the factor {value:.6g} on the {parameter}, which must lie "
@@ -122,9 +122,10 @@ def locus(
             )
     row = bifurcation.row
     if bifurcation.kind == "grazing" and row is None:  # of several that change within a step of the branch
-        row = grazing_row(branch.period, bifurcation.state, frequency, factor)
-    begin = LocusStart(bifurcation.kind, bifurcation.state, frequency, value, bifurcation.multiplier)
-    limits, period = (min(start, stop), max(start, stop)), branch.period
+        row = grazing_row(driven, bifurcation.state)
+    begin = LocusStart(bifurcation.kind, bifurcation.state, driven.frequency, value, bifurcation.multiplier)
+    limits, factor = (min(start, stop), max(start, stop)), driven.factor
+    period = branch.period if branch.parameter == parameter else driven.period
     with contextlib.ExitStack() as stack:
         record = None
         if file is not None:
@@ -159,7 +160,7 @@ def _recorded(
 
 def _require_effect(what: str, branch: Branch, parameter: str) -> None:
     """Refuse a factor on what is zero throughout, over which every line is vertical but for rounding."""
-    values = {"damping": branch.reduced.damping, "gap": branch.reduced.initial_gap}
+    values = {"damping": branch.period.reduced.damping, "gap": branch.period.reduced.initial_gap}
     if parameter in values and not values[parameter].any():
         named = {"damping": "damping ratios", "gap": "gaps"}[parameter]
         raise ValueError(
@@ -208,7 +209,7 @@ def loci(
     """
     what = "loci"
     instance(what, "branch", branch, Branch, "a Branch")
-    with collective(branch.reduced.comm):
+    with collective(branch.period.reduced.comm):
         if branch.parameter != "frequency":
             raise ValueError(f"{what}: branch = {branch!r} is over the load; give one over the frequency")
         _require_effect(what, branch, parameter)

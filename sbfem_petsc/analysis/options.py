@@ -17,6 +17,7 @@ MOST, SAMPLES, LONGEST = 10**7, 10**5, 10**9
 _STEPS = "time steps a forcing period; default: 512 or more"
 _MODES = "modes; default: all up to 8 times the loads' highest frequency, at least 80"
 _LONGEST = "most forcing periods in one period of a motion, or in the common period of its tones"
+FACTOR = "what a factor is on: the oscillating loads, all damping ratios or all gaps"
 _CONTACT = "false: crack faces may overlap"
 
 
@@ -171,7 +172,9 @@ class CurveOptions(Integration):
 
     periods: int | None = _counted("forcing periods in a period of the motion; default: 1, or those of guess")
     points: int = _counted("points at most", 400, least=2)
-    stability: bool = item(True, text="compute Floquet multipliers and bifurcations")
+    stability: bool | None = item(
+        None, text="compute Floquet multipliers and bifurcations; default: of a reduced model"
+    )
 
 
 class FrequencyResponseOptions(CurveOptions, FrequencyRange):
@@ -186,6 +189,7 @@ class LoadResponseOptions(CurveOptions):
     frequency: float = _frequency("forcing frequency")
     start: float = item(0.0, text="first factor", ge=0, le=1e15)
     stop: float = item(1.0, text="last factor", ge=0, le=1e15)
+    parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
     largest_step: float | None = _largest_step("factor")
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -210,9 +214,7 @@ class SwitchOptions(Options):
 class LineOptions(Options):
     """What lines of bifurcations are followed over, and how far."""
 
-    parameter: Literal["load", "damping", "gap"] = item(
-        "load", text="second parameter: a factor on the oscillating loads, all damping ratios or all gaps"
-    )
+    parameter: Literal["load", "damping", "gap"] = item("load", text=FACTOR)
     points: int = _counted("points to either side of a bifurcation at most", 100)
 
 

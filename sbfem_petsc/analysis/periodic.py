@@ -13,14 +13,14 @@ import numpy as np
 from ..checks import instance, shown
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
-from ..continuation.problems.unreduced import unreduced_periodic
+from ..continuation.problems.unreduced import UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
 from ..errors import SolveError, on_all_ranks
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
-from ..motion.fixed_point import FixedPoint
 from ..motion.loading import communicator
-from ..motion.period_map import Period
+from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
+from ..motion.unreduced.period import prepare_unreduced
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -77,7 +77,7 @@ def periodic(
     contact : bool
         False: the faces may overlap.
     reduction : "modes" or None
-        None: the unreduced model, distributed and without a matrix (see `continuation.problems.unreduced`).
+        None: the unreduced model, distributed and without a matrix (see `motion.unreduced.period`).
     guess : Orbit, optional
         A motion to begin from, of the same model. Default: the response without contact.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
@@ -133,7 +133,7 @@ def periodic(
             _check_unreduced(model, {**asked, "stability": stability or None}, jacobian)
     if reduction is None:
         assert isinstance(model, Model)
-        return unreduced_periodic(model, load, frequency, settings=settings)
+        return _unreduced(model, load, frequency, settings)
     task = _Task(model, load, frequency, stability is not False, search if contact else NEWTON_ALONE)
     return _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
 
@@ -165,7 +165,7 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
         fixed, path = find(period, task.frequency, fixed.state, multiples=False)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
-    return make_orbit(fixed, *orbit_stability(fixed.driven.period, fixed, task.frequency), path)
+    return make_orbit(fixed, *orbit_stability(fixed), path)
 
 
 def _times_more(fixed: FixedPoint, most: int) -> int:
@@ -217,6 +217,22 @@ def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, toleran
             f"steps are doubled; a tolerance of {tolerance:g} is not met"
         )
     )
+
+
+def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings) -> Orbit:
+    """The orbit of the unreduced model, in an odd number of steps."""
+    with prepare_unreduced("periodic", model, load, frequency, settings=settings) as period:
+        driven = period.at(frequency)
+        found = UnreducedSteady("periodic", driven)
+        return Orbit(
+            np.arange(period.steps) * driven.march.step,
+            driven.states(found.state),
+            frequency,
+            period.excitation.periods,
+            tuple(found.residuals),
+            found.path,
+            products=period.products,
+        )
 
 
 def _check_unreduced(model: Any, asked: Mapping[str, Any], jacobian: str) -> None:

@@ -1,4 +1,6 @@
-"""Nonlinear response curves: branches of periodic motions over the frequency or the load."""
+"""Nonlinear response curves: branches of periodic motions over the frequency, the load, the damping or the
+gaps.
+"""
 
 from __future__ import annotations
 
@@ -6,22 +8,25 @@ import contextlib
 import functools
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from ..capacity import FEW, require_memory, room
-from ..checks import instance
+from ..checks import instance, shown
 from ..continuation.branch import Branch
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..continuation.orbit import Orbit
-from ..continuation.problems.driven_orbits import ParameterRange
+from ..continuation.problems.driven_orbits import Orbits, ParameterRange
+from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import find_steady_state
 from ..continuation.shooting import shoot
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, finer, prepare
+from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare
+from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..parallel import collective
 from ..petsc import MPI
 from ..progress import progress_bar
@@ -35,6 +40,8 @@ from .options import FrequencyResponseOptions, LoadResponseOptions
 DOUBLED = "period doubling"
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
+# Where a curve is kept and whom it tells.
+Progress = Callable[[float], None] | str | None
 
 
 @analysis(FrequencyResponseOptions)
@@ -51,10 +58,11 @@ def frequency_response(
     guess: Orbit | None = None,
     points: int = 400,
     largest_step: float | None = None,
-    stability: bool = True,
+    stability: bool | None = None,
+    reduction: str | None = "modes",
     file: str | None = None,
     resume: bool = False,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> Branch:
     """Follow the periodic response over the forcing frequency, through folds; without contact the linear
     response.
@@ -79,8 +87,11 @@ def frequency_response(
         Points at most.
     largest_step : float, optional
         Largest change of the frequency (Hz) from a point to the next one, for a finer curve.
-    stability : bool
-        Compute Floquet multipliers and bifurcations.
+    stability : bool, optional
+        Compute Floquet multipliers and bifurcations. Default: of a reduced model; those of an unreduced one
+        are not computed.
+    reduction : "modes" or None
+        None: motions of the unreduced model, as `periodic` finds them.
     file : str, optional
         HDF5 file that is kept up to date (`read_branch`).
     resume : bool
@@ -96,28 +107,22 @@ def frequency_response(
         If there is no first point, or if the curve comes to a stop within the range; the points so far are
         its attribute `branch`, and in `file`.
     """
-    what, comm = "frequency_response", communicator(model)
-    with collective(comm):
-        if not contact and (file is not None or guess is not None):
-            raise ValueError(f"{what}: the linear response, contact = False, takes neither file nor guess")
-        check_begin(what, guess, start, periods)
-        amplitudes_only(what, load)
-    over, highest = ParameterRange("frequency", start, stop), max(start, stop)
-    most = MOST if steps is None else 1
-    steps, periods = _of_guess(guess, steps, periods)
+    over = ParameterRange("frequency", start, stop)
+    with collective(communicator(model)):
+        if not contact and (file is not None or guess is not None or reduction is None):
+            raise ValueError(
+                "frequency_response: the linear response, contact = False, takes neither file nor guess nor "
+                "reduction = None"
+            )
+        amplitudes_only("frequency_response", load)
+    highest = max(start, stop)
+    settings = PeriodSettings(periods, steps, modes, contact, band=highest)
     if not contact:
-        linear = PeriodSettings(periods, INSTANTS, modes, contact)
-        return linear_branch(prepare(what, model, load, highest, settings=linear), start, stop)
-
-    def begin(period: Period) -> np.ndarray:
-        state = period.at(over.start).linear_state if guess is None else guess.state
-        return find_steady_state(period, over.start, state, multiples=False)[0].state
-
-    with _file(comm, file, resume) as record:
-        settings = PeriodSettings(periods, steps, modes, band=highest)
-        period = prepare(what, model, load, over.start, settings=settings, guess=guess)
-        asked = _continuation(points, largest_step, stability, guess, most * period.steps)
-        return _follow(period, over, begin, asked, record, progress)
+        settings = replace(settings, steps=INSTANTS, periods=periods or 1)
+        return linear_branch(prepare(over.owner, model, load, highest, settings=settings), start, stop)
+    asked = BranchSettings(points, largest_step or math.inf, stability is not False)
+    run = _Run(model, load, settings, guess, asked, file, resume, progress)
+    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction)
 
 
 @analysis(LoadResponseOptions)
@@ -128,19 +133,21 @@ def load_response(
     start: float = 0.0,
     *,
     stop: float = 1.0,
+    parameter: str = "load",
     periods: int | None = None,
     steps: int | None = None,
     modes: int | None = None,
     guess: Orbit | None = None,
     points: int = 400,
     largest_step: float | None = None,
-    stability: bool = True,
+    stability: bool | None = None,
+    reduction: str | None = "modes",
     file: str | None = None,
     resume: bool = False,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> Branch:
-    """Follow the periodic response over a factor on the oscillating loads at a fixed frequency; constant
-    loads stay.
+    """Follow the periodic response over a factor at a fixed frequency: on the oscillating loads (constant
+    ones stay), on all damping ratios or on all initial gaps.
 
     Parameters
     ----------
@@ -149,67 +156,129 @@ def load_response(
         Forcing frequency, Hz.
     start, stop : float
         Factors; not negative.
+    parameter : {"load", "damping", "gap"}
+        What the factor is on, as in `locus`; of an unreduced model the load alone.
     largest_step : float, optional
         Largest change of the factor from a point to the next one, for a finer curve.
-    load, periods, steps, modes, guess, points, stability, file, resume, progress
+    load, periods, steps, modes, guess, points, stability, reduction, file, resume, progress
         See `frequency_response`; `guess` is an orbit at the factor `start`.
     """
-    what, comm = "load_response", communicator(model)
-    with collective(comm):
-        check_begin(what, guess, frequency, periods)
-    most = MOST if steps is None else 1
-    steps, periods = _of_guess(guess, steps, periods)
-
-    def begin(period: Period) -> np.ndarray:
-        state = guess.state if guess is not None else period.at(frequency, start).linear_state
-        return shoot(period, state, frequency, start).state
-
-    with _file(comm, file, resume) as record:
-        settings = PeriodSettings(periods, steps, modes)
-        period = prepare(what, model, load, frequency, settings=settings, guess=guess)
-        asked = _continuation(points, largest_step, stability, guess, most * period.steps)
-        over = ParameterRange("load", start, stop, frequency)
-        return _follow(period, over, begin, asked, record, progress)
+    over = ParameterRange(parameter, start, stop, frequency)
+    settings = PeriodSettings(periods, steps, modes)
+    asked = BranchSettings(points, largest_step or math.inf, stability is not False)
+    run = _Run(model, load, settings, guess, asked, file, resume, progress)
+    return run.unreduced(over, stability) if reduction is None else run.reduced(over, reduction)
 
 
-def _file(
-    comm: MPI.Comm, file: str | None, resume: bool
-) -> contextlib.AbstractContextManager[BranchFile | None]:
-    """The file of the branch, if there is to be one."""
-    return contextlib.nullcontext() if file is None else BranchFile(comm, file, resume=resume)
+@dataclass(frozen=True)
+class _Run:
+    """A curve over any parameter, and where it is kept."""
 
+    model: Model | ReducedModel
+    load: Any
+    settings: PeriodSettings
+    guess: Orbit | None
+    asked: BranchSettings
+    file: str | None
+    resume: bool
+    progress: Progress
 
-def _follow(
-    period: Period,
-    parameter: ParameterRange,
-    begin: Callable[[Period], np.ndarray],
-    settings: BranchSettings,
-    record: BranchFile | None,
-    progress: Callable[[float], None] | str | None,
-) -> Branch:
-    comm = period.reduced.comm
-    settings = _with_room(period, parameter, settings)
-    what = f"{parameter.name}_response"
-    if record is not None:
-        # in the steps of the file where none are asked for
-        reduced, steps = record.begin(period, parameter, any_steps=settings.most_steps > period.steps)
-        period = Period(reduced, period.excitation, steps, period.pairs > 0)
-    with progress_bar(comm, f"{parameter.name} response", progress) as report:
-        while True:
-            first = functools.partial(begin, period)
-            try:
-                found = follow_response(
-                    period, parameter, first, settings=settings, recorder=record, report=report
+    @property
+    def comm(self) -> MPI.Comm:
+        """The model's ranks."""
+        return communicator(self.model)
+
+    def _recorder(self) -> contextlib.AbstractContextManager[BranchFile | None]:
+        """The file of the branch, if there is to be one."""
+        if self.file is None:
+            return contextlib.nullcontext()
+        return BranchFile(self.comm, self.file, resume=self.resume)
+
+    def reduced(self, over: ParameterRange, reduction: object) -> Branch:
+        """Of a reduced model."""
+        what, guess, most = over.owner, self.guess, MOST if self.settings.steps is None else 1
+        begins = over.frequency or over.start
+        with collective(self.comm):
+            check_reduction(what, reduction)
+            check_begin(what, guess, begins, self.settings.periods)
+        settings, asked = replace(self.settings, periods=self.settings.periods or 1), self.asked
+        if guess is not None:  # its own steps and periods; from one beside a period doubling away from it
+            steps = self.settings.steps or len(guess.time) // guess.periods
+            settings = replace(settings, steps=steps, periods=guess.periods)
+            asked = replace(asked, leave=guess.path == DOUBLED)
+        with self._recorder() as record:
+            period = prepare(what, self.model, self.load, begins, settings=settings, guess=guess)
+            asked = _with_room(what, period, replace(asked, most_steps=most * period.steps))
+            if record is not None:  # in the steps of the file where none are asked for
+                reduced, steps = record.begin(period, over, any_steps=asked.most_steps > period.steps)
+                period = Period(reduced, period.excitation, steps, period.pairs > 0)
+            with progress_bar(self.comm, f"{over.name} response", self.progress) as report:
+                while True:
+                    first = functools.partial(_first, period, over, guess)
+                    try:
+                        return follow_response(
+                            Orbits(period, over), first, settings=asked, recorder=record, report=report
+                        )
+                    except StepsTooLong as error:
+                        period = finer(what, period, error.times)
+                        if record is not None:
+                            record.former = None
+
+    def unreduced(self, over: ParameterRange, stability: bool | None) -> Branch:
+        """Of the unreduced model."""
+        what = over.owner
+        with collective(self.comm):
+            self._check_unreduced(over, stability)
+        assert isinstance(self.model, Model)
+        settings = replace(self.settings, periods=self.settings.periods or 1)
+        begins = over.frequency or over.start
+        with (
+            self._recorder() as record,
+            prepare_unreduced(what, self.model, self.load, begins, settings=settings) as period,
+            progress_bar(self.comm, f"{over.name} response", self.progress) as report,
+        ):
+            if record is not None:
+                record.begin_unreduced(period, over)
+            asked = replace(_with_room(what, period, self.asked), stability=False)
+            return follow_response(
+                UnreducedOrbits(period, over),
+                lambda: UnreducedSteady(what, over.at(period, over.start)).state,
+                settings=asked,
+                recorder=record,
+                report=report,
+            )
+
+    def _check_unreduced(self, over: ParameterRange, stability: bool | None) -> None:
+        """What curves of the unreduced model have not."""
+        what = over.owner
+        if not isinstance(self.model, Model):
+            raise ValueError(f"{what}: reduction = None needs the model itself, not a reduced one")
+        if over.name not in ("frequency", "load"):
+            raise ValueError(
+                f"{what}: parameter = {over.name!r} is for the reduced model; the unreduced one, reduction = "
+                "None, is followed over the frequency or the load, for its damping and its gaps are in its "
+                "matrices: give a model of others"
+            )
+        for name, value in (("guess", self.guess), ("stability", stability or None)):
+            if value is not None:
+                raise ValueError(
+                    f"{what}: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction "
+                    "= None, is followed from its linear response, and has no multipliers: what the steps do "
+                    "not resolve turns its sign in each and keeps its size, and would be the largest; leave "
+                    "it out"
                 )
-                break
-            except StepsTooLong as error:
-                period = finer(what, period, error.times)
-                if record is not None:
-                    record.former = None
-    return found
 
 
-def _with_room(period: Period, parameter: ParameterRange, settings: BranchSettings) -> BranchSettings:
+def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:
+    """State of the first motion of a curve."""
+    driven = over.at(period, over.start)
+    state = driven.linear_state if guess is None else guess.state
+    if over.name == "frequency":
+        return find_steady_state(period, over.start, state, multiples=False)[0].state
+    return shoot(driven, state).state
+
+
+def _with_room(what: str, period: Period | UnreducedPeriod, settings: BranchSettings) -> BranchSettings:
     """Settings with no more points than there is memory for: few branches take as many as they may.
     Collective.
 
@@ -218,37 +287,23 @@ def _with_room(period: Period, parameter: ParameterRange, settings: BranchSettin
     ValueError
         If there is no room for `FEW`.
     """
-    size, named = 2 * period.modes, len(period.reduced.points.names)
-    # the derivative and the monodromy of each, its state, its multipliers and what it is asked for
-    matrices = 2 if settings.stability else 1
-    each = 8.0 * (matrices * size**2 + 3 * size + 4 * named * (HARMONICS + 1 + period.excitation.periods))
+    # the derivative and the monodromy of each, its state, its multipliers and what it is asked for; of an
+    # unreduced model its state, which rank 0 gathers for the file
+    size, matrices = period.unknowns, 2 if settings.stability else 1
+    known = 3 * size if isinstance(period, UnreducedPeriod) else matrices * size**2 + 3 * size
+    each = 8.0 * (known + 4 * len(period.points) * (HARMONICS + 1 + period.excitation.periods))
     few = min(settings.points, FEW)
     require_memory(
-        f"{parameter.name}_response",
-        period.reduced.comm,
+        what,
+        period.comm,
         few * each,
-        f"a branch of {few} points and {period.modes} modes",
+        f"a branch of {few} points and {size} unknowns",
         lambda share: "give fewer modes (modes)",
     )
-    most = max(few, room(period.reduced.comm, each))
+    most = max(few, room(period.comm, each))
     if settings.points <= most:
         return settings
     return replace(settings, points=most, more="there is no memory for more points: give fewer modes")
-
-
-def _of_guess(guess: Orbit | None, steps: int | None, periods: int | None) -> tuple[int | None, int | None]:
-    """Steps and periods of the motion that a branch begins from."""
-    if guess is None:
-        return steps, 1 if periods is None else periods
-    return (len(guess.time) // guess.periods if steps is None else steps), guess.periods
-
-
-def _continuation(
-    points: int, largest_step: float | None, stability: bool, guess: Orbit | None, most_steps: int
-) -> BranchSettings:
-    """How a branch is followed: from a motion beside a period doubling away from it."""
-    leave = guess is not None and guess.path == DOUBLED
-    return BranchSettings(points, largest_step or math.inf, stability, leave, most_steps)
 
 
 def check_begin(what: str, guess: Orbit | None, frequency: float, periods: int | None = None) -> None:

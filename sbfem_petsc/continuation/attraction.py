@@ -81,12 +81,12 @@ class Attraction:
             return orbit
         period = self._repeated(count)
         try:
-            fixed = shoot(period, orbit.state, self.frequency)
+            fixed = shoot(period.at(self.frequency), orbit.state)
         except SolveError:
             return None
         if np.linalg.norm(fixed.state - orbit.state) > NEAR * self._size(orbit.state):
             return None
-        return make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), orbit.path)
+        return make_orbit(fixed, *orbit_stability(fixed), orbit.path)
 
     def follow(
         self, starts: np.ndarray, report: Callable[[float], None] | None = None
@@ -174,18 +174,18 @@ class Attraction:
         own = self.period.excitation.periods
         period = self._repeated(repeats)
         try:
-            fixed = shoot(period, state, self.frequency)
+            fixed = shoot(period.at(self.frequency), state)
             # a disturbance changes least over the periods in which it makes a whole turn, so that histories
             # seem to repeat themselves after these, whatever the period of the motion
             times = math.lcm(minimal_periods(fixed), own) // own
             if times < repeats:
                 period = self._repeated(times)
-                fixed = shoot(period, fixed.state, self.frequency)
+                fixed = shoot(period.at(self.frequency), fixed.state)
         except SolveError:
             return -1
         if np.linalg.norm(fixed.state - state) > SAME * self._size(state):
             return -1
-        self.add(make_orbit(fixed, *orbit_stability(period, fixed, self.frequency), "history"))
+        self.add(make_orbit(fixed, *orbit_stability(fixed), "history"))
         return len(self.orbits) - 1
 
     def _repeated(self, times: int) -> Period:

@@ -9,14 +9,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ..checks import index_of, names_of
-from ..motion.fixed_point import FixedPoint
-from ..motion.period_map import Period
+from ..motion.period_map import FixedPoint, Period
 from ..motion.states import Point
 from ..reduction.reduced_model import ReducedModel
 from ..system.plausibility import furthest_of_lines
 from ..writing import write_table
 from .bifurcations import Bifurcation
 from .orbit import FLOOR, Orbit, Orbits, axis_number, make_orbit, multiplier_error, verdict_of
+from .problems.driven_orbits import ParameterRange
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,11 +25,11 @@ class Branch(Orbits):
 
     Attributes
     ----------
-    parameter : {"frequency", "load"}
+    parameter : {"frequency", "load", "damping", "gap"}
     value : (n,) array
-        Forcing frequency (Hz) or factor on the oscillating loads.
+        Forcing frequency (Hz), or factor on the oscillating loads, all damping ratios or all gaps.
     states : (n, 2 m) array
-        (Omega q, q') at t = 0.
+        (Omega q, q') at t = 0; (n, 0) for an unreduced model.
     point_harmonics : (n, points, 2, 21) complex array
         Harmonics 0 to 20 of the displacement of all named points, m.
     point_amplitudes : (n, points) array
@@ -39,7 +39,7 @@ class Branch(Orbits):
     contact_peak : (n,) array
         Largest contact resultant over the period, N.
     multipliers : (n, k) complex array
-        By falling modulus; k = 0 for a linear response.
+        By falling modulus; k = 0 for a linear response and an unreduced model.
     multiplier_error : (n,) array
         Uncertainty of the largest modulus (see `Orbit`), measured where the verdict may depend on it, nan
         elsewhere; inf where twice the steps have no motion.
@@ -51,10 +51,12 @@ class Branch(Orbits):
     complete : bool
         Whether it reached the end of the range, or has closed; a branch may also leave where it began.
     periods : int
-    period : Period
-        The map whose fixed points these are.
+    names : tuple of str
+        Of the points.
+    map : Period or None
+        That whose fixed points these are; None for an unreduced model.
     fixed_frequency : float or None
-        Hz, if the load is the parameter.
+        Hz, if it is not the parameter.
     """
 
     parameter: str
@@ -71,13 +73,47 @@ class Branch(Orbits):
     reason: str
     complete: bool
     periods: int
-    period: Period = field(repr=False)
+    names: tuple[str, ...]
+    map: Period | None = field(repr=False)
     fixed_frequency: float | None = None
 
     @property
-    def reduced(self) -> ReducedModel:
-        """The reduced model whose motions these are."""
-        return self.period.reduced
+    def period(self) -> Period:
+        """The map whose fixed points these are.
+
+        Raises
+        ------
+        ValueError
+            If there is none.
+        """
+        if self.map is None:
+            raise ValueError(
+                "the curve is that of an unreduced model, whose states it does not keep; compute it with "
+                "reduction = 'modes'"
+            )
+        return self.map
+
+    @property
+    def reduced(self) -> ReducedModel | None:
+        """The reduced model whose motions these are, None for an unreduced one."""
+        return None if self.map is None else self.map.reduced
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.names
+
+    @property
+    def contact(self) -> bool:
+        """Whether it is computed with contact."""
+        return self.map is None or self.map.pairs > 0
+
+    @property
+    def over(self) -> ParameterRange:
+        """Its parameter, from its first point to its last one."""
+        return ParameterRange(
+            self.parameter, float(self.value[0]), float(self.value[-1]), self.fixed_frequency
+        )
 
     @property
     def frequency(self) -> np.ndarray:
@@ -131,15 +167,11 @@ class Branch(Orbits):
         TypeError, ValueError, KeyError
             If it cannot be written, or for an unknown point.
         """
-        first = (
-            ("frequency_Hz", "load_factor")
-            if self.parameter == "frequency"
-            else ("load_factor", "frequency_Hz")
-        )
-        other = np.ones(len(self.value)) if self.parameter == "frequency" else self.frequency
-        columns = {
-            first[0]: self.value,
-            first[1]: other,
+        if self.parameter == "frequency":
+            columns = {"frequency_Hz": self.value, "load_factor": np.ones(len(self.value))}
+        else:
+            columns = {f"{self.parameter}_factor": self.value, "frequency_Hz": self.frequency}
+        columns |= {
             "stable": self.stable.astype(int),
             "undecided": self.undecided.astype(int),
             "contact_peak_N": self.contact_peak,
@@ -153,23 +185,18 @@ class Branch(Orbits):
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""
         k = index_of("orbit", "k", k, len(self.value))
-        conditions = self.conditions(float(self.value[k]))
-        driven = self.period.at(*conditions)
+        driven = self.over.at(self.period, float(self.value[k]))
         motion = driven.run(self.states[k])
         fixed = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         values, error = self.multipliers[k], float(self.multiplier_error[k])
         if len(values) and math.isnan(error):
-            later = functools.partial(multiplier_error, self.period, fixed, values[0], *conditions)
+            later = functools.partial(multiplier_error, fixed, values[0])
             return make_orbit(fixed, values, later, "point of a curve")
         return make_orbit(fixed, values, error, "point of a curve")
 
-    def conditions(self, value: float) -> tuple[float, float]:
-        """Forcing frequency (Hz) and load factor of a value of the parameter."""
-        return (value, 1.0) if self.fixed_frequency is None else (self.fixed_frequency, value)
-
     def __repr__(self) -> str:
         unit = " Hz" if self.parameter == "frequency" else ""
-        asked = self.multipliers.shape[1] or not self.period.pairs
+        asked = self.multipliers.shape[1] or not self.contact
         verdict = f"{int((~self.stable).sum())} unstable" if asked else "stability not asked for"
         if self.undecided.any():
             verdict += f", {int(self.undecided.sum())} undecided"

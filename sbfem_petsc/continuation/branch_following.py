@@ -14,19 +14,21 @@ import numpy as np
 from meshing.warnings import BranchWarning
 
 from ..errors import SolveError, caller_level, on_all_ranks
-from ..motion.contact_work import StepsTooLong, contact_work, times_more, warn_of_contact_work
+from ..motion.contact_work import StepsTooLong, times_more, warn_of_contact_work
 from ..motion.excitation import one_sided
 from ..motion.period_map import Period
+from ..motion.unreduced.period import UnreducedPeriod
 from .bifurcations import Bifurcation, locate
 from .branch import Branch
 from .events import beside, insert, refine
 from .extrapolation import uncertainty_at
 from .follow import CLOSED, Follower, Line, Settings, follow
 from .multipliers import Multipliers, multipliers_of
-from .orbit import FLOOR, NEAR, modal_motion
+from .orbit import FLOOR, NEAR
 from .problem import Point, Range
 from .problems.driven_orbits import Orbits, ParameterRange
 from .problems.several_periods import distances, minimal_periods
+from .problems.unreduced import UnreducedOrbits
 from .unit_circle import ambiguous, excursion, passages
 
 # Harmonics kept of every point.
@@ -49,14 +51,14 @@ class BranchRecorder(Protocol):
 
     Attributes
     ----------
-    former : (states (n, 2 m), values (n,), float, str) or None
-        Points of the run that is resumed, the length of its next step, and why it ended.
+    former : (states (n, k), values (n,), float, str) or None
+        Points of the run that is resumed, of all ranks, the length of its next step, and why it ended.
     """
 
     former: tuple[np.ndarray, np.ndarray, float, str] | None
 
-    def update(self, branch: Callable[[], Branch], length: float, last: bool = False) -> None:
-        """Keep the branch as it is and the length of its next step. Collective."""
+    def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
+        """Keep the branch as it is and the line that is followed. Collective."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +90,7 @@ class BranchSettings:
 
 
 def follow_response(
-    period: Period,
-    parameter: ParameterRange,
+    problem: Orbits | UnreducedOrbits,
     first: Callable[[], np.ndarray],
     *,
     settings: BranchSettings,
@@ -100,8 +101,7 @@ def follow_response(
 
     Parameters
     ----------
-    period : Period
-    parameter : ParameterRange
+    problem : Orbits or UnreducedOrbits
     first : callable
         State of a motion at the start.
     settings : BranchSettings
@@ -123,17 +123,20 @@ def follow_response(
     StepWarning
         If contact does much work all the same.
     """
-    what = f"{parameter.name}_response"
+    period, parameter = problem.period, problem.parameter
+    what = parameter.owner
     if not period.excitation.orders.any():
         raise on_all_ranks(
             ValueError(f"{what}: no load oscillates; give a number, the amplitude of sin(2 pi f t)")
         )
     former = recorder.former if recorder is not None else None
-    known = [(first(), parameter.start)] if former is None else list(zip(*former[:2]))
-    problem, rows = Orbits(period, parameter), PointRows(period, settings.stability, settings.most_steps)
-    line = Line([])
-    for state, value in known:
-        line.points.append(Point.known(problem, np.append(state, value)))
+    if former is None:
+        known = [np.append(first(), parameter.start)]
+    else:
+        known = [problem.own(np.append(*point)) for point in zip(*former[:2])]
+    rows, line = PointRows(period, settings.stability, settings.most_steps), Line([])
+    for u in known:
+        line.points.append(Point.known(problem, u))
         rows.add(line.points[-1])
         if len(line.points) > 2:
             line.points[-3].state.forget()
@@ -144,12 +147,12 @@ def follow_response(
         line.complete = ended or line.reason == CLOSED
     elif settings.leave:
         within = led_away(line, within)
-    made = functools.partial(_branch, line, rows, parameter)
+    made = functools.partial(_branch, line, rows, problem)
 
     def step(_: Line) -> None:
         rows.add(line.points[-1])
         if recorder is not None:
-            recorder.update(lambda: made(False), line.length)
+            recorder.update(lambda: made(False), line)
         if report is not None:
             report(min(1.0, abs(line.points[-1].value - parameter.start) / within.extent))
 
@@ -162,14 +165,14 @@ def follow_response(
     result = made(True)
     warn_of_contact_work(what, rows.work, period.steps // period.excitation.periods)
     if recorder is not None:
-        recorder.update(lambda: result, line.length, last=True)
-    _tell(what, line, parameter, settings, result)
+        recorder.update(lambda: result, line, last=True)
+    _tell(line, parameter, settings, result)
     return result
 
 
-def _tell(what: str, line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
+def _tell(line: Line, parameter: ParameterRange, settings: BranchSettings, result: Branch) -> None:
     """Warn of, or raise, why a branch has not come to the end of its range."""
-    last = float(result.value[-1])
+    what, last = parameter.owner, float(result.value[-1])
     if len(result.value) >= settings.points and not result.complete:
         warnings.warn(
             f"{what}: the curve ends at {last:.8g} after {settings.points} points, before "
@@ -211,24 +214,25 @@ def led_away(line: Line, within: Range) -> Range:
     return Range(within.lower, first.value + reach, 1)
 
 
-def _branch(line: Line, rows: PointRows, parameter: ParameterRange, finished: bool) -> Branch:
+def _branch(line: Line, rows: PointRows, problem: Orbits | UnreducedOrbits, finished: bool) -> Branch:
     """The branch as it is; bifurcations and uncertainties are looked for when it is finished."""
-    points, period = line.points, rows.period
+    points, parameter = line.points, problem.parameter
     asked = finished and rows.stability
     found = [item for item in rows.found if item is not None]  # all of them where stability is asked for
     bifurcations = tuple(locate(line, found)) if asked else ()
     return Branch(
         parameter.name,
         line.values,
-        np.array([point.state.state for point in points]),
+        problem.states(points),
         *rows.arrays(),
         _uncertainty(line, found, bifurcations) if asked else np.full(len(points), np.nan),
         np.array([point.iterations for point in points]),
         bifurcations,
         line.reason or "unfinished",
         len(points) > 1 and (parameter.reached(points[-1].value) or line.reason == CLOSED),
-        period.excitation.periods,
-        period,
+        problem.period.excitation.periods,
+        problem.period.points,
+        problem.map,
         parameter.frequency,
     )
 
@@ -238,7 +242,7 @@ class PointRows:
 
     Parameters
     ----------
-    period : Period
+    period : Period or UnreducedPeriod
     stability : bool
     most : int
         Steps that there may be where contact does too much work in those of the period.
@@ -249,7 +253,7 @@ class PointRows:
         The most that contact does at any point, see `contact_work`.
     """
 
-    def __init__(self, period: Period, stability: bool, most: int = 0):
+    def __init__(self, period: Period | UnreducedPeriod, stability: bool, most: int = 0):
         self.period, self.stability, self.most, self.work = period, stability, most, 0.0
         self.rows: list[tuple] = []
         self.found: list[Multipliers | None] = []
@@ -262,23 +266,18 @@ class PointRows:
         StepsTooLong
             If contact does too much work in its steps, and there may be more of them.
         """
-        r, fixed = self.period.reduced, point.state
-        work = contact_work(fixed.driven, fixed.motion)
+        work = point.state.contact_work
         if (times := times_more(work, self.period.steps, self.most)) > 1:
             raise StepsTooLong(times)
         self.work = max(self.work, work)
-        q, _ = modal_motion(fixed.driven, fixed.motion)
-        forces, pairs = fixed.motion.forces[:-1], self.period.pairs
-        padded = np.zeros((len(forces), len(r.initial_gap)))
-        padded[:, :pairs] = forces
-        u = r.points(q[:-1], fixed.driven.loads[:-1], padded)
+        u, resultant = point.state.seen()
         spectrum, periods = one_sided(u), self.period.excitation.periods
-        found = multipliers_of(fixed) if self.stability else None
+        found = multipliers_of(point.state) if self.stability else None
         row = (
             np.moveaxis(spectrum[::periods][: HARMONICS + 1], 0, -1),
             0.5 * np.ptp(u[..., 1], axis=0),
             np.moveaxis(spectrum[:periods], 0, -1),
-            forces.sum(axis=1).max(initial=0.0),
+            resultant.max(initial=0.0),
             found.values if found is not None else np.zeros(0, dtype=complex),
         )
         place = len(self.rows) if place is None else place
@@ -381,5 +380,6 @@ def linear_branch(period: Period, start: float, stop: float) -> Branch:
         f"end of the range at {values[-1]:g}",
         True,
         period.excitation.periods,
+        period.points,
         period,
     )

@@ -1,18 +1,20 @@
-"""Linearised equations: a matrix and its factors, or products and GMRES."""
+"""Linearised equations: a matrix and its factors, or products and GMRES (prefix ``shooting_``)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import functools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from scipy import linalg
-from scipy.sparse.linalg import LinearOperator, gmres
 
+from ..petsc import MPI, PETSc, configure, free, scripted, solving
 from .problem import Lost
 
+PREFIX = "shooting_"
 # GMRES: residual relative to the right side, vectors kept, restarts.
-KRYLOV, KEPT, RESTARTS = 1e-8, 200, 3
+TOLERANCE, KEPT, RESTARTS = 1e-8, 100, 3
 
 
 class Dense:
@@ -72,32 +74,45 @@ class DenseBorder(Factors):
 
 
 class Krylov:
-    """Equations as products: along the first n unknowns, with a column for the last one.
+    """Equations as products, over ranks: along the first n unknowns, of which each rank has its own, with a
+    column for the last one, which all of them have. Subclasses say what these are.
 
-    Parameters
+    Attributes
     ----------
-    products : callable
-        (n,) -> (n,).
-    column : (n,) array
-    nearby : callable
-        (n,) -> (n,): the inverse of products that are near these, for preconditioning.
+    rows : int
+        n.
     size : float
-        Unit of the first unknowns over that of a border's value.
+        Unit of the first unknowns.
+    comm : Comm
+    tolerance : float
+        Residual of a solve relative to the right side.
     """
 
-    def __init__(
-        self,
-        products: Callable[[np.ndarray], np.ndarray],
-        column: np.ndarray,
-        nearby: Callable[[np.ndarray], np.ndarray],
-        size: float,
-    ):
-        self.products, self.column, self.nearby, self.size = products, column, nearby, size
-        self.rows = len(column)
+    rows: int
+    size = 1.0
+    comm = MPI.COMM_SELF
+    tolerance = TOLERANCE
+
+    def products(self, vector: np.ndarray) -> np.ndarray:
+        """(n,) of (n,)."""
+        raise NotImplementedError
+
+    def nearby(self, right: np.ndarray) -> np.ndarray:
+        """(n,) of (n,): the inverse of products that are near these, for preconditioning."""
+        raise NotImplementedError
+
+    def rate(self) -> np.ndarray:
+        """(n,): what the last unknown does."""
+        raise NotImplementedError
+
+    @functools.cached_property
+    def column(self) -> np.ndarray:
+        """The same, made once where it is asked for."""
+        return self.rate()
 
     def bordered(self, row: np.ndarray) -> KrylovBorder:
         """See `problem.Linear`."""
-        return KrylovBorder(self, self.size * row)
+        return KrylovBorder(self, row)
 
     def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Krylov:
         """See `problem.Linear`."""
@@ -105,33 +120,115 @@ class Krylov:
 
 
 class KrylovBorder:
-    """GMRES on bordered products, preconditioned by the bordered inverse nearby."""
+    """GMRES of PETSc on bordered products (prefix ``shooting_``), preconditioned by the bordered inverse
+    nearby; the border's value is the last of rank 0's unknowns.
+
+    The last entry of the row is this rank's share of it. A row that is about the last unknown alone tells it
+    at once, and where that does not change, nobody asks for its column.
+    """
 
     sign: float | None = None
 
     def __init__(self, linear: Krylov, row: np.ndarray):
-        self.linear, self.row = linear, row
-        self.column = linear.nearby(linear.column)
+        self.linear, self.comm = linear, linear.comm
+        own = float(row[:-1] @ row[:-1])
+        self.alone = not self._total(own)
+        # the border is made as large as the other rows
+        self.size = linear.size / self._total(own + self.comm.size * float(row[-1] ** 2)) ** 0.5
+        self.row, self.last = self.size * row[:-1], self.size * self._total(float(row[-1]))
+
+    def _total(self, local: float) -> float:
+        return float(self.comm.allreduce(local))
+
+    @functools.cached_property
+    def _beside(self) -> tuple[np.ndarray, float]:
+        """What stands for the last unknown in the inverse nearby, and the border's value of it."""
+        column = self.linear.nearby(self.linear.column)
+        return column, self.last - self._total(float(self.row @ column))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """See `problem.Border`."""
-        n, row, linear = self.linear.rows, self.row, self.linear
-        right = np.append(right[:-1], linear.size * right[-1])
+        value = self.size * float(right[-1])
+        if not self.alone:
+            return self._by_gmres(right[:-1], value)
+        last = value / self.last
+        return np.append(self._by_gmres(right[:-1] - last * self.linear.column if last else right[:-1]), last)
 
-        def near(r: np.ndarray) -> np.ndarray:
-            x = linear.nearby(r[:n])
-            last = (r[n] - row[:n] @ x) / (row[n] - row[:n] @ self.column)
-            return np.append(x - last * self.column, last)
+    def product(self, z: np.ndarray) -> np.ndarray:
+        """The equations' left side; of unknowns with the border's value if it is not alone."""
+        if self.alone:
+            return self.linear.products(z)
+        image = self.linear.products(z[:-1]) + z[-1] * self.linear.column
+        return np.append(image, self._total(float(self.row @ z[:-1])) + self.last * z[-1])
 
-        def product(r: np.ndarray) -> np.ndarray:
-            z = near(r)
-            return np.append(linear.products(z[:n]) + z[n] * linear.column, row @ z)
+    def nearby(self, right: np.ndarray) -> np.ndarray:
+        """The inverse nearby."""
+        if self.alone:
+            return self.linear.nearby(right)
+        x, (column, beside) = self.linear.nearby(right[:-1]), self._beside
+        last = (right[-1] - self._total(float(self.row @ x))) / beside
+        return np.append(x - last * column, last)
 
-        operator = LinearOperator((n + 1, n + 1), product)
-        found, failed = gmres(operator, right, rtol=KRYLOV, restart=min(n + 1, KEPT), maxiter=RESTARTS)
-        if failed:
-            raise Lost("the linear system of Newton's method was not solved")
-        return near(found)
+    def gathered(self, vector: PETSc.Vec) -> np.ndarray:
+        """A vector's entries with the border's, which rank 0 has, on all ranks."""
+        local = vector.array_r.copy()
+        if self.alone:
+            return local
+        own, last = (local[:-1], local[-1]) if self.comm.rank == 0 else (local, 0.0)
+        return np.append(own, self.comm.bcast(last))
+
+    def own(self, array: np.ndarray) -> np.ndarray:
+        """What of them is this rank's in a vector."""
+        return array if self.alone or self.comm.rank == 0 else array[:-1]
+
+    def _by_gmres(self, right: np.ndarray, value: float | None = None) -> np.ndarray:
+        whole = right if value is None else np.append(right, value)
+        if not self._total(float(whole @ whole)):
+            return whole
+        b = PETSc.Vec().createMPI((len(self.own(whole)), None), comm=self.comm)
+        b.array, x = self.own(whole), b.duplicate()
+        matrix = PETSc.Mat().createPython([b.getSizes()] * 2, context=_Product(self), comm=self.comm)
+        matrix.setUp()
+        ksp = PETSc.KSP().create(self.comm)
+        ksp.setOptionsPrefix(PREFIX)
+        ksp.setOperators(matrix)
+        ksp.setType(PETSc.KSP.Type.FGMRES)
+        ksp.setGMRESRestart(KEPT)
+        ksp.setTolerances(rtol=self.linear.tolerance, max_it=RESTARTS * KEPT)
+        pc = ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Nearby(self))
+        try:
+            with solving("continuation"), scripted(matrix, pc):
+                configure(ksp)
+                ksp.solve(b, x)
+            if ksp.getConvergedReason() <= 0:
+                raise Lost(
+                    f"the linear system of Newton's method was not solved in {ksp.getIterationNumber()} "
+                    f"iterations; see -{PREFIX}ksp_..."
+                )
+            return self.gathered(x)
+        finally:
+            free(self.comm, ksp, pc, b, x, matrix)
+
+
+class _Product:
+    def __init__(self, border: KrylovBorder):
+        self.border = border
+
+    def mult(self, matrix, x, y) -> None:
+        y.array = self.border.own(self.border.product(self.border.gathered(x)))
+
+
+class _Nearby:
+    def __init__(self, border: KrylovBorder):
+        self.border = border
+
+    def setUp(self, pc) -> None:
+        pass
+
+    def apply(self, pc, x, y) -> None:
+        y.array = self.border.own(self.border.nearby(self.border.gathered(x)))
 
 
 class Cyclic:

@@ -13,8 +13,7 @@ from scipy import linalg
 
 from ..contact.compiled import get_cython_function_address
 from ..errors import SolveError, on_all_ranks
-from ..motion.fixed_point import FixedPoint
-from ..motion.period_map import DrivenPeriod, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 from ..petsc import PETSc, SLEPc, configure, scripted, stepping
 from .shooting import WHOLE
 

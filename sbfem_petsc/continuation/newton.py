@@ -114,7 +114,7 @@ class _Newton:
         self.units = problem.units(u)[0]
         here = _Iterate(problem, u, self.condition)
         self.residuals.append(here.norm)
-        if self.near is not None:
+        if self.near is not None and problem.updated:
             self.inverse = Updated(self.near.bordered(here.row), problem.sum)
         while here.norm > problem.closed:
             if self.effort > self.most:
@@ -170,7 +170,7 @@ class _Newton:
     def _learn(self, here: _Iterate, following: _Iterate, share: float, whole: np.ndarray) -> None:
         """Broyden's update after a step, or none if it has gained too little."""
         assert self.inverse is not None
-        if following.norm > GAIN * here.norm:
+        if following.norm > GAIN * here.norm or not self.problem.updated:
             self.inverse = None
             return
         step = share * whole

@@ -13,9 +13,8 @@ import numpy as np
 from ..checks import choice
 from ..errors import SolveError, at_point, on_all_ranks
 from ..motion.excitation import one_sided
-from ..motion.fixed_point import FixedPoint
 from ..motion.history import Motion
-from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 from ..motion.states import ModalStates, Point
 from ..record.record import derived, described, quantity
 from ..reduction.reduced_model import ReducedModel
@@ -179,13 +178,14 @@ class Orbits:
     point_amplitudes: np.ndarray
 
     @property
-    def reduced(self) -> ReducedModel:
-        """The reduced model whose motions these are."""
+    def reduced(self) -> ReducedModel | None:
+        """The reduced model whose motions these are, None for an unreduced one."""
         raise NotImplementedError
 
     @property
     def points(self) -> tuple[str, ...]:
         """Named points."""
+        assert self.reduced is not None
         return self.reduced.points.names
 
     def orbit(self, k: int) -> Orbit:
@@ -221,27 +221,23 @@ class Orbits:
         return at_point({name: k for k, name in enumerate(self.points)}, point)
 
 
-def orbit_stability(
-    period: Period, fixed: FixedPoint, frequency: float, factor: float = 1.0
-) -> tuple[np.ndarray, Callable[[], float]]:
+def orbit_stability(fixed: FixedPoint) -> tuple[np.ndarray, Callable[[], float]]:
     """Multipliers of an orbit, and what computes the uncertainty of the largest modulus."""
     values = multipliers_of(fixed).values
-    return values, functools.partial(multiplier_error, period, fixed, values[0], frequency, factor)
+    return values, functools.partial(multiplier_error, fixed, values[0])
 
 
-def multiplier_error(
-    period: Period, fixed: FixedPoint, value: complex, frequency: float, factor: float = 1.0
-) -> float:
+def multiplier_error(fixed: FixedPoint, value: complex) -> float:
     """Uncertainty of the largest modulus, that of `value`, by the same motion in twice the steps; nan if
     there is none.
     """
-    finer = period.in_steps(2 * period.steps)
+    period = fixed.driven.period
     try:
-        other = None
+        finer, other = fixed.driven.in_steps(2 * period.steps), None
         if 2 * period.modes <= WHOLE:
-            other = shoot_nearby(finer.at(frequency, factor), fixed.state, fixed.monodromy)
+            other = shoot_nearby(finer, fixed.state, fixed.monodromy)
         if other is None:
-            other = shoot(finer, fixed.state, frequency, factor)
+            other = shoot(finer, fixed.state)
     except SolveError:
         return math.nan
     return uncertainty_of(abs(value) - abs(multipliers_of(other).values[0]))

@@ -87,6 +87,8 @@ class Problem(Protocol):
         ... and change of the unknowns in their units after which it is.
     patience : int
         Newton's steps are taken that leave less to miss than at one of so many last iterates.
+    updated : bool
+        Whether a derivative is brought up to date from an iterate to the next, rather than made anew.
     corners : bool
         Whether branches may have corners, beyond which the linearised equations are others.
     narrow : float
@@ -102,6 +104,7 @@ class Problem(Protocol):
     closed: float
     settled: float
     patience: int
+    updated: bool
     corners: bool
     narrow: float
     begins: np.ndarray | None
@@ -144,6 +147,12 @@ class Problem(Protocol):
     def finer(self, times: int) -> Problem:
         """The same equations in so many times the steps of time."""
 
+    def whole(self, u: np.ndarray) -> np.ndarray:
+        """The unknowns of all ranks, for a file, on rank 0. Collective."""
+
+    def own(self, u: np.ndarray) -> np.ndarray:
+        """This rank's of such unknowns."""
+
     def memory(self, point: Point) -> np.ndarray:
         """What of a point, beside its unknowns, its neighbours depend on: numbers for a file."""
 
@@ -154,7 +163,7 @@ class Problem(Protocol):
 class BaseProblem:
     """Answers that most problems give."""
 
-    closed, settled, patience, corners, narrow = 1e-11, 1e-9, 1, False, 0.0
+    closed, settled, patience, updated, corners, narrow = 1e-11, 1e-9, 1, True, False, 0.0
     begins: np.ndarray | None = None
     isolated = "solutions are not isolated at {:.8g}"
     advice = "take more steps"
@@ -194,6 +203,14 @@ class BaseProblem:
     def finer(self, times: int) -> Problem:
         """See `Problem`."""
         raise Lost("the equations have no finer steps")
+
+    def whole(self, u: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return u
+
+    def own(self, u: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return u
 
     def memory(self, point: Point) -> np.ndarray:
         """See `Problem`."""

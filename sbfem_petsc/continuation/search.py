@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..motion.fixed_point import FixedPoint
-from ..motion.period_map import Period
+from ..motion.period_map import FixedPoint, Period
 from .follow import Line, Settings, follow
 from .newton import FAILURES
 from .problem import Point
@@ -108,7 +107,7 @@ def find_steady_state(
         If nothing leads to one; it says what was tried.
     """
     try:
-        return shoot(period, guess, frequency, jacobian=jacobian), "Newton"
+        return shoot(period.at(frequency), guess, jacobian), "Newton"
     except PetscFailure:
         raise
     except SolveError as error:
@@ -139,7 +138,7 @@ class _Attempts:
     def _newton(self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0):
         """The fixed point near a state, or None."""
         try:
-            return shoot(period, state, frequency, factor, self.jacobian, self.search.attempt)
+            return shoot(period.at(frequency, factor), state, self.jacobian, self.search.attempt)
         except SolveError:
             return None
 

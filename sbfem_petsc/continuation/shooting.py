@@ -9,14 +9,12 @@ import math
 import numpy as np
 
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..motion.fixed_point import FixedPoint
-from ..motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 from ..petsc import PETSc, configure, finite, require_thread, scripted
-from .linear import Factors
+from .linear import PREFIX, Factors
 from .newton import GAIN, ITERATIONS, Updated
 from .problem import Lost
 
-PREFIX = "shooting_"
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.
 RELATIVE, RELATIVE_UPDATED, ROUND_OFF = 1e-10, 1e-11, 1e-12
@@ -31,24 +29,15 @@ MANY, COARSER, RESOLVED, ROUGHLY, ROUGH = 20, 8, 64, 1e-3, 1e-3
 
 
 def shoot(
-    period: Period,
-    state: np.ndarray,
-    frequency: float,
-    factor: float = 1.0,
-    jacobian: str = "auto",
-    iterations: int | None = None,
+    driven: DrivenPeriod, state: np.ndarray, jacobian: str = "auto", iterations: int | None = None
 ) -> FixedPoint:
     """Fixed point of a period near a state, by SNES.
 
     Parameters
     ----------
-    period : Period
+    driven : DrivenPeriod
     state : (2 m,) array
         First guess of x(0).
-    frequency : float
-        Hz.
-    factor : float
-        On the oscillating loads.
     jacobian : {"auto", "dense", "matrix-free", "differences"}
         "dense": the exact derivative as a matrix and its LU factors; "matrix-free": as products, with GMRES
         preconditioned by the motion without contact; "differences": finite differences, an integration for
@@ -66,14 +55,14 @@ def shoot(
     """
 
     def solve(kind: str) -> FixedPoint:
-        return Shooting(period.at(frequency, factor), kind, iterations).solve(state)
+        return Shooting(driven, kind, iterations).solve(state)
 
     if jacobian != "auto":
         return solve(jacobian)
-    if 2 * period.modes > WHOLE:
+    if 2 * driven.period.modes > WHOLE:
         return solve("matrix-free")
-    if iterations is None and period.modes >= MANY:
-        found = _from_fewer_steps(period, state, frequency, factor)
+    if iterations is None and driven.period.modes >= MANY:
+        found = _from_fewer_steps(driven, state)
         if found is not None:
             return found
     try:
@@ -84,15 +73,13 @@ def shoot(
         return solve("dense")
 
 
-def _from_fewer_steps(
-    period: Period, state: np.ndarray, frequency: float, factor: float
-) -> FixedPoint | None:
+def _from_fewer_steps(driven: DrivenPeriod, state: np.ndarray) -> FixedPoint | None:
     """As `shoot`, by way of the motion with far fewer steps; None if that leads to none."""
+    period = driven.period
     steps = max(period.steps // COARSER, RESOLVED * int(period.excitation.orders.max(initial=1)))
     if 2 * steps > period.steps:
         return None
-    driven = period.at(frequency, factor)
-    coarse = Shooting(period.in_steps(steps).at(frequency, factor), "updated")
+    coarse = Shooting(driven.in_steps(steps), "updated")
     coarse.relative = ROUGHLY
     fine = Shooting(driven, "updated")
     try:

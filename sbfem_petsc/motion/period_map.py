@@ -24,6 +24,7 @@ from ..contact.marching import (
 from ..contact.pivoting import contact_forces, empty_factor
 from ..contact.tangent import Derivative, Propagation
 from ..errors import SolveError, on_all_ranks
+from ..petsc import MPI
 from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from .excitation import Excitation
@@ -85,6 +86,21 @@ class Period:
     def _fingerprint(self) -> object:
         """What tells it from others, the same on all ranks."""
         return self.reduced, self.excitation, self.steps, self.pairs
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return self.reduced.points.names
+
+    @property
+    def unknowns(self) -> int:
+        """Of a state."""
+        return 2 * self.modes
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Ranks that have the model."""
+        return self.reduced.comm
 
     def under(self, excitation: Excitation) -> Period:
         """The same period under other loads, over as many forcing periods."""
@@ -233,6 +249,10 @@ class DrivenPeriod:
 
     def _state(self, q, v) -> np.ndarray:
         return np.concatenate([self.period.weights * q, v])
+
+    def in_steps(self, steps: int) -> DrivenPeriod:
+        """The same in so many steps."""
+        return self.period.in_steps(steps).at(self.frequency, self.factor)
 
     def part(self, short: Period, begin: int) -> DrivenPeriod:
         """The map over the steps of `short` from the instant `begin` on, of states that are differences to
@@ -423,3 +443,36 @@ class DrivenPeriod:
 def modal_forces(reduced: ReducedModel, amplitudes: np.ndarray, speeds: np.ndarray) -> np.ndarray:
     """Those under which the modes have amplitudes (k, m) in linear steady states of speeds i omega (k, 1)."""
     return (reduced.omega**2 + speeds * (speeds + 2.0 * reduced.damping * reduced.omega)) * amplitudes
+
+
+class FixedPoint:
+    """A fixed point of a period.
+
+    Attributes
+    ----------
+    state : (2 m,) array
+        x(0).
+    driven : DrivenPeriod
+    motion : PeriodMotion
+    residual : (2 m,) array
+        x(T) - x(0).
+    residuals : tuple of float
+        Norm of x(T) - x(0) at each Newton iterate.
+    touching : (pairs,) bool array
+        Pairs that touch at any time of the period.
+    """
+
+    def __init__(
+        self,
+        state: np.ndarray,
+        driven: DrivenPeriod,
+        motion: PeriodMotion,
+        residuals: tuple[float, ...] = (),
+    ):
+        self.state, self.driven, self.motion, self.residuals = state, driven, motion, residuals
+        self.residual, self.touching = motion.residual, (motion.forces != 0.0).any(axis=0)
+
+    @functools.cached_property
+    def monodromy(self) -> np.ndarray:
+        """(2 m, 2 m): dx(T) / dx(0), with switches located inside their steps."""
+        return self.driven.monodromy(self.motion)

@@ -134,7 +134,7 @@ def plot_branches(
     broken, kinds = False, set[str]()
     for name, curve in curves.items():
         y, scale = heights[name] * factor, factor / divisor[name]
-        if not curve.period.pairs:
+        if not curve.contact:
             axes.plot(curve.value * along, y, color=GREY, linewidth=1.6, zorder=1.5, label=name or "_")
             continue
         shade = next(shades)

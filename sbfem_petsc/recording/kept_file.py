@@ -76,12 +76,15 @@ class KeptFile:
             self._lock = None
 
     def require_same(
-        self, reduced: tuple[ReducedModel, ReducedModel], stored: Mapping[str, Any], given: Mapping[str, Any]
+        self,
+        reduced: tuple[ReducedModel, ReducedModel] | None,
+        stored: Mapping[str, Any],
+        given: Mapping[str, Any],
     ) -> None:
         """Raise ValueError unless the file was written for the same model and settings: the stored and the
         given one of each.
         """
-        other = difference(*reduced)
+        other = "" if reduced is None else difference(*reduced)
         if other:
             raise ValueError(
                 f"{self.what} {self.path!r} was written for another model ({other}); resume with that model, "
@@ -99,6 +102,10 @@ class KeptFile:
                 f"{self.what} {self.path!r} was written with {key} = {stored[key]}, not {value}; "
                 "resume with the same value, or name another file"
             )
+
+    def due(self, last: bool) -> bool:
+        """Whether it is time to write, the same on all ranks. Collective."""
+        return bool(self.comm.bcast(last or time.monotonic() - self._written > PAUSE))
 
     def save(self, write: Callable[[], None], last: bool) -> None:
         """Write, at most every two seconds but for the last time. Collective."""

@@ -46,9 +46,10 @@ def read_branch(path: str) -> Branch:
     """
     with opened(path, WHAT, {FORM: VERSION}) as file:
         found = read_branch_file(file)
-        reduced, steps, contact = (found.pop(name) for name in ("reduced", "steps", "contact"))
-        excitation = Excitation.of_file(found["periods"], **found.pop("excitation"))
-        period = Period(reduced, excitation, steps, contact)
+        period, reduced = None, found.pop("reduced")
+        if reduced is not None:
+            excitation = Excitation.of_file(found["periods"], **found.pop("excitation"))
+            period = Period(reduced, excitation, found.pop("steps"), found.pop("contact"))
         count, size = found["states"].shape
         groups = [file["bifurcations"][name] for name in sorted(file.get("bifurcations", ()))]
         bifurcations = tuple(
@@ -65,7 +66,7 @@ def read_branch(path: str) -> Branch:
             )
             for group in groups
         )
-        branch = Branch(**found, bifurcations=bifurcations, period=period)
+        branch = Branch(**found, bifurcations=bifurcations, map=period)
         stop = float(file.attrs["stop"])
     if not branch.complete:
         last, reason = float(branch.value[-1]), branch.reason

@@ -28,8 +28,6 @@ class Folder:
         What is done with the case.
     replace : bool
         Give up what another case or version left in the folder.
-    shared : bool
-        Other processes may be at work in it for the same case.
 
     Raises
     ------
@@ -38,18 +36,18 @@ class Folder:
         it.
     """
 
-    def __init__(self, path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False):
+    def __init__(self, path: str, case: Case, what: str, replace: bool = False):
         self.path = path
-        self.held = HeldFolder(path, shared)
+        self.held = HeldFolder(path)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         try:
-            self.state = self._begin(case, what, replace, shared)
+            self.state = self._begin(case, what, replace)
         except BaseException:
             self.close()
             raise
 
-    def _begin(self, case: Case, what: str, replace: bool, shared: bool) -> dict[str, Any]:
+    def _begin(self, case: Case, what: str, replace: bool) -> dict[str, Any]:
         mine = {
             "format_version": FORMAT_VERSION,
             "version": sb.__version__,
@@ -85,8 +83,7 @@ class Folder:
                     )
             make_folder(self.parts)
             return former
-        if not shared:
-            self.held.clear()
+        self.held.clear()
         make_folder(self.parts)
         mine["done"] = {}
         write_json(self.state_file, mine)

@@ -12,8 +12,7 @@ from examples.tables.frequency_response import doublings, half
 from meshing import Beam, VNotch
 from sbfem_petsc.continuation.problems.several_periods import minimal_periods
 from sbfem_petsc.motion.excitation import Excitation
-from sbfem_petsc.motion.fixed_point import FixedPoint
-from sbfem_petsc.motion.period_map import Period
+from sbfem_petsc.motion.period_map import FixedPoint, Period
 from tests.systems import case_p, one_mass, same_products, two_masses
 
 TURN = 2.0 * np.pi

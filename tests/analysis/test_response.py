@@ -154,7 +154,7 @@ def stepped():
     """A continuation with some points, and two beyond them."""
     system = two_masses()
     driven = Period(system, Excitation.of([sb.Harmonic(0.1, 0.1)], 0.1, 1, 1), 256)
-    first = shoot(driven, driven.at(0.105).linear_state, 0.105)
+    first = shoot(driven.at(0.105), driven.at(0.105).linear_state)
     parameter = ParameterRange("frequency", 0.105, 0.112)
     line = Line([Point.known(Orbits(driven, parameter), np.append(first.state, 0.105))])
     found = Follower(line, parameter.range, Settings())
@@ -168,7 +168,7 @@ def test_points_between_two():
     """
     period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
     lower, upper = 0.9 / TURN, 1.1 / TURN
-    first = shoot(period, period.at(lower).linear_state, lower)
+    first = shoot(period.at(lower), period.at(lower).linear_state)
     parameter = ParameterRange("frequency", lower, upper)
     orbits = Orbits(period, parameter)
     line = Line([Point.known(orbits, np.append(first.state, lower))])
@@ -272,6 +272,39 @@ def test_load_response_past_a_corner():
     assert (np.diff(touching) == 1).all()
 
 
+def test_over_the_gap():
+    """Of loads that all oscillate: a gap g times as wide is met by g times the motion under 1 / g times the
+    load, point by point by single motions.
+    """
+    curve = sb.load_response(two_masses(), [0.1], 0.55 / TURN, 0.4, stop=1.2, parameter="gap", steps=256)
+    assert (
+        curve.complete and curve.parameter == "gap" and curve.value[-1] == 1.2 and "over gap" in repr(curve)
+    )
+    for k in range(0, len(curve.value), 7):
+        gap = float(curve.value[k])
+        orbit = curve.orbit(k)
+        again = sb.periodic(two_masses(), [0.1 / gap], 0.55 / TURN, steps=256, guess=None)
+        assert orbit.amplitude("2") == pytest.approx(curve.amplitude("2")[k], rel=1e-9)
+        if again.stable and orbit.stable and curve.contact_peak[k] > 0.0:
+            assert again.amplitude("2") * gap == pytest.approx(orbit.amplitude("2"), rel=1e-6)
+    assert curve.contact_peak[0] > 0.0
+
+
+def test_over_the_damping():
+    """Each point is a motion of the system with so many times the damping."""
+    curve = sb.load_response(
+        two_masses(), [0.1], 0.55 / TURN, 0.5, stop=2.0, parameter="damping", steps=256, largest_step=0.2
+    )
+    assert curve.complete and curve.value[0] == 0.5 and np.diff(curve.value).max() <= 0.2 + 1e-12
+    for k in (0, len(curve.value) // 2, -1):
+        damped = two_masses(0.03 * float(curve.value[k]))
+        orbit = sb.periodic(damped, [0.1], 0.55 / TURN, steps=256)
+        assert curve.amplitude("2")[k] == pytest.approx(orbit.amplitude("2"), rel=1e-6)
+        assert abs(curve.multipliers[k, 0]) == pytest.approx(abs(orbit.multipliers[0]), rel=1e-6)
+    with pytest.raises(ValueError, match="parameter = 'frequency'"):
+        sb.load_response(two_masses(), [0.1], 0.55 / TURN, parameter="frequency")
+
+
 def test_load_response_keeps_the_preload():
     """Only what oscillates is scaled: at factor 0 the static deflection is left."""
     curve = sb.load_response(with_a_stop(gap=10.0), [sb.Harmonic(1.0, 0.1) + 0.5], 0.1, stop=2.0)
@@ -311,7 +344,7 @@ def test_ends_at_the_end_of_its_range():
     """Where a step across a steep flank aims at what is inside and leads beyond it, too."""
     period = Period(with_a_stop(zeta=0.01), Excitation.of([sb.Harmonic(0.05, 0.1)], 0.1, 1, 1), 256)
     lower, upper = 0.9 / TURN, 1.1 / TURN
-    first = shoot(period, period.at(lower).linear_state, lower)
+    first = shoot(period.at(lower), period.at(lower).linear_state)
     parameter = ParameterRange("frequency", lower, upper)
     orbits = Orbits(period, parameter)
     line = Line([Point.known(orbits, np.append(first.state, lower))])

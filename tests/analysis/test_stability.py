@@ -218,7 +218,7 @@ def test_uncertainty_is_what_twice_the_steps_change(beam):
     moduli = []
     for times in (2, 16):
         period = prepare("test", reduction, load, 14254.61, settings=PeriodSettings(steps=512 * times))
-        found = shoot(period, orbit.state, 14254.61)
+        found = shoot(period.at(14254.61), orbit.state)
         moduli.append(abs(multipliers(found.driven, found.motion).values[0]))
     change, error = np.abs(np.array(moduli) - abs(orbit.multipliers[0]))
     assert orbit.multiplier_error == pytest.approx(5.0 / 3.0 * change, rel=1e-2)
@@ -376,7 +376,7 @@ def test_period_doubled_motion(up):
     again = twice + driven.run(twice).residual
     assert apart > 1e-2 * np.linalg.norm(state) and np.linalg.norm(again - state) < 1e-4 * apart
     period = prepare("test", up.reduced, [0.1], frequency, settings=PeriodSettings(periods=2, steps=2048))
-    shot = shoot(period, state, frequency)
+    shot = shoot(period.at(frequency), state)
     assert np.linalg.norm(shot.state - state) < 1e-3 * apart
     assert np.abs(multipliers(shot.driven, shot.motion).values[0]) < 1.0
 
@@ -395,7 +395,7 @@ def test_coexisting_stable_branches(up):
     period = up.period
     for k in (beside[0], beside[2]):
         driven = period.at(omega / (2 * np.pi))
-        shot = shoot(period, up.states[k], omega / (2 * np.pi))
+        shot = shoot(period.at(omega / (2 * np.pi)), up.states[k])
         state = 1.01 * shot.state
         for _ in range(200):
             state = state + driven.run(state).residual

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.continuation.search import Search
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
@@ -121,3 +122,81 @@ def test_bad_input(model):
         sb.periodic(model, LOAD, 3000.0, contact=False, search=Search())
     with pytest.raises(KeyError, match="point 'Q' does not exist"):
         sb.periodic(model, sb.PointForce("Q", fy=1.0), 3000.0, reduction=None)
+
+
+# ---------------------------------------------------------------------- curves
+def narrow():
+    """A beam whose crack closes on the way up its first resonance, so that the curve leans over."""
+    shape = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.5),))
+    ratios = sb.rayleigh_factors(0.003, 1000.0, 9000.0)
+    material = sb.Material(young=70e9, poisson=0.33, density=2700)
+    return sb.Model(shape.mesh(order=2, face_edges=2), material, rayleigh=ratios)
+
+
+PUSH = sb.PointForce("A", fy=300.0)
+
+
+def turns(curve):
+    """Where a curve turns back: extremes of parabolas of the value over the amplitude."""
+    value, height = curve.value, curve.amplitude("A")
+    found = []
+    for k in np.flatnonzero(np.diff(np.sign(np.diff(value)))) + 1:
+        near = slice(k - 1, k + 2)
+        bend, slope, _ = np.polyfit(height[near] - height[k], value[near] - value[k], 2)
+        found.append(value[k] - 0.25 * slope**2 / bend)
+    return np.array(found)
+
+
+def test_a_short_curve_is_that_of_single_motions():
+    """Each point is the motion that `periodic` finds by SNES, to the tolerances of both."""
+    model = narrow()
+    curve = sb.frequency_response(model, PUSH, 1300.0, 1330.0, steps=49, reduction=None, points=3)
+    assert curve.reason == "3 points" and not curve.multipliers.shape[1] and curve.reduced is None
+    for value, amplitude, peak in zip(curve.value, curve.amplitude("A"), curve.contact_peak):
+        orbit = sb.periodic(model, PUSH, float(value), steps=49, reduction=None)
+        assert amplitude == pytest.approx(orbit.amplitude("A"), rel=1e-6)
+        assert peak == pytest.approx(orbit.contact_resultant.max(), rel=1e-6, abs=1e-9)
+    with pytest.raises(ValueError, match="that of an unreduced model"):
+        curve.orbit(0)
+
+
+@pytest.mark.long
+def test_turns_are_those_of_the_reduced_model():
+    """Both folds, extrapolated from 65 and 129 steps, second order, to those of 40 modes in 1024 exact steps:
+    the first order of what is left, from teeth of the coarse steps, is a tenth of what 129 steps lack.
+    """
+    model, ends = narrow(), (1416.0, 1404.0)
+    coarse, fine = (
+        sb.frequency_response(model, PUSH, *ends, steps=steps, reduction=None) for steps in (65, 129)
+    )
+    exact = sb.frequency_response(model, PUSH, *ends, steps=1024, modes=40, stability=False)
+    assert coarse.complete and fine.complete and exact.complete
+    low, high, limit = ([turns(c).min(), turns(c).max()] for c in (coarse, fine, exact))
+    low, high, limit = np.array(low), np.array(high), np.array(limit)
+    found = high + (high - low) / ((129 / 65) ** 2 - 1.0)
+    assert (np.abs(found - limit) < 0.1 * np.abs(high - limit) + 0.02).all(), (low, high, limit)
+
+
+@pytest.mark.long
+def test_over_the_load():
+    """From no load at all: while the crack stays open the motion is proportional to the load."""
+    model = narrow()
+    curve = sb.load_response(model, PUSH, 1350.0, steps=49, reduction=None, largest_step=0.25)
+    assert curve.complete and curve.value[0] == 0.0 and curve.amplitude("A")[0] == 0.0
+    free = (curve.contact_peak == 0.0) & (curve.value > 0.0)
+    ratio = curve.amplitude("A")[free] / curve.value[free]
+    assert free.any() and np.ptp(ratio) < 1e-6 * ratio.max()
+    orbit = sb.periodic(model, PUSH, 1350.0, steps=49, reduction=None)
+    assert curve.amplitude("A")[-1] == pytest.approx(orbit.amplitude("A"), rel=1e-6)
+
+
+def test_what_curves_of_the_unreduced_model_have_not(model):
+    for further in ({"stability": True}, {"guess": sb.periodic(model, LOAD, 3000.0, modes=4, steps=64)}):
+        with pytest.raises(ValueError, match="(guess|stability) = .* is for the reduced model"):
+            sb.frequency_response(model, LOAD, 3000.0, 3001.0, reduction=None, **further)
+    with pytest.raises(ValueError, match="parameter = 'gap' is for the reduced model"):
+        sb.load_response(model, LOAD, 3000.0, parameter="gap", reduction=None)
+    with pytest.raises(ValueError, match="takes neither file nor guess nor reduction"):
+        sb.frequency_response(model, LOAD, 3000.0, 3001.0, contact=False, reduction=None)
+    with pytest.raises(TypeError, match="reduction = 'none' must be 'modes' or None"):
+        sb.frequency_response(model, LOAD, 3000.0, 3001.0, reduction="none")

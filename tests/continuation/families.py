@@ -9,6 +9,7 @@ import signal
 import numpy as np
 
 import sbfem_petsc as sb
+from meshing import Beam, VNotch
 from sbfem_petsc.recording import kept_file
 from tests.systems import two_masses
 
@@ -29,10 +30,50 @@ def locus(**file):
     return np.column_stack([found.states, found.frequency, found.value]), found.reasons
 
 
-FAMILIES = {"locus": locus}
+def response(**file):
+    """A curve over the frequency."""
+    return _told(sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.6 / TURN, steps=128, **file))
 
 
-def killed(kind: str, path: str, after: int) -> None:
+def over_damping(**file):
+    """A curve over the damping."""
+    asked = {"start": 0.5, "stop": 1.5, "steps": 128, "parameter": "damping"}
+    return _told(sb.load_response(two_masses(), [0.1], 0.57 / TURN, **asked, **file))
+
+
+def unreduced(points=8, **file):
+    """Some points over the frequency of a body without modes."""
+    asked = {"steps": 49, "points": points, "reduction": None}
+    return _told(sb.frequency_response(body(), sb.PointForce("A", fy=3e3), 1300.0, 1330.0, **asked, **file))
+
+
+@functools.cache
+def body():
+    shape = Beam(0.1, 0.02, (VNotch(0.04, 0.008, 0.5),))
+    material = sb.Material(young=70e9, poisson=0.33, density=2700)
+    ratios = sb.rayleigh_factors(0.003, 1000.0, 9000.0)
+    return sb.Model(shape.mesh(order=2, face_edges=2), material, rayleigh=ratios)
+
+
+def _told(found):
+    """What a branch is: values, states, amplitudes; and why it ends."""
+    return np.column_stack([found.states, found.point_amplitudes, found.value]), (found.reason,)
+
+
+FAMILIES = {
+    "locus": locus,
+    "response": response,
+    "damping": over_damping,
+    "unreduced": unreduced,
+}
+
+
+def values(path: str) -> np.ndarray:
+    """The last column of what a file holds."""
+    return sb.read_result(path).value
+
+
+def killed(kind: str, path: str, after: int, **asked) -> None:
     """Follow a family into a file, and end by SIGKILL at so many points."""
     kept_file.PAUSE, told = 0.0, []
 
@@ -41,4 +82,4 @@ def killed(kind: str, path: str, after: int) -> None:
         if len(told) == after:
             os.kill(os.getpid(), signal.SIGKILL)
 
-    FAMILIES[kind](file=path, resume=True, progress=tell)
+    FAMILIES[kind](**asked, file=path, resume=True, progress=tell)

@@ -53,9 +53,21 @@ class ByProducts(Equations):
 
 class _Products(Residual):
     def linear(self, smooth=False):
-        matrix = np.atleast_2d(self.problem.derivative(self.u))
-        square = matrix[:, :-1]
-        return Krylov(lambda x: square @ x, matrix[:, -1], lambda r: r / (1.0 + np.abs(np.diag(square))), 1.0)
+        return _Diagonal(np.atleast_2d(self.problem.derivative(self.u)))
+
+
+class _Diagonal(Krylov):
+    def __init__(self, matrix):
+        self.matrix, self.rows = matrix, len(matrix)
+
+    def products(self, vector):
+        return self.matrix[:, :-1] @ vector
+
+    def nearby(self, right):
+        return right / (1.0 + np.abs(np.diag(self.matrix[:, :-1])))
+
+    def rate(self):
+        return self.matrix[:, -1]
 
 
 def circle():

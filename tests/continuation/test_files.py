@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from tests.continuation.families import FAMILIES, curve, locus
-from tests.parallel import ROOT
+from tests.continuation.families import FAMILIES, curve, locus, unreduced, values
+from tests.parallel import ROOT, answer, on_ranks
 
 PROGRAM = """
 import sys
@@ -18,7 +18,13 @@ killed(sys.argv[1], sys.argv[2], int(sys.argv[3]))
 """
 
 
-@pytest.mark.parametrize(("kind", "after"), [("locus", 3), ("locus", 9)])
+@pytest.mark.filterwarnings(
+    "ignore::meshing.warnings.BranchWarning", "ignore::meshing.warnings.IncompleteBranch"
+)
+@pytest.mark.parametrize(
+    ("kind", "after"),
+    [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 4)],
+)
 def test_killed_and_resumed(kind, after, tmp_path):
     """SIGKILL on either side of the first point: what the file holds is read, and gone on with to the same
     points, bit by bit.
@@ -27,15 +33,38 @@ def test_killed_and_resumed(kind, after, tmp_path):
     run = [sys.executable, "-c", PROGRAM, kind, path, str(after)]
     assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
     expected, reasons = FAMILIES[kind]()
-    begun = sb.read_result(path)
-    assert 0 < len(begun) < len(expected)
+    assert 0 < len(values(path)) < len(expected)
     found, told = FAMILIES[kind](file=path, resume=True)
     np.testing.assert_array_equal(found, expected)
     assert told == reasons
-    np.testing.assert_array_equal(sb.read_result(path).frequency, found[:, -2])
+    np.testing.assert_array_equal(values(path), found[:, -1])
     again, told = FAMILIES[kind](file=path, resume=True)
     np.testing.assert_array_equal(again, expected)
     assert told == reasons
+
+
+RANKS = """
+import json, sys
+from sbfem_petsc.petsc import MPI
+from tests.continuation.families import killed, unreduced
+if len(sys.argv) > 2:
+    killed("unreduced", sys.argv[1], 2, points=4)
+tables = [unreduced(4, **file)[0].tolist() for file in ({}, {"file": sys.argv[1], "resume": True})]
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"tables": tables}))
+"""
+
+
+@pytest.mark.long
+def test_killed_and_resumed_on_two_ranks(tmp_path):
+    """The unreduced model's curve, whose states are distributed; not on another number of ranks."""
+    path = str(tmp_path / "line.h5")
+    assert on_ranks(2, RANKS, path, "killed", check=False, timeout=900).returncode != 0
+    tables = answer(on_ranks(2, RANKS, path, timeout=900))["tables"]
+    np.testing.assert_allclose(tables[1], tables[0], rtol=1e-12)
+    np.testing.assert_allclose(unreduced(4)[0], tables[0], rtol=1e-6)
+    with pytest.raises(ValueError, match="was written with ranks = 2, not 1"):
+        unreduced(file=path, resume=True)
 
 
 def test_another_run_is_refused(tmp_path):

@@ -45,6 +45,8 @@ LEGITIMATE = {
     "points=4)": "a tone at the frequency of the curve",
     "matrices(gap=[-0.01])": "a stop that presses at rest",
     "sb.periodic(model,F,300.,modes=6,steps=64,stability=None)": "the default: of a reduced model",
+    "sb.frequency_response(model,F,300.,320.,modes=6,steps=64,points=4,stability=None)": "the same",
+    "sb.load_response(model,F,300.,0.5,stop=1.,modes=6,steps=64,points=4,stability=None)": "the same",
     "[sb.periodic(model,sb.EdgeLoad('top',ty=10.),300.,modes=6,steps=64,guess=r).amplitude('A') "
     "for r in (orb,None)]": _BOTH,
     "[sb.periodic(model,sb.SupportMotion(ay=10.),300.,modes=6,steps=64,guess=r).amplitude('A') "

@@ -48,9 +48,9 @@ CALLS = [
     (fixed_points.Shooting, "_jacobian", 1, lambda: shooting("dense")),
     (fixed_points._Products, "mult", 3, lambda: shooting("matrix-free")),
     (fixed_points._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
-    (unreduced_shooting._UnreducedPeriod, "_function", 2, unreduced),
+    (unreduced_shooting.UnreducedSteady, "_function", 2, unreduced),
     (unreduced_shooting._Products, "mult", 2, unreduced),
-    (unreduced_shooting._Precondition, "apply", 2, unreduced),
+    (unreduced_shooting._Resolvent, "apply", 2, unreduced),
     (curve_system.CurveSystem, "mult", 2, tones),
     (curve_system._Precondition, "apply", 2, tones),
     (of_motions._Monodromy, "mult", 1, multipliers),
@@ -97,9 +97,9 @@ Shooting _function 2
 Shooting _jacobian 1
 _Products mult 3
 _Uncoupled apply 3
-_UnreducedPeriod _function 2
+UnreducedSteady _function 2
 _Products mult 2
-_Precondition apply 2
+_Resolvent apply 2
 CurveSystem mult 2
 _Precondition apply 2
 _Monodromy mult 1

@@ -5,13 +5,16 @@ damping or on the gaps.
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from ...motion.fixed_point import FixedPoint
-from ...motion.period_map import DrivenPeriod, Period
+from ...motion.contact_work import contact_work
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 from ..linear import Dense
+from ..orbit import modal_motion
 from ..problem import BaseProblem, Lost, Point, Range
 from .several_periods import minimal_periods, passes_shorter
 
@@ -30,7 +33,7 @@ EXACT = "frequency", "load"
 
 @dataclass(frozen=True)
 class ParameterRange:
-    """The parameter of a branch and where it goes.
+    """The parameter of a branch and where it goes: what a user names, whatever the family.
 
     Attributes
     ----------
@@ -52,21 +55,22 @@ class ParameterRange:
         ends = sorted((self.start, self.stop))
         return Range(ends[0], ends[1], 1 if self.stop > self.start else -1)
 
+    @property
+    def owner(self) -> str:
+        """The analysis that follows motions over it, for messages."""
+        return "frequency_response" if self.name == "frequency" else "load_response"
+
     def reached(self, value: float) -> bool:
         """Whether a value is at `stop` or beyond it."""
         return value >= self.stop if self.stop > self.start else value <= self.stop
 
-    def at(self, period: Period, value: float) -> DrivenPeriod:
-        """The driven period of a value of the parameter."""
+    def at(self, period: Any, value: float) -> Any:
+        """The driven period of a value of the parameter, of a `Period` or an `UnreducedPeriod`."""
         if value < 0.0 or value == 0.0 and self.name == "frequency":
             raise Lost(f"the {self.name} has become {value:.6g}")
         if self.frequency is None:
             return period.at(value)
         return period.at(self.frequency, **{"factor" if self.name == "load" else self.name: value})
-
-    def problem(self, period: Period) -> Orbits:
-        """The motions over it."""
-        return Orbits(period, self)
 
 
 class Orbits(BaseProblem):
@@ -98,7 +102,8 @@ class Orbits(BaseProblem):
 
     def driven(self, value: float) -> DrivenPeriod:
         """The driven period of a value of the parameter."""
-        return self.parameter.at(self.period, value)
+        found: DrivenPeriod = self.parameter.at(self.period, value)
+        return found
 
     def at(self, u: np.ndarray) -> OrbitState:
         """See `Problem`."""
@@ -131,6 +136,15 @@ class Orbits(BaseProblem):
             return ""
         return f"the branch of {self.periods} periods falls onto a motion of {fewer} at {point.value:.8g}"
 
+    @property
+    def map(self) -> Period:
+        """Whose fixed points the motions are."""
+        return self.period
+
+    def states(self, points: Sequence[Point]) -> np.ndarray:
+        """(n, 2 m): those of points, as results keep them."""
+        return np.array([point.state.state for point in points])
+
     def finer(self, times: int) -> Orbits:
         """See `Problem`."""
         if times not in self._finer:
@@ -139,15 +153,47 @@ class Orbits(BaseProblem):
 
 
 class OrbitState(FixedPoint):
-    """A motion over one period, periodic or not."""
+    """A motion over one period, periodic or not; what of it takes memory is computed again where it is asked
+    for after `forget`.
+    """
 
     def __init__(self, problem: Orbits, u: np.ndarray):
-        driven = problem.driven(float(u[-1]))
-        super().__init__(u[:-1], driven, driven.run(u[:-1]))
         self.problem, self.value = problem, float(u[-1])
+        driven = problem.driven(self.value)
+        super().__init__(u[:-1], driven, driven.run(u[:-1]))
         self.scale = max(
             float(np.linalg.norm(driven.linear_state)), float(np.linalg.norm(self.state)), 1e-300
         )
+
+    @functools.cached_property
+    def driven(self) -> DrivenPeriod:  # type: ignore[override]
+        """The period at the motion's conditions."""
+        return self.problem.driven(self.value)
+
+    @functools.cached_property
+    def motion(self) -> PeriodMotion:  # type: ignore[override]
+        """One period from the state."""
+        return self.driven.run(self.state)
+
+    def forget(self) -> None:
+        """See `problem.State`."""
+        for name in ("driven", "motion"):
+            self.__dict__.pop(name, None)
+
+    @property
+    def contact_work(self) -> float:
+        """That of contact in the steps, see `motion.contact_work`."""
+        return contact_work(self.driven, self.motion)
+
+    def seen(self) -> tuple[np.ndarray, np.ndarray]:
+        """(n, points, 2), m: displacements of the named points, from t = 0 on; (n,), N: the contact
+        resultant.
+        """
+        driven, motion, r = self.driven, self.motion, self.problem.period.reduced
+        forces = np.zeros((len(motion.forces) - 1, len(r.initial_gap)))
+        forces[:, : driven.period.pairs] = motion.forces[:-1]
+        q, _ = modal_motion(driven, motion)
+        return r.points(q[:-1], driven.loads[:-1], forces), motion.forces[:-1].sum(axis=1)
 
     @functools.cached_property
     def rate(self) -> np.ndarray:

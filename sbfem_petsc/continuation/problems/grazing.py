@@ -16,8 +16,7 @@ from meshing.warnings import BranchWarning
 
 from ...errors import SolveError, caller_level
 from ...motion.family import Family
-from ...motion.fixed_point import FixedPoint
-from ...motion.period_map import DrivenPeriod, Period, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, Period, PeriodMotion
 from ...reduction.outputs import LinearOutput
 from ...reduction.reduced_model import ReducedModel
 from ..bifurcations import Bifurcation
@@ -105,9 +104,8 @@ def least_gaps(driven: DrivenPeriod, motion: PeriodMotion) -> np.ndarray:
     return np.where((force > 0.0) & np.isfinite(always), overlap, always)
 
 
-def grazing_row(period: Period, state: np.ndarray, frequency: float, factor: float) -> int:
+def grazing_row(driven: DrivenPeriod, state: np.ndarray) -> int:
     """The row that is nearest to begin or cease touching on an orbit."""
-    driven = period.at(frequency, factor)
     return int(np.argmin(np.abs(least_gaps(driven, driven.run(state)))))
 
 
@@ -128,7 +126,7 @@ def find_grazing(branch: Branch, every: bool) -> list[Bifurcation]:
     period, result = branch.period, []
     touching = np.zeros((len(branch.value), period.pairs), dtype=bool)
     for k, (value, state) in enumerate(zip(branch.value, branch.states)):
-        driven = period.at(*branch.conditions(float(value)))
+        driven = branch.over.at(period, float(value))
         gaps = least_gaps(driven, driven.run(state))
         touching[k] = (gaps < 0.0) & np.isfinite(gaps)
     for k in range(1, len(branch.value)):
@@ -195,17 +193,17 @@ class _LeastGap:
 
     def __init__(self, branch: Branch, period: Period, row: int, state: np.ndarray):
         self.branch, self.first = branch, state
-        self.family = OpenRowFamily(period, row, "load")
+        over = branch.parameter if branch.parameter in ("damping", "gap") else "load"
+        self.family = OpenRowFamily(period, row, over)
         self.found: dict[float, FixedPoint] = {}
 
     def __call__(self, value: float) -> float:
-        conditions, guess = self.branch.conditions(value), self.first
+        driven, guess = self.branch.over.at(self.family.period, value), self.first
         if self.found:  # the nearest one that is known, moved as the linear motion does
             near = min(self.found, key=lambda other: abs(other - value))
-            moved = self.family.at(*conditions).linear_state
-            guess = self.found[near].state + moved - self.found[near].driven.linear_state
-        fixed = self.found[value] = shoot(self.family.period, guess, *conditions)
-        return least(self.family.gap(fixed.driven, fixed.motion, 1.0)[:-1])
+            guess = self.found[near].state + driven.linear_state - self.found[near].driven.linear_state
+        fixed = self.found[value] = shoot(driven, guess)
+        return least(self.family.gap(fixed.driven, fixed.motion, value)[:-1])
 
     def root(self, one: float, other: float) -> tuple[float, bool]:
         """By secants from two values, and whether it has converged."""

@@ -11,8 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ...errors import PetscFailure, SolveError, on_all_ranks
-from ...motion.fixed_point import FixedPoint
-from ...motion.period_map import Period, PeriodMotion
+from ...motion.period_map import FixedPoint, Period, PeriodMotion
 from ...motion.states import ModalStates
 from ..linear import Cyclic
 from ..newton import correct

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...motion.fixed_point import FixedPoint
-from ...motion.period_map import DrivenPeriod, PeriodMotion
+from ...motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 
 # Change of the state over fewer periods, relative to its size, below which a motion is one of fewer periods.
 SAME = 1e-7

@@ -20,15 +20,32 @@ from .kind import Drawn, Kind, Loaded, Run, Values, Wanted
 class Curve(Kind):
     """A kind whose result is a response curve."""
 
+    reduced: bool = item(True, text="false: the unreduced model")
     running = "curve.h5"
     captions = {"curve": "response curve"}
+
+    def contradictions(self) -> Iterator[tuple[str, str]]:
+        """What curves of the unreduced model have not, too."""
+        yield from super().contradictions()
+        if self.reduced:
+            return
+        asked: Any = self  # options of the curves themselves
+        if asked.stability:
+            yield "stability", "= true is for the reduced model; leave out reduced = false or stability"
+        if getattr(asked, "parameter", "load") != "load":
+            yield "parameter", f'= "{asked.parameter}" is for the reduced model; leave out reduced = false'
+
+    @property
+    def reduction(self) -> str | None:
+        """Argument of the function."""
+        return "modes" if self.reduced else None
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         over = "Hz" if result.parameter == "frequency" else "1"
         tree: Tree = {
             "parameter": Quantity(result.parameter),
             "frequency": Quantity(np.asarray(result.frequency), "Hz", "forcing frequency"),
-            **branch_tree(result, points, over, "frequency, or factor on the loads"),
+            **branch_tree(result, points, over, "frequency, or factor on loads, damping or gaps"),
             "undecided": Quantity(result.undecided, "1", "whether its uncertainty leaves that open"),
             "converged": Quantity(result.converged),
             "contact_peak": Quantity(result.contact_peak, "N", "largest contact resultant"),
@@ -101,7 +118,7 @@ class FrequencyResponse(FrequencyResponseOptions, Curve, Loaded):
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         kept = run.kept if self.contact else {"progress": run.progress}
         options = self.of(FrequencyResponseOptions)
-        return sb.frequency_response(model, self.acting(case), **options, **kept)
+        return sb.frequency_response(model, self.acting(case), **options, reduction=self.reduction, **kept)
 
     def cost(self, size: Size) -> Cost:
         if not self.contact:
@@ -125,5 +142,5 @@ def curve_cost(size: Size, table: Any) -> Cost:
     """Of a curve of steady states."""
     modes, count = size.modes(table.modes), min(table.points, CURVE_POINTS)
     seconds, memory = size.period(modes, (table.steps or STEPS) * (table.periods or 1))
-    seconds *= count * (MULTIPLIERS if table.stability else 1.0)
+    seconds *= count * (1.0 if table.stability is False else MULTIPLIERS)
     return Cost(size.extracting(modes), seconds, memory, 400.0 * count * (modes + size.points * 60))

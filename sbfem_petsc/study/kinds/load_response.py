@@ -1,4 +1,4 @@
-"""load_response: steady states over a factor on the oscillating loads."""
+"""load_response: steady states over a factor on the oscillating loads, the damping or the gaps."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from .periodic import common_period
 
 
 class LoadResponse(LoadResponseOptions, Curve):
-    """Steady states at a fixed frequency over a factor on the oscillating loads."""
+    """Steady states at a fixed frequency over a factor on the oscillating loads, the damping or the gaps."""
 
     kind: Literal["load_response"] = item(text="response curve over the load")
     load: Names = item(text=LOAD)
@@ -26,7 +26,7 @@ class LoadResponse(LoadResponseOptions, Curve):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Branch:
         options = self.of(LoadResponseOptions)
-        return sb.load_response(model, load(case, self.load), **options, **run.kept)
+        return sb.load_response(model, load(case, self.load), **options, reduction=self.reduction, **run.kept)
 
     def tones(self, case: Any, path: Path) -> None:
         common_period(self, case, path)

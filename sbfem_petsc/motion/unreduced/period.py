@@ -1,0 +1,307 @@
+"""One period of the unreduced model as a map, and its derivative as products.
+
+The state (u, v) of all unknowns is distributed. A product with the derivative is one linearised period: the
+same steps without loads, in which the rows that touched in each step keep their gaps. Its inverse is near
+that of the motion without contact in the lowest modes, closed form; what lies above them dies out within the
+period, as stiffness-proportional damping makes it. Only what is stiffer than the time steps resolve does not:
+average acceleration turns its sign in each step and leaves its size. The number of steps is therefore odd, so
+that Phi - 1 is about -2 there and not about 0.
+"""
+
+from __future__ import annotations
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+
+from ...capacity import require_compiler, require_memory
+from ...checks import positive
+from ...parallel import collective
+from ...petsc import stage
+from ...signals.waves import Harmonic
+from ...system.demand import require_steps
+from ...system.model import Model
+from ...system.modes import lowest_modes
+from ...system.pencil import Pencil
+from ..excitation import Excitation
+from ..integration import Steps, row_size
+from ..loading import Loading, loading, warn_of_unreduced
+from ..preparation import STEPS, PeriodSettings
+from ..states import SampledStates
+from .history import unreduced_columns
+from .kept_fields import KeptFields
+from .steps import KEPT_RESPONSES, UnreducedSteps
+
+# Modes of the inverse nearby and of the linear response by default.
+MODES = 40
+# Step lengths that are kept prepared: a motion's, and that beside it by which its rate is found.
+PREPARED = 2
+# GMRES keeps two vectors (u, v) an iteration of so many at most; few take more than a quarter of them.
+KRYLOV = 100
+
+
+class UnreducedMotion(NamedTuple):
+    """One period from a given state.
+
+    Attributes
+    ----------
+    end : (n,) array
+        x(T), this rank's part.
+    sets : (steps, c) bool array
+        Rows that touch in each step.
+    places : (steps, points, 2) array
+        Displacements of the named points at the ends of the steps, m.
+    resultant : (steps,) array
+        Sum of the contact forces, N.
+    rows : list of tuple
+        All that is kept of an instant of an orbit, if it was asked for.
+    """
+
+    end: np.ndarray
+    sets: np.ndarray
+    places: np.ndarray
+    resultant: np.ndarray
+    rows: list[tuple]
+
+
+class UnreducedPeriod:
+    """The period of a driven unreduced model, in equal steps; a context manager.
+
+    Parameters
+    ----------
+    model : Model
+    loads : Loading
+    excitation : Excitation
+    settings : PeriodSettings
+        Its modes are those of the inverse nearby and of the linear response, and those that have the model's
+        modal damping ratio.
+    frequency : float
+        By which displacements are weighed to be velocities, Hz.
+
+    Attributes
+    ----------
+    steps : int
+        Of the period; one more than asked for if these are even in number.
+    products : int
+        Linearised periods so far.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        loads: Loading,
+        excitation: Excitation,
+        settings: PeriodSettings,
+        frequency: float,
+    ):
+        self.model, self.comm, self.loads = model, model.comm, loads
+        self.steps = odd_steps(settings.steps, excitation.periods)
+        self.excitation = excitation.below(0.5 * self.steps)
+        self.contact, self.weight, self.products = settings.contact, 2.0 * np.pi * frequency, 0
+        self.found = lowest_modes(model, settings.modes or MODES, auxiliary_tolerance=0.0)
+        self.pencil = Pencil(model, 1.0, 0.0)
+        self._marches: dict[float, UnreducedSteps] = {}
+
+    def __enter__(self) -> UnreducedPeriod:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        while self._marches:
+            self._marches.popitem()[1].release()
+        self.pencil.destroy()
+
+    @property
+    def points(self) -> tuple[str, ...]:
+        """Named points."""
+        return tuple(self.model.points)
+
+    @property
+    def unknowns(self) -> int:
+        """Of a state, this rank's."""
+        return 2 * int(self.pencil.stiffness.getLocalSize()[0])
+
+    def at(self, frequency: float, factor: float = 1.0) -> UnreducedDriven:
+        """The period at a forcing frequency (Hz) and a factor on the oscillating loads."""
+        return UnreducedDriven(self, frequency, factor)
+
+    def march(self, frequency: float) -> UnreducedSteps:
+        """The steps of a forcing frequency (Hz), of which the last ones are kept. Collective."""
+        march = self._marches.pop(frequency, None)
+        if march is None:
+            while len(self._marches) >= PREPARED:
+                self._marches.pop(next(iter(self._marches))).release()
+            step = self.excitation.periods / frequency / self.steps
+            steps = Steps(self.steps, step, self.contact, "implicit", 1)
+            march = UnreducedSteps(self.model, self.pencil, self.loads.units, steps, self.found)
+        self._marches[frequency] = march
+        return march
+
+    def total(self, local: float) -> float:
+        """Sum over the ranks. Collective."""
+        return float(self.comm.allreduce(local))
+
+
+class UnreducedDriven:
+    """An `UnreducedPeriod` at one frequency and load."""
+
+    def __init__(self, period: UnreducedPeriod, frequency: float, factor: float):
+        self.period, self.frequency, self.factor = period, frequency, factor
+        self.weight, self.size = period.weight, period.unknowns // 2
+        self.excitation = period.excitation.scaled(factor)
+        self.amplitudes = self.excitation.loads(period.steps)
+
+    @property
+    def march(self) -> UnreducedSteps:
+        """Its steps. Collective."""
+        return self.period.march(self.frequency)
+
+    @stage("Steps")
+    def run(self, state: np.ndarray, fields: KeptFields | None = None) -> UnreducedMotion:
+        """One period from x(0) = (weight u, v), this rank's part; with `fields` also all that is kept of
+        the instants of an orbit. Collective.
+        """
+        march, steps = self.march, self.period.steps
+        sets, resultant = np.zeros((steps, march.pairs), dtype=bool), np.zeros(steps)
+        places, rows = np.zeros((steps, len(march.model.points), 2)), []
+        self._set(march, state)
+        march.contact.open()
+        for k in range(steps):
+            force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
+            sets[k], resultant[k] = march.laws.acting(force), force.sum()
+            places[k], speeds = march.at_points()
+            if fields is not None:
+                rows.append((places[k], speeds, *march.padded(force, gap), march.intensities()))
+                if fields.wanted:
+                    fields.add(march.owned(), march.amplitudes)
+        march.settle()
+        return UnreducedMotion(self._state(march), sets, places, resultant, rows)
+
+    @stage("Steps")
+    def carried(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
+        """dx(T) along dx(0), this rank's part, of a motion whose rows touch as in `sets`. Collective."""
+        march = self.march
+        self._set(march, vector)
+        for acting in sets:
+            march.advance_linearised(acting)
+        march.settle()
+        self.period.products += 1
+        return self._state(march)
+
+    def _set(self, march: UnreducedSteps, state: np.ndarray) -> None:
+        march.u[:], march.v[:] = state[: self.size] / self.weight, state[self.size :]
+        march.settle(fold=False)
+
+    def _state(self, march: UnreducedSteps) -> np.ndarray:
+        return np.concatenate([self.weight * march.u, march.v])
+
+    @functools.cached_property
+    def _modal_map(self) -> np.ndarray:
+        """(m, 2, 2): the period map of each computed mode without loads and contact, in (weight q, p)."""
+        march = self.march
+        # d = q1 - q0 of a free step, p1 = 2 d / h - p0
+        to_q, to_p = -2.0 * march.omega**2 / march.left_damped, 2.0 * march.rate / march.left_damped
+        rows = [
+            [1.0 + to_q, self.weight * to_p],
+            [march.rate * to_q / self.weight, march.rate * to_p - 1.0],
+        ]
+        return np.linalg.matrix_power(np.moveaxis(np.array(rows), 2, 0), self.period.steps)
+
+    def linear_resolvent(self, vector: np.ndarray) -> np.ndarray:
+        """(Phi - 1)^-1 of the motion without contact: closed form in the modes, -1 above them. Collective."""
+        march = self.march
+        parts = [part.copy() for part in np.split(vector, 2)]
+        modal_parts = np.stack(
+            [march.summed(march.phi.T @ march._times(march.pencil.mass, part)) for part in parts], axis=1
+        )
+        solved = np.linalg.solve(self._modal_map - np.eye(2), modal_parts[..., None])[..., 0] + modal_parts
+        return np.concatenate([march.phi @ solved[:, k] - parts[k] for k in (0, 1)])
+
+    @property
+    def linear_state(self) -> np.ndarray:
+        """x(0) of the linear steady state in the computed modes."""
+        march = self.march
+        forces = self.excitation.amplitudes @ march.probe_modes[march.pairs : march.pairs + march.loads]
+        orders, periods = self.excitation.orders[:, None], self.excitation.periods
+        rates = 2.0 * np.pi * orders * self.frequency / periods
+        a, b = march.rayleigh
+        q = forces / (march.omega**2 - rates**2 + 1j * rates * (march.friction + a + b * march.omega**2))
+        return np.concatenate(
+            [self.weight * (march.phi @ q.sum(axis=0).real), march.phi @ (1j * rates * q).sum(axis=0).real]
+        )
+
+    def states(self, state: np.ndarray) -> SampledStates:
+        """The instants of the period from a state, from t = 0 on. Collective."""
+        march, count = self.march, self.period.steps
+        fields = KeptFields(march.model, self.period.loads.units, count)
+        # the last instant is the first one: the rows begin after it
+        places, speeds, forces, gaps, intensities = (
+            np.roll(np.array(part), 1, axis=0) for part in zip(*self.run(state, fields).rows)
+        )
+        # the mean of the accelerations of the two steps beside an instant
+        slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
+        names, tips = march.model.points, march.model.tips.facts
+        at_places, at_speeds, at_slopes = (
+            {name: part[:, k] for k, name in enumerate(names)} for part in (places, speeds, slopes)
+        )
+        return SampledStates(
+            at_places,
+            at_speeds,
+            at_slopes,
+            forces,
+            gaps,
+            march.model.gap_operator.pairs,
+            {name: intensities[:, k] for k, name in enumerate(tips.names)},
+            tips,
+            fields.rolled(1).complete(count) if fields.wanted else None,
+        )
+
+
+def odd_steps(steps: int | None, periods: int) -> int:
+    """Steps of a period of so many forcing periods."""
+    return (steps or STEPS) * periods | 1
+
+
+def prepare_unreduced(
+    owner: str, model: Model, load, frequency: float, *, settings: PeriodSettings
+) -> UnreducedPeriod:
+    """The period map of checked input. Collective.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        For input that makes no sense, a model whose motions above the computed modes never die out, and where
+        there is no room.
+    """
+    model.require_support(owner)
+    with collective(model.comm):
+        positive(owner, "frequency", frequency, "Hz")
+        loads = loading(owner, model, load, lambda value: Harmonic(value, frequency))
+        excitation = Excitation.of(loads.signals, frequency, settings.periods, settings.longest)
+        if model.rayleigh[1] == 0.0:
+            raise ValueError(
+                f"{owner}: the unreduced model needs stiffness-proportional damping, Model(rayleigh=(a, b)) "
+                "with b > 0: without it motions above the computed modes never die out, and no steady state "
+                "is reached"
+            )
+    modes = settings.modes or MODES
+    _require_room(owner, model, odd_steps(settings.steps, excitation.periods), modes)
+    warn_of_unreduced(owner, model, loads, modes)
+    return UnreducedPeriod(model, loads, excitation, settings, frequency)
+
+
+def _require_room(owner: str, model: Model, count: int, modes: int) -> None:
+    """Refuse a period whose instants, or whose matrices and Krylov vectors, would take more memory than is
+    free. Collective.
+    """
+    require_compiler(owner, model.comm)
+    # lists of small arrays, then arrays of all, rolled
+    row = 3 * row_size(unreduced_columns(model)) + 1000
+    require_memory(
+        owner,
+        model.comm,
+        float(count * row),
+        f"{count:,d} steps a period",
+        lambda share: f"give at most {int(share * count):,d}",
+    )
+    require_steps(owner, model, modes, KEPT_RESPONSES, vectors=KRYLOV // 2)
