@@ -1,12 +1,120 @@
-"""A progress bar on rank 0 where a person watches."""
+"""Telling a person what is under way: a bar on a terminal, plain lines elsewhere, or nothing."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
+import threading
+import time
 from collections.abc import Callable
+from typing import Any, TextIO
 
 from .checks import progress as check_progress
+
+# Seconds between two lines in a log.
+PAUSE = 10.0
+
+
+class Watch:
+    """Tells nothing; what the others build on."""
+
+    def stage(self, text: str) -> None:
+        """A new piece of work begins."""
+
+    def fraction(self, done: float) -> None:
+        """Share of the piece that is done."""
+
+    def say(self, text: str) -> None:
+        """A line that stays."""
+
+    def close(self) -> None:
+        """Nothing more is told."""
+
+    def __enter__(self) -> Watch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+
+class LogLines(Watch):
+    """Plain lines, for files and pipes: one a piece of work, and one every ten seconds of a long one."""
+
+    def __init__(self, stream: TextIO, pause: float = PAUSE):
+        self.stream, self.pause = stream, pause
+        self.text, self.done, self.began = "", None, time.monotonic()  # type: str, float | None, float
+        self.told = self.began
+        self.lock, self.over = threading.Lock(), threading.Event()
+        # a thread, because some work tells no fraction
+        self.thread = threading.Thread(target=self._beat, daemon=True)
+        self.thread.start()
+
+    def stage(self, text: str) -> None:
+        with self.lock:
+            self.text, self.done, self.began = text, None, time.monotonic()
+        self.say(text)
+
+    def fraction(self, done: float) -> None:
+        self.done = done
+
+    def say(self, text: str) -> None:
+        with self.lock:
+            self.told = time.monotonic()
+            self.stream.write(f"{text}\n")
+            self.stream.flush()
+
+    def close(self) -> None:
+        self.over.set()
+        self.thread.join()
+
+    def _beat(self) -> None:
+        while not self.over.wait(min(1.0, self.pause / 4)):
+            now = time.monotonic()
+            if self.text and now - self.told >= self.pause - min(1.0, self.pause / 4):
+                share = "" if self.done is None else f" {100 * self.done:.0f} %,"
+                self.say(f"{self.text}:{share} {now - self.began:.0f} s")
+
+
+class Bar(Watch):
+    """Rich's progress bar on a terminal."""
+
+    def __init__(self, stream: TextIO):
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+        self.progress = Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            console=Console(file=stream, highlight=False),
+            transient=True,
+        )
+        self.task: Any = None
+        self.progress.start()
+
+    def stage(self, text: str) -> None:
+        if self.task is not None:
+            self.progress.remove_task(self.task)
+        self.task = self.progress.add_task(text, total=None)
+
+    def fraction(self, done: float) -> None:
+        if self.task is not None:
+            self.progress.update(self.task, total=1.0, completed=done)
+
+    def say(self, text: str) -> None:
+        self.progress.console.print(text, markup=False)
+
+    def close(self) -> None:
+        self.progress.stop()
+
+
+def watch_for(comm: Any, quiet: bool = False, stream: TextIO | None = None) -> Watch:
+    """A bar on a terminal, lines elsewhere, nothing on other ranks than 0 and where quiet is asked for."""
+    stream = sys.stderr if stream is None else stream
+    if quiet or comm.rank > 0:
+        return Watch()
+    return Bar(stream) if stream.isatty() and comm.size == 1 else LogLines(stream)
 
 
 @contextlib.contextmanager
@@ -32,9 +140,6 @@ def progress_bar(comm, text: str, progress: Callable[[float], None] | str | None
     if comm.rank > 0 or not sys.stderr.isatty():
         yield None
         return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(file=sys.stderr), transient=True) as bar:
-        task = bar.add_task(text, total=1.0)
-        yield lambda done: bar.update(task, completed=done)
+    with Bar(sys.stderr) as bar:
+        bar.stage(text)
+        yield bar.fraction

@@ -9,8 +9,8 @@ import sys
 from typing import Any
 
 from ..parallel import on_root
+from ..progress import watch_for
 from ..study.case.case import Case, read_case
-from ..study.watch import watch_for
 from .terminal import tell
 
 Options = argparse.Namespace

@@ -14,6 +14,7 @@ import sbfem_petsc as sb
 from meshing.folder_index import make_output_folder, regular_file
 
 from ..parallel import on_root
+from ..progress import Watch
 from ..recording.hdf5 import opened
 from ..writing import spare_folder
 from . import pictures, run, sweep_file
@@ -27,7 +28,6 @@ from .run import RESULTS, RunResults, read_run
 from .storage import write_json
 from .structure import Structure
 from .sweep_file import FILE, Sweep, read_sweep, write_csv
-from .watch import Watch
 
 # Formats of results files, with the versions of this program.
 FORMS = {sweep_file.FORMAT: sweep_file.FORMAT_VERSION, run.FORMAT: run.FORMAT_VERSION}

@@ -18,6 +18,7 @@ from meshing.folder_index import make_folder
 from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
 from ..parallel import agreed, collective
+from ..progress import Watch
 from ..recording.hdf5 import new_hdf5, opened
 from ..writing import check_output_folder
 from . import pictures
@@ -31,7 +32,6 @@ from .kinds.kind import Kind
 from .quantities import Quantity, Tree, plain
 from .storage import read_tree, write_json, write_tree
 from .structure import Structure
-from .watch import Watch
 
 FORMAT, FORMAT_VERSION = "sbfem-petsc case results", 2
 PART = f"{FORMAT} part"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from importlib import resources
 
+from ..writing import replaced
+
 KINDS = ("beam", "plate", "gmsh", "modulation", "nonlinear", "sweep")
 # Files that a starter needs beside it.
 _BESIDE = {"gmsh": ("part.geo",)}
@@ -43,13 +45,8 @@ def write_starter(kind: str, path: str | os.PathLike[str], *, replace: bool = Fa
         if os.path.lexists(name) and not replace:
             raise ValueError(f"{name!r} exists; name another file, or give --replace to overwrite it")
     for name, text in texts.items():
-        try:
-            with open(name, "w", encoding="utf-8") as file:
-                file.write(text)
-        except OSError as error:
-            raise ValueError(
-                f"{name!r} cannot be written ({error.strerror or error}); name a file in an existing folder"
-            ) from None
+        with replaced(name, "starter case") as temporary, open(temporary, "w", encoding="utf-8") as file:
+            file.write(text)
     return list(texts)
 
 

@@ -14,6 +14,7 @@ from ..capacity import PlannedFile, require_disk
 from ..checks import choice, flag, instance, integer, names_of, path, shown
 from ..errors import OutOfMemory, SolveError
 from ..parallel import agreed, alone, checked_communicator, collective
+from ..progress import Watch, watch_for
 from ..writing import check_output_folder, spare_folder
 from . import rows as row_files
 from .case import parameters as paths
@@ -26,7 +27,6 @@ from .rows import Row
 from .shares import Costs, Shares
 from .structure import Structure
 from .sweep_file import FILE, Sweep, read_sweep, together, write
-from .watch import Watch, watch_for
 
 __all__ = ["Sweep", "read_sweep", "sweep"]
 

@@ -17,9 +17,9 @@ import numpy as np
 import pytest
 
 from sbfem_petsc import plot
+from sbfem_petsc.progress import LogLines
 from sbfem_petsc.study import report
 from sbfem_petsc.study.case.analyses import KINDS
-from sbfem_petsc.study.watch import LogLines
 from tests.parallel import ROOT, on_ranks
 from tests.results.test_strangers_files import changed
 from tests.study.small_case import CASE, SWEEP, sbfem, started, written

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+from collections.abc import Iterator
 from pathlib import Path
 
 import sbfem_petsc as sb
@@ -9,6 +11,8 @@ from sbfem_petsc.study.case.analyses import KINDS
 from sbfem_petsc.study.kinds.kind import Kind
 
 PACKAGE = Path(sb.__file__).parent
+# Files of the package that know an analysis: its own, its kind, the public names, and two that rest on it.
+MOST = 5
 
 
 def test_each_file_is_a_kind():
@@ -23,3 +27,40 @@ def test_each_file_is_a_kind():
         assert set(kind.loads_in) <= set(kind.model_fields)
     # each bears the name of a public function, but for one that is a motion under two tones
     assert set(KINDS) - set(sb.__all__) == {"modulation"}
+
+
+def named(tree: ast.Module) -> Iterator[str]:
+    """Names that a module defines, imports or takes from the public face, and texts that it tells things
+    apart by: keys of tables, what is compared, members of lists, choices.
+    """
+    yield from (node.name for node in tree.body if isinstance(node, ast.FunctionDef))
+    for node in ast.walk(tree):
+        texts: list[ast.expr | None] = []
+        if isinstance(node, ast.ImportFrom):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "sb":
+            yield node.attr
+        elif isinstance(node, ast.Dict):
+            texts = node.keys
+        elif isinstance(node, ast.Compare):
+            texts = [node.left, *node.comparators]
+        elif isinstance(node, ast.Tuple | ast.List | ast.Set):
+            texts = node.elts
+        elif isinstance(node, ast.Subscript):
+            texts = [node.slice]
+        elif isinstance(node, ast.MatchValue):
+            texts = [node.value]
+        yield from (t.value for t in texts if isinstance(t, ast.Constant) and isinstance(t.value, str))
+
+
+def test_an_analysis_is_known_to_few_files():
+    """Of the package's files at most five name a public analysis in their code."""
+    analyses = [name for name in sb.__all__ if hasattr(getattr(sb, name), "options")]
+    assert len(analyses) >= 18 and {"static", "backbone", "basins", "swept_response"} <= set(analyses)
+    found: dict[str, list[str]] = {name: [] for name in analyses}
+    for path in sorted(PACKAGE.rglob("*.py")):
+        names = set(named(ast.parse(path.read_text())))
+        for name in found.keys() & names:
+            found[name].append(str(path.relative_to(PACKAGE)))
+    assert all(len(files) >= 2 for files in found.values())
+    assert {name: files for name, files in found.items() if len(files) > MOST} == {}
