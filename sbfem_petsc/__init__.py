@@ -89,7 +89,6 @@ _HOME = {
     "reduce_matrices": "reduction.matrices",
     "save": "record.files",
     "read": "record.files",
-    "read_history": "results.history",
     "save_branch": "results.branches",
     "read_branch": "results.branches",
     "save_result": "results.nonlinear",

@@ -443,7 +443,7 @@ def paper_steps(bench, terms: int, duration: float, step: float):
     """
     model, remark = bench.model("tables", continued_fraction=terms), ""
     with tempfile.TemporaryDirectory() as folder:
-        file = os.path.join(folder, "history.h5")
+        file = os.path.join(folder, "history.journal")
         try:
             history = sb.transient(
                 model,
@@ -459,7 +459,7 @@ def paper_steps(bench, terms: int, duration: float, step: float):
             # what was recorded until then is what is to be seen
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
-                history = sb.read_history(file)
+                history = sb.read(file)
             remark = "stopped: the energy ran away"
     return *_of(history)[:-1], remark
 

@@ -88,12 +88,12 @@ class Estimate(Record):
 
     @derived(text="value and levels as JSON", back=True, detail=True)
     def content(self) -> str:
-        """For `revived`: numbers in JSON have all their digits."""
+        """For `_revived`: numbers in JSON have all their digits."""
         levels = [[vars(level)[f.name] for f in fields(Level)] for level in self.levels]
         return json.dumps([self.value, levels], default=_listed)
 
     @classmethod
-    def revived(cls, found: dict[str, Any]) -> Estimate:
+    def _revived(cls, found: dict[str, Any]) -> Estimate:
         """From a file."""
         value, levels = json.loads(found.pop("content"))
         made = [

@@ -97,7 +97,7 @@ class Static(Record):
         return None if self.load is None else tuple(map(repr, self.load.parts))
 
     @agreed()
-    def gathered(self) -> dict[str, Any]:
+    def _gathered(self) -> dict[str, Any]:
         """The field, on rank 0. Collective."""
         if self.model is None:
             return {"field": self.field}

@@ -18,8 +18,9 @@ from ..capacity import KEPT, require_compiler
 from ..checks import choice, flag, real_array, shown
 from ..errors import caller_level
 from ..motion.history import History
+from ..motion.history_file import HistoryFile
 from ..motion.initial import modal_start
-from ..motion.integration import Steps, integrate, row_size
+from ..motion.integration import FormerRun, Steps, integrate, row_size
 from ..motion.loading import Loading, communicator, loading, moved_up_to, serving, warn_of_unreduced
 from ..motion.preparation import check_reduction
 from ..motion.reduced_history import ReducedIntegrator, reduced_columns
@@ -28,7 +29,6 @@ from ..motion.steps import DEEPEST, HALVING
 from ..motion.unreduced.history import UnreducedIntegrator, unreduced_columns
 from ..parallel import collective
 from ..progress import progress_bar
-from ..recording.history_file import FormerRun, HistoryFile
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -104,7 +104,8 @@ def transient(
     progress : callable, "auto" or None
         Called with the fraction done after each chunk of steps; "auto": a bar on rank 0, on a terminal only.
     file : str, optional
-        HDF5 file that records the history as it runs (`read_history` reads it, also after Ctrl-C or a kill).
+        Journal that records the history as it runs (`read` reads it, also meanwhile, and after Ctrl-C or a
+        kill); what `resume` goes on from stands beside it, in FILE.state.
     resume : bool
         Go on from `file` if it exists, with the same model, loads and settings; the history is that of an
         uninterrupted run. A longer `duration` continues a shorter run, at its step. False: replace it.
@@ -139,7 +140,7 @@ def transient(
             )
         if not flag("transient", "in_memory", in_memory) and file is None:
             raise ValueError(
-                "transient: in_memory = False needs a file to hold the history, file = 'history.h5'"
+                "transient: in_memory = False needs a file to hold the history, file = 'history.journal'"
             )
         check_initial(initial, unreduced)
         loads = loading("transient", model, load)

@@ -193,7 +193,7 @@ class RowLaws(Record):
         return self.table.most
 
     @classmethod
-    def revived(cls, found: dict[str, Any]) -> RowLaws:
+    def _revived(cls, found: dict[str, Any]) -> RowLaws:
         """From a file: bounds may be infinite."""
         table = Table(*(found[name] for name in Table._fields))
         if len(table.place) != 3 or any(np.isnan(values).any() for values in table):

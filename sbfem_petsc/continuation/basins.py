@@ -134,7 +134,7 @@ class Basins(Record):
         return self.states.reshape(self.reached.size, -1)
 
     @classmethod
-    def revived(cls, found: dict[str, Any]) -> Basins:
+    def _revived(cls, found: dict[str, Any]) -> Basins:
         """From a file."""
         shape = tuple(found.pop("shape").tolist())
         return cls(

@@ -12,8 +12,9 @@ from ..parallel import on_root
 from ..petsc import MPI
 from ..recording.hdf5 import new_hdf5, opened, put
 from ..recording.kept_file import KeptFile
-from ..recording.reduced_models import adopted, in_rows, read_reduced_model, write_reduced_model
+from ..recording.reduced_models import read_reduced_model, write_reduced_model
 from ..recording.sound import number, numbers, text, truth
+from ..reduction.comparison import adopted, in_rows
 from ..reduction.reduced_model import ReducedModel
 from .follow import Line
 from .problem import Problem

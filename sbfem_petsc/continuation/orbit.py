@@ -89,7 +89,7 @@ class Orbit(Motion):
         return self.uncertainty() if callable(self.uncertainty) else self.uncertainty
 
     @classmethod
-    def revived(cls, found: dict[str, Any]) -> Any:
+    def _revived(cls, found: dict[str, Any]) -> Any:
         """From a file: the uncertainty as a number."""
         return cls(**found | {"uncertainty": found.pop("multiplier_error")})
 

@@ -184,7 +184,7 @@ class History(Motion):
         supplied = float(np.abs(self.energy.external).max(initial=0.0))
         return float(np.abs(self.energy.balance).max()) / supplied if supplied > 0.0 else 0.0
 
-    def told(self, path: str) -> None:
+    def _told(self, path: str) -> None:
         """Warn of a run that has not ended."""
         if not self.complete:
             warnings.warn(

@@ -64,6 +64,15 @@ class Steps:
         return 1 + self.count // self.decimation
 
 
+@dataclass(frozen=True)
+class FormerRun:
+    """What is continued: number of steps, step (s), every how many of them are kept."""
+
+    count: int
+    step: float
+    decimation: int
+
+
 class Integrator(Protocol):
     """A system that can be advanced: reduced or not."""
 

@@ -10,9 +10,8 @@ from meshing.warnings import StepWarning
 from ..capacity import PlannedFile, default_decimation, require_disk, require_memory
 from ..errors import caller_level, on_all_ranks
 from ..petsc import MPI
-from ..recording.history_file import FormerRun
 from ..signals.signal import STEPS_A_PERIOD
-from .integration import Steps
+from .integration import FormerRun, Steps
 
 # With contact, the default step is at most this share of the highest mode's period: pairs that open and close
 # excite all modes, however slow the load is. Measured on beams of several proportions, cracks open and
@@ -93,7 +92,9 @@ def require_room(
             comm,
             needed,
             what,
-            lambda share: f"{fewer(share)}, or leave them in a file (file = 'history.h5', in_memory = False)",
+            lambda share: (
+                f"{fewer(share)}, or leave them in a file (file = 'history.journal', in_memory = False)"
+            ),
         )
     if file is not None:
         continued = former is not None and former.count == steps.count

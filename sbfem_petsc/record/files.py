@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import contextlib
 import importlib
+import io
 import os
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import h5py
+import numpy as np
 
 from meshing.whole_file import reason
 
 from ..capacity import available_memory, in_bytes
+from ..checks import flag, shown
 from ..checks import path as checked_path
-from ..checks import shown
 from ..parallel import agreed, collective, ranks_of
 from ..petsc import MPI
 from ..writing import replaced
@@ -26,11 +28,13 @@ from . import journal
 from .body import Body
 from .layout import bare, text, text_of, write
 from .reading import records_in
-from .record import Record, record_class
+from .record import Record
 
 # Of the layout: files of another one are refused.
 SCHEMA = 3
 WHAT = "result file"
+# What reads a journal, by what it says it keeps.
+KEPT = {"history": "motion.history_file"}
 # What compression gains at most.
 DEFLATE = 1032
 # What reading of what is not there, or is something else, ends in.
@@ -82,7 +86,7 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
     """What is distributed of a record and of those in it, by their identity, and the body that each field is
     of, once a model. Collective.
     """
-    found = whole[id(record)] = record.gathered()
+    found = whole[id(record)] = record._gathered()
     model = getattr(record, "model", None)
     if found and model is not None:
         if id(model) not in bodies:
@@ -94,12 +98,14 @@ def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, 
                 _gather(one, whole, bodies)
 
 
-def read(path: Any) -> Any:
+def read(path: Any, *, in_memory: bool = True) -> Any:
     """Read what `save` wrote, or what a run keeps, or has left, in its `file`.
 
     Parameters
     ----------
     path : str
+    in_memory : bool
+        False: the arrays of a history that a run has kept are left on the disk until they are used.
 
     Returns
     -------
@@ -116,24 +122,45 @@ def read(path: Any) -> Any:
         If the run that wrote it has not come to its end.
     """
     name = checked_path(WHAT, "path", path)
+    flag("read", "in_memory", in_memory)
     if journal.is_journal(name):
-        return _kept(name)
+        return _kept(name, in_memory)
     with opened(name) as file:
         found = records_in(file)
     for part in (
         found.values() if isinstance(found, dict) else found if isinstance(found, tuple) else (found,)
     ):
-        part.told(name)
+        part._told(name)
     return found
 
 
-def _kept(path: str) -> Any:
+def _kept(path: str, in_memory: bool) -> Any:
     """The result of a journal, as far as it has come."""
     with _sentences(path):
-        kept = journal.read(path)
-        found = record_class(str(kept.head["record"])).kept(kept)  # type: ignore[attr-defined]
-    found.told(path)
+        kept = journal.read(os.path.realpath(path))
+        if kept.head.get("kept") not in KEPT:
+            raise ValueError(f"it is of another kind of run than {', '.join(KEPT)}")
+        home = importlib.import_module(f"{_root()}.{KEPT[kept.head['kept']]}")
+        found = home.result_of(kept, in_memory)
+    found._told(path)
     return found
+
+
+def image(record: Record) -> np.ndarray:
+    """A record as the bytes of a file, for a journal."""
+    with h5py.File(
+        "image", "w", driver="core", backing_store=False, libver=("v110", "v110"), track_order=True
+    ) as file:
+        write(file, record)
+        file.flush()
+        return np.frombuffer(file.id.get_file_image(), dtype=np.uint8)
+
+
+def from_image(data: np.ndarray) -> Any:
+    """What `image` made."""
+    with h5py.File(io.BytesIO(data.tobytes()), "r") as file:
+        require_own(file, data.size)
+        return records_in(file)
 
 
 @contextlib.contextmanager
@@ -197,8 +224,12 @@ def _sentences(path: str, what: str = WHAT) -> Iterator[None]:
         raise ValueError(f"{what} {path!r} is damaged or does not hold what it should: {said}") from None
 
 
+def _root() -> str:
+    return __package__.split(".")[0]
+
+
 def _version() -> str:
-    return importlib.import_module(__package__.split(".")[0]).__version__
+    return importlib.import_module(_root()).__version__
 
 
 def require_own(file: h5py.File, size: int) -> None:

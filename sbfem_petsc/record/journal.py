@@ -15,6 +15,7 @@ import contextlib
 import fcntl
 import json
 import os
+import shutil
 import struct
 import zlib
 from collections.abc import Iterator, Mapping
@@ -89,7 +90,7 @@ def frames(path: str) -> Iterator[tuple[int, bytes]]:
     with os.fdopen(open_regular(path, os.O_RDONLY), "rb") as file:
         size, begin = os.fstat(file.fileno()).st_size, file.read(len(MAGIC))
         if begin != MAGIC[: len(begin)]:
-            raise ValueError(f"{path!r} is no journal of this version of the program; name another file")
+            raise ValueError(f"{path!r} is damaged, or no journal of this version of the program")
         while len(head := file.read(HEAD.size)) == HEAD.size:
             length, of_length, crc = HEAD.unpack(head)
             sound = zlib.crc32(head[:8]) == of_length
@@ -152,6 +153,8 @@ def read(path: str) -> Kept:
     for end, payload in frames(path):
         head = unpacked(payload) if head is None else head
         ends.append(end)
+    if head is None and state:
+        raise ValueError(f"{path!r} is damaged: its beginning is missing; run it again without resume")
     if head is None:
         raise ValueError(f"{path!r} holds nothing yet: its run has not come to a first result")
     if state and state["of"] != head["id"]:
@@ -190,20 +193,18 @@ class Journal:
 
     def __init__(self, path: Any, what: str, *, resume: bool):
         self.what, self.path, self.former = what, destination(path, what), None
-        self._count, self._id, fresh = 0, "", not os.path.lexists(self.path)
+        self._count, self._id, self._fresh = 0, "", not os.path.lexists(self.path)
         try:
             self._file = open_regular(self.path, os.O_RDWR | os.O_CREAT)
         except OSError as error:
             raise ValueError(f"{what} {path!r} cannot be written: {reason(error)}") from None
         try:
             self._lock()
+            self._clear()
             if resume and os.fstat(self._file).st_size > len(MAGIC):
                 self.former = self._found()
         except BaseException:
             self.close()
-            if fresh:
-                with contextlib.suppress(OSError):
-                    os.remove(self.path)
             raise
 
     def _lock(self) -> None:
@@ -216,6 +217,13 @@ class Journal:
                     f"{self.what} {self.path!r} is being written by another run; wait for its end, or name "
                     "another file"
                 ) from None
+
+    def _clear(self) -> None:
+        """Remove what a kill has left of a state that was being written."""
+        folder, name = os.path.split(self.path)
+        for other in os.listdir(folder):
+            if other.startswith(f".{name}.state.") and other.endswith(".part"):
+                shutil.rmtree(os.path.join(folder, other), ignore_errors=True)
 
     def _found(self) -> Kept | None:
         if not is_journal(self.path):
@@ -275,7 +283,10 @@ class Journal:
                 view = view[os.write(self._file, view) :]
 
     def close(self) -> None:
-        """Give it up to others."""
+        """Give it up to others; nothing is left of one that has not begun."""
+        with contextlib.suppress(OSError):
+            if self._fresh and not os.fstat(self._file).st_size:
+                os.remove(self.path)
         os.close(self._file)
 
     def __enter__(self) -> Journal:

@@ -29,7 +29,7 @@ def write(
     Parameters
     ----------
     whole : dict of int to dict
-        What `Record.gathered` has found of each record, by its identity.
+        What `Record._gathered` has found of each record, by its identity.
     given : tuple of str
         Axes that stand for "*", and those that have another name here, as "order:further_order".
     seen : dict of int to str

@@ -48,7 +48,7 @@ class _Reader:
         for entry in back:
             if not entry.about.part:
                 values |= _quantity(group, entry, given, lengths)
-        for dim, at in cls.labelled(given).items():
+        for dim, at in cls._labelled(given).items():
             if at in cls.__dataclass_fields__ and at not in values:
                 values[at] = names_along(group, dim)
                 if values[at] and lengths.get(dim, len(values[at])) != len(values[at]):
@@ -60,7 +60,7 @@ class _Reader:
         for f in dataclasses.fields(cls):
             if f.default is f.default_factory is dataclasses.MISSING:
                 values.setdefault(f.name, None)
-        made = cls.revived(values)
+        made = cls._revived(values)
         made.check()
         self.known[group.name] = made
         return made

@@ -73,9 +73,9 @@ class About:
     stored : bool
         False: it is not written to files.
     back : bool
-        Of a derived quantity: it is read, for `Record.revived`.
+        Of a derived quantity: it is read, for `Record._revived`.
     distributed : bool
-        Ranks have parts of it, and `Record.gathered` the whole.
+        Ranks have parts of it, and `Record._gathered` the whole.
     kept : bool
         Of a derived quantity: it is computed once.
     part : str
@@ -264,18 +264,18 @@ class Record:
 
     # ------------------------------------------------------------------ what may be said anew
     @classmethod
-    def revived(cls, found: dict[str, Any]) -> Any:
+    def _revived(cls, found: dict[str, Any]) -> Any:
         """The record of what was read, by the names of fields and of derived quantities that are read."""
         return cls(**found)
 
     def check(self) -> None:
         """Raise ValueError unless the fields, each of which is sound, belong together."""
 
-    def gathered(self) -> dict[str, Any]:
+    def _gathered(self) -> dict[str, Any]:
         """On rank 0 the whole of what is distributed, by name; empty for what was read. Collective."""
         return {}
 
-    def told(self, path: str) -> None:
+    def _told(self, path: str) -> None:
         """Warn of what a file does not hold."""
 
     # ------------------------------------------------------------------ what is read from the class
@@ -295,7 +295,7 @@ class Record:
         given : tuple of str
             Axes that stand for "*".
         whole
-            What `gathered` has found.
+            what `_gathered` has found.
         """
         for name, entry in entries(type(self)).items():
             about = entry.about
@@ -305,7 +305,9 @@ class Record:
             if value is None:
                 continue
             dims = expanded(about.dims, given)
-            names = {dim: tuple(getattr(self, at)) for dim, at in self.labelled(given).items() if dim in dims}
+            names = {
+                dim: tuple(getattr(self, at)) for dim, at in self._labelled(given).items() if dim in dims
+            }
             names = {dim: entries for dim, entries in names.items() if entries}
             if isinstance(value, Mapping):
                 axis = dims.index(about.by) if about.by else 0
@@ -317,7 +319,7 @@ class Record:
             yield Quantity(entry, np.asarray(value) if dims else value, unit, dims, names)
 
     @classmethod
-    def labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
+    def _labelled(cls, given: tuple[str, ...] = ()) -> dict[str, str]:
         """`labels`, the first of the given axes for "*"."""
         return {(given[0] if given else NONE) if dim == GIVEN else dim: at for dim, at in cls.labels.items()}
 

@@ -10,11 +10,12 @@ import numpy as np
 
 from ..parallel import on_root
 from ..petsc import MPI
+from ..reduction.comparison import adopted, in_rows
 from ..reduction.reduced_model import ReducedModel
 from .excitations import read_excitation, write_excitation
 from .hdf5 import new_hdf5, opened, put, put_texts
 from .kept_file import KeptFile
-from .reduced_models import adopted, in_rows, read_reduced_model, write_reduced_model
+from .reduced_models import read_reduced_model, write_reduced_model
 from .sound import number, numbers, text, texts, truth, whole
 
 WHAT, FORM, VERSION = "branch file", "sbfem-petsc branch", 2

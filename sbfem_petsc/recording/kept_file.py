@@ -12,11 +12,11 @@ import numpy as np
 from ..errors import SolveError
 from ..parallel import collective
 from ..petsc import MPI
+from ..reduction.comparison import close, difference
 from ..reduction.reduced_model import ReducedModel
 from ..writing import destination
 from .hdf5 import opened
 from .lock import WriterLock
-from .reduced_models import close, difference
 
 Self = TypeVar("Self", bound="KeptFile")
 # Seconds between two updates of a file.

@@ -173,7 +173,7 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
 def _recorded(home: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
     readers = {
-        "history.h5": sb.read_history,
+        "history.journal": sb.read,
         "curve.h5": sb.read_branch,
         "orbit.h5": sb.read,
         "result.h5": _result,

@@ -53,7 +53,7 @@ class Modal(Record):
     )
 
     @agreed()
-    def gathered(self) -> dict[str, Any]:
+    def _gathered(self) -> dict[str, Any]:
         """The modes' fields, on rank 0. Collective."""
         if self.model is None:
             return {"fields": self.fields}

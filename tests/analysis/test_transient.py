@@ -499,7 +499,7 @@ def test_errors_of_another_motion_are_not_told(tmp_path):
     load = sb.PointForce("A", fy=sb.Harmonic(300.0, 100.0))
     options = {"modes": 12, "step": 5e-5, "file": str(tmp_path / "history.h5")}
     history = sb.transient(model, load, 0.005, **options)
-    read, expected = sb.read_history(options["file"]), sb.estimate_error(model, load, history)
+    read, expected = sb.read(options["file"]), sb.estimate_error(model, load, history)
     assert sb.estimate_error(model, load, read).step == pytest.approx(expected.step, rel=1e-6)
     nameless = sb.Model(Plate([(0, 0), (1, 0), (1, 1)]).mesh(order=2), ALUMINIUM, "edge1", damping=0.1)
     push = sb.EdgeLoad("edge2", tx=sb.Harmonic(1.0, 100.0))

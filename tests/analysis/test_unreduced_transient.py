@@ -437,7 +437,7 @@ def test_any_point(tmp_path):
     with pytest.raises(
         sb.SolveError, match="displacement: a motion of an unreduced model keeps its fields up to"
     ):
-        sb.read_history(file).displacement(place)
+        sb.read(file).displacement(place)
     with pytest.raises(ValueError, match="lies outside the structure"):
         moving.stress((1.0, 0.0))
     with pytest.raises(sb.UnknownName, match="point 'Z' does not exist"):

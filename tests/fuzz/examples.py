@@ -394,7 +394,6 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"model": model(), "load": PUSH, "band": 5000.0},
     ],
     "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
-    "read_history": [lambda: {"path": "given/history.h5", "in_memory": True}],
     "save_branch": [lambda: {"branch": branch(), "path": "saved.h5"}],
     "read_branch": [lambda: {"path": "given/branch.h5"}],
     "save_result": [lambda: {"result": quasi_periodic(), "path": "saved.h5"}],
@@ -617,7 +616,7 @@ CALLS |= {
     "plot.save_picture": [lambda: {"drawing": None, "path": "picture.png"}],
     "plot.save_pictures": [lambda: {"folder": "."}],
     "save": [lambda: {"path": "results.h5", "result": {"modes": modal(), "push": static()}}],
-    "read": [lambda: {"path": "given/results.h5"}],
+    "read": [lambda: {"path": "given/results.h5", "in_memory": True}],
     "results.write_vtu": [
         lambda: {
             "path": "fields.vtu",

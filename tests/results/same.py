@@ -19,7 +19,7 @@ def same(one, other, depth: int = 0) -> None:
         for pair in zip(one, other):
             same(*pair)
         return
-    whole, again = one.gathered(), other.gathered()
+    whole, again = one._gathered(), other._gathered()
     named = {f.name for f in dataclasses.fields(one)}
     for name, entry in entries(type(one)).items():
         about = entry.about

@@ -2,13 +2,10 @@
 runs' files.
 """
 
-import errno
-import os
 import pathlib
 import signal
 import sys
 
-import h5py
 import numpy as np
 import pytest
 
@@ -16,8 +13,8 @@ import sbfem_petsc as sb
 from meshing import Beam
 from meshing.warnings import IncompleteHistory
 from sbfem_petsc.motion.unreduced import history as module
-from sbfem_petsc.results.history import read_history
 from tests.parallel import answer, in_session, interruptible, on_ranks
+from tests.results.test_history import full_disk
 
 PROGRAM = """
 import json, os, signal, sys
@@ -106,17 +103,11 @@ def stopped(fraction):
 def test_recorded_history_is_the_same(model, whole, tmp_path):
     path = tmp_path / "h.h5"
     close(sb.transient(model, LOAD, file=path, **RUN), whole)
-    found = read_history(path)
+    found = sb.read(path)
     assert found.complete and found.reduced is None and whole.contact_resultant.max() > 100
     close(found, whole)
     assert found.damped_modes == 12 and found.points == whole.points
     close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)  # nothing left to do
-    with h5py.File(path) as file:
-        assert file["rows/velocity"].attrs["unit"] == "m/s" and file["rows/displacement"].shape == (
-            1 + COUNT // 5,
-            len(model.points),
-            2,
-        )
 
 
 @pytest.mark.slow
@@ -130,11 +121,11 @@ def test_killed_and_restarted(model, whole, tmp_path, kind):
     run.communicate(timeout=30)
     assert run.returncode != 0
     with pytest.warns(IncompleteHistory, match="resume=True"):
-        part = read_history(path)
+        part = sb.read(path)
     assert not part.complete and 3 * 64 // 5 < len(part.time) < COUNT // 5
     close(part, whole, len(part.time))
     close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
-    assert read_history(path).complete
+    assert sb.read(path).complete
 
 
 @pytest.mark.long
@@ -143,7 +134,7 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
     path = tmp_path / "h.h5"
     assert on_ranks(2, PROGRAM, str(path), "go", "new", "kill", check=False, timeout=120).returncode != 0
     with pytest.warns(IncompleteHistory):
-        part = read_history(path)
+        part = sb.read(path)
     assert 0.4 * COUNT // 5 < len(part.time) < COUNT // 5
     with pytest.raises(ValueError, match="written with ranks = 2, not 1"):
         sb.transient(model, LOAD, file=path, resume=True, **RUN)
@@ -157,27 +148,10 @@ def test_two_ranks_killed_and_restarted(model, whole, tmp_path):
         )
     # MUMPS on two ranks does not add in the same order every time: two uninterrupted runs differ by 1e-11,
     # their accelerations by 1e-10
-    close(read_history(path), read_history(tmp_path / "other.h5"), slopes=1e-8)
+    close(sb.read(path), sb.read(tmp_path / "other.h5"), slopes=1e-8)
     np.testing.assert_allclose(
         continued["u"], whole.displacement("A"), rtol=0, atol=1e-6 * np.abs(whole.displacement("A")).max()
     )
-
-
-@pytest.mark.slow
-def test_a_part_half_written(model, whole, tmp_path):
-    """A kill while a state is written leaves the one before (384 steps; row 385 takes its slope): unknowns
-    without their checksum are not used.
-    """
-    path = tmp_path / "h.h5"
-    with pytest.raises(KeyboardInterrupt):
-        sb.transient(model, LOAD, file=path, progress=stopped(0.7), **RUN)
-    with h5py.File(path) as file:
-        newer = max("AB", key=lambda slot: file["running"][slot][0])
-        end = file["running"][newer].id.get_offset() + file["running"][newer].nbytes
-    with open(path, "r+b") as raw:
-        raw.seek(end - 160)
-        raw.write(bytes(160))
-    close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
 
 
 @pytest.mark.slow
@@ -186,10 +160,10 @@ def test_a_longer_run(model, whole, tmp_path, step):
     """A complete history of half of the time goes on to the whole; a shorter one is not made of it."""
     path = tmp_path / "h.h5"
     sb.transient(model, LOAD, file=path, **{**RUN, "duration": 0.00064})
-    assert read_history(path).complete
+    assert sb.read(path).complete
     close(sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "step": step}), whole)
-    close(read_history(path), whole)
-    assert read_history(path).complete and [p.name for p in tmp_path.iterdir()] == ["h.h5"]
+    close(sb.read(path), whole)
+    assert sb.read(path).complete and {p.name for p in tmp_path.iterdir()} == {"h.h5", "h.h5.state"}
     with pytest.raises(ValueError, match="longer than 0.00064 s"):
         sb.transient(model, LOAD, file=path, resume=True, **{**RUN, "duration": 0.00064})
 
@@ -245,21 +219,13 @@ def test_another_continued_fraction_is_refused(tmp_path):
 
 @pytest.mark.slow
 def test_full_disk(model, whole, tmp_path, monkeypatch):
-    path, real, left = tmp_path / "h.h5", os.pwrite, [100_000]
-
-    def full(handle, data, place):
-        if left[0] <= 0:
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        written = real(handle, data[: left[0]], place)
-        left[0] -= written
-        return written
-
-    monkeypatch.setattr(os, "pwrite", full)
-    with pytest.raises(sb.SolveError, match="No space left.*stays readable"):
-        sb.transient(model, LOAD, file=path, **RUN)
-    monkeypatch.setattr(os, "pwrite", real)
+    path = tmp_path / "h.h5"
+    with monkeypatch.context() as patch:
+        full_disk(patch, "h.h5", 100_000)
+        with pytest.raises(sb.SolveError, match="No space left.*stays readable"):
+            sb.transient(model, LOAD, file=path, **RUN)
     with pytest.warns(IncompleteHistory):
-        part = read_history(path)
+        part = sb.read(path)
     close(part, whole, len(part.time))
     close(sb.transient(model, LOAD, file=path, resume=True, **RUN), whole)
     with pytest.raises(ValueError, match="cannot be written"):

@@ -120,7 +120,7 @@ def test_what_is_told_of_tips_in_motions(name, reduction, tmp_path):
     if reduction is None:  # its shooting takes half a minute
         orbit = replace(orbit, time=history.time, states=history.states, state=np.zeros(0))
     sb.save(tmp_path / "orbit.h5", orbit)
-    found = [history, orbit, sb.read_history(path), sb.read(tmp_path / "orbit.h5")]
+    found = [history, orbit, sb.read(path), sb.read(tmp_path / "orbit.h5")]
     for motion in [*found, sb.load_history(body, load, [0.0, 1.0])]:
         assert motion.notes == told and told[0] in repr(motion)
     with h5py.File(tmp_path / "orbit.h5") as file:

@@ -36,7 +36,7 @@ class Transient(TransientOptions, Loaded):
     )
     reduced: bool = item(True, text="false: the unreduced model")
     moving = True
-    running = "history.h5"
+    running = "history.journal"
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
         """A scheme of the unreduced model alone, too."""
