@@ -30,6 +30,21 @@ def two_masses(damping: float = 0.03, compliance: float = 0.01, force: float = 1
     )
 
 
+def beside_another(coupling: float, frequency: float) -> sb.ReducedModel:
+    """Mass 1 on a spring 1 with an elastic stop of stiffness 3 at a distance of 1, coupled to a mass 1 of its
+    own frequency in rad/s; without damping.
+    """
+    return sb.reduce_matrices(
+        np.eye(2),
+        np.array([[1.0, -coupling], [-coupling, frequency**2]]),
+        np.array([[1.0, 0.0]]),
+        np.ones(1),
+        loads=np.zeros((2, 1)),
+        sensors={"1": 0, "2": 1},
+        compliance=np.array([1.0 / 3.0]),
+    )
+
+
 def one_mass(gap: float, damping: float, *, stiffness: float = 1.0, towards: float = -1.0) -> sb.ReducedModel:
     """Mass 1 on a spring 1, in rad/s, with an elastic stop of some stiffness at a distance `gap`; it is met
     at positive displacements, or at negative ones where `towards` is 1.

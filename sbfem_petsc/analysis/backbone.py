@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple
 
 import numpy as np
 
 from ..capacity import FEW, require_compiler, require_memory, room
 from ..checks import index_of
-from ..continuation.orbit import Orbit, Orbits, make_orbit, modal_motion
-from ..continuation.problems.free import FreeMotion, FreeSystem
-from ..continuation.problems.free_branch import ADDED, FreeBranch, Pace
-from ..continuation.problems.free_stability import free_multipliers
-from ..continuation.problems.free_start import first_motion
+from ..continuation.events import refine as refine_points
+from ..continuation.follow import Line, follow
+from ..continuation.line_file import LineFile
+from ..continuation.orbit import Orbit, Orbits, make_orbit
+from ..continuation.problem import Lost, Point, Range
+from ..continuation.problems.free import ADDED, FreeMotions, FreeState, FreeSystem
+from ..continuation.problems.free_stability import (
+    FreeEvent,
+    Interactions,
+    free_events,
+    free_multipliers,
+    turns,
+)
+from ..continuation.problems.free_start import PACE, first_motion
 from ..errors import SolveError, on_all_ranks
 from ..motion.excitation import one_sided
 from ..motion.loading import communicator
@@ -24,6 +33,7 @@ from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
 from ..parallel import collective
 from ..progress import progress_bar
+from ..recording.backbones import write_backbone_alone
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -78,7 +88,10 @@ class Backbone(Orbits):
     point_amplitudes : (n, points) array
         Half the peak-to-peak of u_y, m.
     passed : tuple of (float, float)
-        Energies on either side of interactions with higher modes that were passed over, J.
+        Energies on either side of interactions with higher modes that were passed over, J: all on whose
+        tongue the state would change by more than 1e-3 of itself.
+    events : tuple of FreeEvent
+        Turns in energy, which are among the points, and where the branch becomes stable or unstable.
     damped : bool
     reason : str
         Why the branch ends.
@@ -99,6 +112,7 @@ class Backbone(Orbits):
     point_harmonics: np.ndarray
     point_amplitudes: np.ndarray
     passed: tuple[tuple[float, float], ...]
+    events: tuple[FreeEvent, ...]
     damped: bool
     reason: str
     complete: bool
@@ -136,6 +150,9 @@ class Backbone(Orbits):
         shot = FixedPoint(self.states[k], driven, motion, (float(np.linalg.norm(motion.residual)),))
         return make_orbit(shot, self.multipliers[k], UNCERTAIN, "point of a backbone")
 
+    def __len__(self) -> int:
+        return len(self.energy)
+
     def __repr__(self) -> str:
         return (
             f"Backbone(mode {self.mode}, {len(self.energy)} points, {self.energy.min():.4g} to "
@@ -155,10 +172,13 @@ def backbone(
     modes: int | None = None,
     steps: int | None = None,
     points: int = 200,
+    largest_step: float | None = None,
     largest_change: float = 0.4,
     interactions: bool = False,
     refine: bool = True,
     stability: bool = True,
+    file: str | None = None,
+    resume: bool = False,
     progress: Callable[[float], None] | str | None = "auto",
 ) -> Backbone:
     """Follow the free periodic motions that begin as one mode of the open structure, over their energy.
@@ -182,8 +202,10 @@ def backbone(
         is told and taken off (`refine`).
     points : int
         Points at most.
+    largest_step : float, optional
+        Largest change of the energy (J) from a point to the next one, for a finer branch.
     largest_change : float
-        Largest change of the state from a point to the next, relative.
+        Largest change of the state from a point to the next one, relative.
     interactions : bool
         Follow the narrow tongues along which the branch turns back in energy where a multiple of its
         frequency meets that of a higher mode; by default those that can be are passed over, and noted in
@@ -192,6 +214,10 @@ def backbone(
         Solve every point once more with half the step and extrapolate frequency and damping ratios.
     stability : bool
         Compute Floquet multipliers.
+    file : str, optional
+        HDF5 file that is kept up to date (`read_result`).
+    resume : bool
+        Go on from `file` if it exists, with the same model, mode, range and settings.
     progress : callable, "auto" or None
         As for `transient`; the fraction of the range in logarithms that the branch has come.
 
@@ -209,40 +235,83 @@ def backbone(
     own = float(reduction.frequencies[mode - 1])
     if steps is None:
         steps = max(STEPS, math.ceil(float(reduction.frequencies.max()) / (CONTACT_STEP * own)))
-    require_compiler("backbone", communicator(model))
+    comm = communicator(model)
+    require_compiler("backbone", comm)
     most = _room_for(reduction, steps, points)
-    more = "raise points" if most == points else "there is no memory for more points"
-    system = FreeSystem(reduction, mode - 1, steps)
-    passed: tuple[tuple[float, float], ...] = ()
-    try:
-        first = first_motion(system, start)
-    except SolveError as error:
-        raise on_all_ranks(error) from None
-    if reduction.homogeneous:
-        motions, reason = _alike(system, first, start, stop), f"end of the range at {stop:.6g} J"
-    else:
-        branch = FreeBranch(
-            system,
-            first,
-            (min(start, stop), max(start, stop)),
-            Pace(1 if stop > start else -1, most, largest_change, interactions),
-        )
-        with progress_bar(communicator(model), "backbone", progress) as report:
-            for point in branch:
-                if report is not None:
-                    report(min(1.0, abs(math.log(point.energy / start) / math.log(stop / start))))
-        motions, reason, passed = branch.points, branch.reason, tuple(branch.passed)
-    collected = _collect(system, motions, _Wanted(refine, stability, damping), reason, stop)
-    result = replace(collected, passed=passed)
+    with contextlib.ExitStack() as stack:
+        record = None
+        if file is not None:
+            record = stack.enter_context(LineFile(comm, file, write_backbone_alone, resume=resume))
+            told = {"mode": mode, "steps": steps, "damped": damping, "interactions": interactions}
+            told |= {"start": start, "stop": stop, "refine": refine, "stability": stability}
+            reduction, _ = record.begin(reduction, told, np.array([start, stop]))
+        system = FreeSystem(reduction, mode - 1, steps)
+        rows = _Rows(system, refine, stability, damping, interactions)
+        report = stack.enter_context(progress_bar(comm, "backbone", progress))
+        limits = min(start, stop), max(start, stop)
+        problem = FreeMotions(system, limits, interactions)
+        line = _begun(problem, record, rows, start, stop)
+
+        def keep(line: Line) -> None:
+            rows.add(line.points[-1])
+            if record is not None:
+                record.update(lambda: rows.backbone(line), [line])
+            if report is not None:
+                report(min(1.0, abs(math.log(line.points[-1].value / start) / math.log(stop / start))))
+
+        if not line.reason or line.reason.endswith(" points"):  # otherwise it has come to its end
+            pace = replace(
+                PACE,
+                points=most,
+                first=min(PACE.first, largest_change),
+                largest=largest_change,
+                largest_step=largest_step or math.inf,
+            )
+            follow(line, Range(*limits, 1 if stop > start else -1), pace, keep)
+            if line.complete:
+                rows.refine_line(line, math.log(limits[1] / limits[0]))
+        result = rows.finished(line)
+        if record is not None:
+            record.update(lambda: result, [line], last=True)
     if not result.complete:
+        more = "raise points" if most == points else "there is no memory for more points"
         failure = SolveError(
-            f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after {len(motions)} "
-            f"points, before {stop:.6g} J: {reason}; {more}, take more steps a period or fewer modes"
+            f"backbone: the branch of mode {mode} ends at {result.energy[-1]:.6g} J after "
+            f"{len(result.energy)} points, before {stop:.6g} J: {result.reason}; {more}, {problem.advice}"
             f"{'' if interactions or damping else ', or follow interactions (interactions=True)'}"
         )
         failure.backbone = result  # type: ignore[attr-defined]
         raise on_all_ranks(failure)
     return result
+
+
+def _begun(problem: FreeMotions, record: LineFile | None, rows: _Rows, start: float, stop: float) -> Line:
+    """The branch of a former run, or its first motion; all of it where motions of all energies are alike."""
+    for line in record.lines(problem) if record is not None else ():
+        for point in line.points:
+            rows.add(point)
+            point.state.forget()
+        return line
+    try:
+        first = first_motion(problem.system, start)
+    except SolveError as error:
+        if not isinstance(error, Lost):  # it says so itself
+            raise on_all_ranks(error) from None
+        mode = problem.system.mode + 1
+        text = f"backbone: no free motion of mode {mode} was found at {start:.6g} J: {error}"
+        raise on_all_ranks(SolveError(text)) from None
+    first = problem.recalled(first.u, start, np.zeros(2))
+    rows.add(first)
+    if not problem.system.reduced.homogeneous:
+        return Line([first])
+    line = Line([first], reason=f"end of the range at {stop:.8g}", complete=True)
+    count = max(2, 1 + math.ceil(DECADE * abs(math.log10(stop / start))))
+    for energy in np.geomspace(start, stop, count)[1:].tolist():
+        u = first.u.copy()
+        u[:-2] *= math.sqrt(energy / start)
+        line.points.append(problem.recalled(u, energy, np.zeros(2)))
+        rows.add(line.points[-1])
+    return line
 
 
 def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> ReducedModel:
@@ -269,109 +338,132 @@ def _reduction(model: Model | ReducedModel, mode: int, modes: int | None) -> Red
 
 def _room_for(reduction: ReducedModel, steps: int, points: int) -> int:
     """Points that there is memory for: few branches take as many as they may. Collective."""
-    motion = 8.0 * steps * (2 * len(reduction.omega) + 2 * len(reduction.initial_gap))
+    size, named = 2 * len(reduction.omega), len(reduction.points.names)
+    # the monodromy of each, its state, its multipliers and its harmonics
+    each = 8.0 * (size**2 + 4 * size + 4 * named * (HARMONICS + 2))
     few, period = min(points, FEW), period_memory(reduction, steps, 1)
     require_memory(
         "backbone",
         reduction.comm,
-        few * motion + period,
+        few * each + period,
         f"{few} motions of {steps:,d} steps and {len(reduction.omega)} modes",
         lambda share: "give fewer steps or modes",
     )
-    return min(points, max(few, room(reduction.comm, motion, period)))
+    return min(points, max(few, room(reduction.comm, each, period)))
 
 
-def _alike(system: FreeSystem, first: FreeMotion, start: float, stop: float) -> list[FreeMotion]:
-    """Motions of a system in which nothing but touching faces can open: all are one times a factor."""
-    count = max(2, 1 + math.ceil(DECADE * abs(math.log10(stop / start))))
-    result = []
-    for energy in np.geomspace(start, stop, count):
-        state = first.state * math.sqrt(energy / start)
-        result.append(replace(first, state=state, energy=float(energy), motion=first.driven.run(state)))
-    return result
+class _Rows:
+    """What is kept of each point.
+
+    Parameters
+    ----------
+    system : FreeSystem
+    refine, stability : bool
+        Whether frequencies are solved for with half the step too, and multipliers computed.
+    damped, interactions : bool
+        With the model's damping; into interactions.
+    """
+
+    def __init__(self, system: FreeSystem, refine: bool, stability: bool, damped: bool, interactions: bool):
+        self.system, self.refine, self.stability = system, refine, stability
+        self.damped, self.interactions = damped, interactions
+        self.rows: list[tuple[np.ndarray, ...]] = []
+
+    def add(self, point: Point, place: int | None = None) -> None:
+        """Note a point, at the end or before another one."""
+        state, alike = point.state, self.system.reduced.homogeneous
+        if self.rows and alike:  # one motion times a factor
+            harmonics, amplitudes, *others = self.rows[0]
+            factor = float(np.linalg.norm(state.state) / np.linalg.norm(self.first))
+            self.rows.append((harmonics * factor, amplitudes * factor, *others))
+            return
+        if not self.rows:
+            self.first = state.state
+        values = free_multipliers(state, damped=self.damped) if self.stability else np.zeros(0, complex)
+        own, changed = _numbers(state), np.full(3, np.nan)
+        found = own.copy()
+        # where half the step leads elsewhere the point stays as it is, with an error that is not known
+        with contextlib.suppress(SolveError):
+            if self.refine:
+                difference = _numbers(self._finer(point)) - own
+                found, changed = own + 4.0 / 3.0 * difference, np.abs(difference)
+        u = state.seen()[0]
+        harmonics = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
+        row = (harmonics, 0.5 * np.ptp(u[..., 1], axis=0), values, own, found, changed)
+        self.rows.insert(len(self.rows) if place is None else place, row)
+
+    def _bend(self) -> np.ndarray:
+        """(1, n): how far frequencies are from the lowest one, and the range of them: what a curve over the
+        energy shows.
+        """
+        frequency = np.array([row[3][0] for row in self.rows])
+        return (frequency - frequency.min() + np.ptp(frequency))[None]
+
+    def _finer(self, point: Point) -> FreeState:
+        """The same motion in half the step; that of closed faces by way of damped ones where it has to be."""
+        finer = point.problem.finer(2)
+        try:
+            return finer.of_energy(point.u, point.value, point.linear).state
+        except SolveError:
+            if not self.system.reduced.homogeneous:
+                raise
+            return finer.system.around(point, ADDED).state
+
+    def refine_line(self, line: Line, decades: float) -> None:
+        """Further points where the branch bends, passes interactions or turns in energy."""
+        refine_points(line, lambda: np.log(line.values) / decades, self._bend, self.add)
+        if self._passes:
+            Interactions(line).divide(self.add)
+        for place, point in reversed(turns(line)):
+            self.add(point, place)
+            line.points.insert(place, point)
+
+    @property
+    def _passes(self) -> bool:
+        """Whether interactions are looked for: with damping there are none."""
+        return not (self.damped or self.interactions or self.system.reduced.homogeneous)
+
+    def finished(self, line: Line) -> Backbone:
+        """The result with what lies between its points."""
+        result = self.backbone(line)
+        if self.system.reduced.homogeneous:
+            return result
+        return replace(
+            result,
+            passed=Interactions(line).energies() if self._passes else result.passed,
+            events=free_events(line, damped=self.damped, stability=self.stability),
+        )
+
+    def backbone(self, line: Line) -> Backbone:
+        """The result as it is."""
+        points = line.points
+        harmonics, amplitudes, multipliers, own, found, changed = (
+            np.array(column) for column in zip(*self.rows)
+        )
+        return Backbone(
+            self.system.mode + 1,
+            line.values,
+            found[:, 0].copy(),
+            changed[:, 0].copy(),
+            found[:, 1].copy(),
+            changed[:, 1].copy(),
+            found[:, 2].copy(),
+            changed[:, 2].copy(),
+            np.array([point.state.state for point in points]),
+            multipliers,
+            harmonics,
+            amplitudes,
+            tuple((one.value, other.value) for one, other in zip(points, points[1:]) if other.leapt),
+            (),
+            self.damped,
+            line.reason or "unfinished",
+            line.complete,
+            self.system,
+            np.array([point.state.excitation for point in points]),
+            own[:, 0].copy(),
+        )
 
 
-class _Wanted(NamedTuple):
-    """What is computed of each motion: frequencies with half the step too, multipliers; whether damped."""
-
-    refine: bool
-    stability: bool
-    damped: bool
-
-
-def _collect(system: FreeSystem, motions, wanted: _Wanted, reason: str, stop: float) -> Backbone:
-    r = system.reduced
-    # frequency and damping ratios, and what half the step changes of them
-    found = np.array([_numbers(p) for p in motions])
-    own, changed, alike = found[:, 0].copy(), np.full_like(found, np.nan), r.homogeneous
-    if wanted.refine:
-        finer = FreeSystem(r, system.mode, 2 * system.steps)
-        for n, p in enumerate(motions):
-            if n and alike:
-                found[n], changed[n] = found[0], changed[0]
-                continue
-            try:
-                fine = _finer(finer, p, alike)
-            except SolveError:  # the point stays as it is, with an error that is not known
-                continue
-            difference = _numbers(fine) - found[n]
-            found[n] += 4.0 / 3.0 * difference
-            changed[n] = np.abs(difference)
-    if alike:  # one motion times a factor
-        h, a, values = _row(system, motions[0], wanted)
-        rows = [
-            (h * factor, a * factor, values)
-            for factor in (math.sqrt(p.energy / motions[0].energy) for p in motions)
-        ]
-    else:
-        rows = [_row(system, p, wanted) for p in motions]
-    harmonics, amplitudes, multipliers = (np.array(column) for column in zip(*rows))
-    return Backbone(
-        system.mode + 1,
-        np.array([p.energy for p in motions]),
-        found[:, 0].copy(),
-        changed[:, 0].copy(),
-        found[:, 1].copy(),
-        changed[:, 1].copy(),
-        found[:, 2].copy(),
-        changed[:, 2].copy(),
-        np.array([p.state for p in motions]),
-        multipliers,
-        harmonics,
-        amplitudes,
-        (),
-        wanted.damped,
-        reason,
-        math.isclose(motions[-1].energy, stop, rel_tol=1e-9),
-        system,
-        np.array([p.excitation for p in motions]),
-        own,
-    )
-
-
-def _numbers(point: FreeMotion) -> np.ndarray:
+def _numbers(state: FreeState) -> np.ndarray:
     """(3,): frequency and both damping ratios."""
-    return np.array([point.frequency, point.damping_ratio, point.energy_damping_ratio])
-
-
-def _finer(finer: FreeSystem, point: FreeMotion, alike: bool) -> FreeMotion:
-    """The same motion of a finer system; that of closed faces by way of damped ones where it has to be."""
-    try:
-        return finer.again(point, point.energy, point.excitation)
-    except SolveError:
-        if not alike:
-            raise
-        return finer.around(point, ADDED)
-
-
-def _row(system: FreeSystem, point: FreeMotion, wanted: _Wanted):
-    """Harmonics, amplitudes and multipliers of a motion."""
-    r = system.reduced
-    q, _ = modal_motion(point.driven, point.motion)
-    u = np.einsum("pim,nm->npi", r.points.modes, q[:-1], optimize=True)
-    u += np.einsum("pic,nc->npi", r.points.contact, point.motion.forces[:-1], optimize=True)
-    spectrum = np.moveaxis(one_sided(u)[: HARMONICS + 1], 0, -1)
-    values = np.zeros(0, dtype=complex)
-    if wanted.stability:
-        values = free_multipliers(system, point, damped=wanted.damped)
-    return spectrum, 0.5 * np.ptp(u[..., 1], axis=0), values
+    return np.array([state.frequency, state.damping_ratio, state.energy_damping_ratio])

@@ -320,6 +320,7 @@ class BackboneOptions(Options):
     modes: int | None = _counted("modes; default: three for each up to the followed one, and 20")
     steps: int | None = _counted("time steps a period; default: 1024 or more", least=48)
     points: int = _counted("points at most", 200, least=2)
+    largest_step: float | None = _largest_step("energy", "J")
     largest_change: float = item(
         0.4, text="largest change of the state from a point to the next, relative", gt=0
     )

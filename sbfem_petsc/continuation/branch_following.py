@@ -159,7 +159,7 @@ def follow_response(
     if not line.complete:
         follow(line, within, Settings(settings.points, settings.largest_step), step)
         if line.complete or not within.holds(line.points[-1].value):
-            refine(line, within.extent, lambda: rows.arrays()[1].T, rows.add)
+            refine(line, lambda: line.values / within.extent, lambda: rows.arrays()[1].T, rows.add)
             if settings.stability:
                 _separate(line, rows)
     result = made(True)

@@ -11,7 +11,7 @@ from numpy.polynomial import polynomial
 from ..errors import SolveError
 from .follow import HELD, Line
 from .newton import correct
-from .problem import Condition, Linear, Metric, Point, Problem
+from .problem import Condition, Linear, Lost, Metric, Point, Problem
 
 # How far along the way between two points a zero is located; the same where the function is steep or pairs
 # begin or cease to touch; evaluations at most.
@@ -45,12 +45,14 @@ class Way:
     def __init__(self, line: Line, k: int):
         self.points, self.k = line.points, k
         self.one, self.other = line.points[k : k + 2]
+        if self.other.leapt:
+            raise Lost(f"no branch has been followed from {self.one.value:.8g} to {self.other.value:.8g}")
         self.problem = self.other.problem
         self.metric = Metric(self.problem, self.one.u)
         self.step = self.metric.way(self.one, self.other)
         values = np.diff([point.value for point in self.points[max(0, k - 1) : k + 3]])
-        pace = max(self.metric.pace(self.one.u), 1e-300)
-        along = abs(self.other.value - self.one.value) > HELD * pace * self.metric.length(self.step)
+        of_value = self.metric.length(_of_value(self.metric, self.one, self.step))
+        along = of_value > HELD * self.metric.length(self.step)
         self.held = along and bool((values > 0.0).all() or (values < 0.0).all())
         self.normal = self.step - (1.0 - LEAN) * _of_value(self.metric, self.one, self.step)
 
@@ -294,7 +296,10 @@ def fold(line: Line, k: int) -> tuple[int, Point] | None:
 
 
 def refine(
-    line: Line, extent: float, heights: Callable[[], np.ndarray], add: Callable[[Point, int], None]
+    line: Line,
+    places: Callable[[], np.ndarray],
+    heights: Callable[[], np.ndarray],
+    add: Callable[[Point, int], None],
 ) -> None:
     """Points between those where heights bend over the value, so that chords show the curve and peaks stand
     where they are.
@@ -302,16 +307,16 @@ def refine(
     Parameters
     ----------
     line : Line
-    extent : float
-        Of the range.
+    places : callable
+        (n,) of all points: where they are along the range, as shares of it.
     heights : callable
         (curves, n) of all points, such as amplitudes.
     add : callable
         Is told each new point and its place.
     """
     for _ in range(PASSES):
-        values = line.values / extent
-        bent = {k for curve in heights() if curve.any() for k in coarse_chords(values, curve)}
+        along = places()
+        bent = {k for curve in heights() if curve.any() for k in coarse_chords(along, curve)}
         for k in sorted(bent, reverse=True):
             insert(line, k, 0.5, add)
         if not bent:
@@ -324,6 +329,10 @@ def insert(line: Line, k: int, fraction: float, add: Callable[[Point, int], None
         point = between(line, k, fraction)
     except SolveError:
         return
+    metric = Metric(point.problem, line.points[k].u)
+    ends = line.points[k : k + 2]
+    if any(metric.length(metric.way(end, point)) > metric.length(metric.way(*ends)) for end in ends):
+        return  # it is on another part
     add(point, k + 1)
     line.points.insert(k + 1, point)
     point.state.forget()

@@ -138,7 +138,7 @@ class Follower:
 
     def __init__(self, line: Line, within: Range, settings: Settings):
         self.line, self.within, self.settings = line, within, settings
-        self.problem, self.points = line.problem, line.points
+        self.problem, self.points = line.problem.unrestricted, line.points
         line.length = line.length or settings.first
         # why no step has been found, and why none ever will be
         self.why = self.fallen = ""
@@ -149,6 +149,10 @@ class Follower:
         if line.complete:
             return
         line.reason, line.advice = "", self.problem.advice
+        if len(self.points) > 1:  # those of a former run may have come to the end
+            line.reason, line.complete = self._end()
+            if line.reason:
+                return
         while len(self.points) < self.settings.points:
             point = self.next()
             if point is None:
@@ -242,7 +246,7 @@ class Follower:
             slope = self.problem.value(last.u)[1] * self.metric.units
             near = self.metric.unit(slope * self.within.direction)
         tangent, sign = self._tangent(last.linear, near)
-        if self.line.sign is None:
+        if self.line.sign is None or sign is None:
             self.line.sign = sign
         return tangent
 
@@ -275,7 +279,7 @@ class Follower:
                 self.tried = len(self.points)
                 beyond = problem.leap(self.points, ahead)
                 if beyond is not None:
-                    self.line.sign, self.line.length = None, LANDED
+                    self.line.sign, self.line.length, beyond.leapt = None, LANDED, True
                     return beyond
         for equations in (problem.restricted(last), problem):
             if point is None and equations is not None:
@@ -380,17 +384,17 @@ class Follower:
         bend = self._bend(heading, length) if bent else 0.0 * heading
         begin = problem.projected(flat + bend * metric.units)
         if not landed:
-            target = within.nearest(problem.value(begin)[0])
+            target = self._allowed(problem.value(begin)[0])
         begin = problem.placed(begin, target)
         most = TOO_MANY if length > CORNER else math.inf
         held = landed or abs(pace) > HELD * metric.pace(last.u)
         condition = metric.level(last.u, target) if held else metric.plane(heading, flat)
-        ahead = self._ahead(length)
+        ahead = self._ahead(problem, length)
         point = correct(problem, begin, condition, ahead, most)
         if held:
             point.value = target
-        elif not within.holds(point.value):  # it has led beyond the end of the range
-            goal = within.nearest(point.value)
+        elif (goal := self._allowed(point.value)) != point.value:
+            # it has led beyond the end of the range or the largest step
             if goal == last.value:  # that end is where it comes from: it has turned about meanwhile
                 return None
             share = (goal - last.value) / (point.value - last.value)
@@ -398,6 +402,11 @@ class Follower:
             point = correct(problem, start, metric.level(last.u, goal), ahead, most)
             point.value = goal
         return point
+
+    def _allowed(self, value: float) -> float:
+        """The nearest value in the range that is no further than the largest step from the last one."""
+        last, furthest = self.points[-1].value, self.settings.largest_step
+        return self.within.nearest(min(max(value, last - furthest), last + furthest))
 
     def _bend(self, heading: np.ndarray, length: float) -> np.ndarray:
         """How far the branch is off its tangent after a step, by the parabola through the point before;
@@ -412,9 +421,13 @@ class Follower:
             return np.zeros(len(heading))
         return (length / reach) ** 2 * (back + reach * heading)
 
-    def _ahead(self, length: float) -> Linear:
-        """Linearised equations that are expected after a step, by those of the last two points."""
+    def _ahead(self, problem: Problem, length: float) -> Linear | None:
+        """Linearised equations that are expected after a step, by those of the last two points; None where
+        these are of another problem, as those outside of a subspace lead out of it.
+        """
         behind, last = self._behind(), self.points[-1]
+        if last.problem is not problem:
+            return None
         if behind is None or length < CORNER:  # behind a corner they are others
             return last.linear
         share = min(1.0, length / max(self.metric.length(self.metric.way(behind, last)), 1e-300))

@@ -111,6 +111,10 @@ class Problem(Protocol):
     isolated: str
     advice: str
 
+    @property
+    def unrestricted(self) -> Problem:
+        """Itself, or of which this one is in a symmetric subspace."""
+
     def at(self, u: np.ndarray) -> State:
         """Raises `Lost`, or another SolveError, where the unknowns have no meaning."""
 
@@ -167,6 +171,11 @@ class BaseProblem:
     begins: np.ndarray | None = None
     isolated = "solutions are not isolated at {:.8g}"
     advice = "take more steps"
+
+    @property
+    def unrestricted(self: Problem) -> Problem:
+        """See `Problem`."""
+        return self
 
     def placed(self, u: np.ndarray, value: float) -> np.ndarray:
         """See `Problem`."""
@@ -237,6 +246,8 @@ class Point:
         Newton iterations; three with an updated derivative count as one.
     residuals : tuple of float
         What was missed at each Newton iterate, relative.
+    leapt : bool
+        Whether the branch has not been followed to it, but leapt over something (`Problem.leap`).
     """
 
     problem: Any
@@ -245,6 +256,7 @@ class Point:
     value: float
     effort: float = 0.0
     residuals: tuple[float, ...] = (0.0,)
+    leapt: bool = False
 
     @property
     def iterations(self) -> int:

@@ -173,6 +173,13 @@ class Period:
             self._lengths[step] = _Length(self, step)
         return self._lengths[step]
 
+    def with_damping(self, ratios: np.ndarray) -> Period:
+        """The same period of the model with other damping ratios, under loads that do not depend on them."""
+        result = copy.copy(self)
+        result.reduced = replace(self.reduced, damping=ratios)
+        result._lengths, result._prepared, result._scaled, result._rest = {}, {}, None, None
+        return result
+
     def scaled(self, *, damping: float = 1.0, gap: float = 1.0) -> Period:
         """The same period of the model with factors on its damping ratios and initial gaps."""
         if damping == gap == 1.0:

@@ -9,40 +9,30 @@ from collections.abc import Callable
 from typing import Any
 
 import h5py
-import numpy as np
 
 from ..analysis.backbone import Backbone
 from ..checks import shown
 from ..continuation.branch import Branch
 from ..continuation.line_file import FORM, VERSION, WHAT
 from ..continuation.problems.free import FreeSystem
+from ..continuation.problems.free_stability import KINDS as FREE_KINDS
+from ..continuation.problems.free_stability import FreeEvent
 from ..continuation.problems.locus import KINDS, PARAMETERS, Locus
 from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
 from ..continuation.problems.tones import QuasiPeriodic
 from ..recording import branch_file
+from ..recording.backbones import write_backbone
 from ..recording.hdf5 import new_hdf5, opened, put
 from ..recording.loci import write_locus
-from ..recording.reduced_models import read_reduced_model, write_reduced_model
-from ..recording.sound import numbers, text, truth, whole
+from ..recording.reduced_models import read_reduced_model
+from ..recording.sound import number, numbers, text, truth, whole
 from .branches import read_branch, save_branch
 from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
 
 # Kinds of which a file may hold several.
 LISTED = ("loci",)
-_BACKBONE = {
-    "energy": ("J", "energy of the motion"),
-    "frequency": ("Hz", "its frequency"),
-    "frequency_error": ("Hz", "estimate, nan where there is none"),
-    "damping_ratio": ("1", "its damping ratio by the rate of decay"),
-    "damping_error": ("1", "estimate, nan where there is none"),
-    "energy_damping_ratio": ("1", "its damping ratio by the energy"),
-    "energy_damping_error": ("1", "estimate, nan where there is none"),
-    "states": ("m sqrt(kg)/s", "(Omega q, q') at t = 0"),
-    "multipliers": ("1", "Floquet multipliers"),
-    "point_harmonics": ("m", "harmonics 0 to 20 of the points' displacements, (n, points, xy, k)"),
-    "point_amplitudes": ("m", "half the peak-to-peak of u_y"),
-    "stable": ("1", "whether no multiplier is outside the unit circle"),
-}
+# Most points of a branch.
+MOST = 10**9
 
 
 def save_result(result: Any, path: str) -> None:
@@ -126,23 +116,6 @@ def _put_all(group: h5py.Group, table: dict[str, tuple[str, str]], result: Any) 
         put(group, name, getattr(result, name), unit, meaning)
 
 
-def _write_backbone(group: h5py.Group, found: Backbone) -> None:
-    group.attrs.update(
-        {
-            "mode": found.mode,
-            "steps": found._system.steps,
-            "damped": bool(found.damped),
-            "complete": bool(found.complete),
-            "reason": found.reason,
-        }
-    )
-    _put_all(group, _BACKBONE, found)
-    put(group, "passed", np.reshape(found.passed, (-1, 2)), "J", "energies beside interactions passed over")
-    put(group, "excitation", found._excitation, "1/s", "self-excitation that makes up for damping")
-    put(group, "own_frequency", found._own_frequency, "Hz", "that of the steps")
-    write_reduced_model(group.create_group("reduced_model"), found.reduced)
-
-
 def _backbone_in(group: h5py.Group) -> Backbone:
     reduced = read_reduced_model(group["reduced_model"])
     modes, points = len(reduced.omega), len(reduced.points.names)
@@ -164,12 +137,26 @@ def _backbone_in(group: h5py.Group) -> Backbone:
         point_harmonics=numbers(group, "point_harmonics", count, points, 2, None, kinds="c"),
         point_amplitudes=numbers(group, "point_amplitudes", count, points, least=0.0),
         passed=tuple((float(one), float(other)) for one, other in numbers(group, "passed", None, 2)),
+        events=tuple(_free_event_in(group["events"][name]) for name in sorted(group.get("events", ()))),
         damped=truth(group, "damped"),
         reason=text(group, "reason"),
         complete=truth(group, "complete"),
         _system=FreeSystem(reduced, mode - 1, steps),
         _excitation=numbers(group, "excitation", count),
         _own_frequency=numbers(group, "own_frequency", count, least=1e-300),
+    )
+
+
+def _free_event_in(group: h5py.Group) -> FreeEvent:
+    kind = text(group, "kind")
+    if kind not in FREE_KINDS:
+        raise ValueError(f"an event is of the kind {kind!r}")
+    return FreeEvent(
+        kind,
+        number(group, "energy", least=1e-300),
+        number(group, "frequency", least=1e-300),
+        complex(group.attrs["multiplier"]),
+        whole(group, "after", most=MOST),
     )
 
 
@@ -192,7 +179,7 @@ def _locus_in(group: h5py.Group) -> Locus:
 
 # Kinds by the names in a file: what they are of, and what writes and reads one.
 _KINDS: dict[str, tuple[type, Callable[[h5py.Group, Any], None], Callable[[h5py.Group], Any]]] = {
-    "backbone": (Backbone, _write_backbone, _backbone_in),
+    "backbone": (Backbone, write_backbone, _backbone_in),
     "loci": (Locus, write_locus, _locus_in),
     "quasi-periodic": (QuasiPeriodic, write_torus, torus_in),
     "quasi-periodic branch": (QuasiPeriodicBranch, write_torus_branch, torus_branch_in),

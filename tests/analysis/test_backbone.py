@@ -14,7 +14,7 @@ from scipy.optimize import brentq, minimize_scalar, root
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.problems.free import FreeSystem
 from tests.reference import paper_beam
-from tests.systems import coarse_beam
+from tests.systems import beside_another, coarse_beam
 
 # a mass on a spring, with a stop on one side: N/m, m
 SPRING, STOP, GAP = 10.0, 50.0, 0.01
@@ -461,6 +461,66 @@ def test_a_tongue_that_is_not_passed_over(turning):
     assert found.frequency[-1] == pytest.approx(expected.frequency[-1], rel=1e-6)
     for before, after in found.passed:
         assert after > found.energy[: 1 + np.flatnonzero(found.energy == before)[0]].max()
+
+
+def of_a_mass_and_a_stop(energy, stop):
+    """rad/s of mass 1 on a spring 1 with a stop at 1."""
+    both = math.sqrt(1.0 + stop)
+    outside = math.pi + 2.0 * math.asin(1.0 / math.sqrt(2.0 * energy))
+    speed, rest = math.sqrt(2.0 * energy - 1.0), 1.0 / both**2
+    inside = 2.0 * (math.pi / 2.0 - math.atan2(rest * both, speed)) / both
+    return 2.0 * math.pi / (outside + inside)
+
+
+@pytest.mark.parametrize("other, times", [(2.4, 2), (3.5, 3)])
+def test_narrow_interactions_are_told(other, times):
+    """A mass with a stop, coupled by .003 to another one: steps lead over the energy at which twice or three
+    times the frequency, in closed form, is the other's, and `passed` holds it; without coupling none is met.
+    """
+    expected = brentq(lambda energy: times * of_a_mass_and_a_stop(energy, 3.0) - other, 0.6, 20.0)
+    found = sb.backbone(beside_another(0.003, other), 1, 0.4, 20.0, steps=256, refine=False)
+    ((before, after),) = found.passed
+    assert before < expected < after < 1.2 * before
+    assert before in found.energy and after in found.energy
+    alone = sb.backbone(beside_another(0.0, other), 1, 0.4, 20.0, steps=256, refine=False)
+    assert alone.complete and not alone.passed
+
+
+def test_a_corner_is_not_an_interaction():
+    """Nothing but the stop: no mode to interact with."""
+    assert not sb.backbone(one_mass(), 1, 4e-4, 1.0, steps=128, refine=False).passed
+
+
+@pytest.mark.long
+def test_events_of_two_masses(turning):
+    """Turns are points of the branch, within 1e-3 of those integrated; multipliers leave the circle between
+    points of which one is stable and the other is not.
+    """
+    found, _ = turning
+    folds = [event for event in found.events if event.kind == "fold"]
+    expected = [0.691239, 0.674821, 56.15923, 7.1903, 18.75787, 4.75130]
+    assert [event.energy for event in folds] == pytest.approx(expected, rel=1e-3)
+    for event in folds:
+        assert (
+            event.energy == found.energy[event.after] and event.frequency == found._own_frequency[event.after]
+        )
+    for event in set(found.events) - set(folds):
+        assert found.stable[event.after - 1] != found.stable[event.after]
+        ends = sorted(found.energy[event.after - 1 : event.after + 1])
+        assert ends[0] <= event.energy <= ends[1] and abs(event.multiplier) > 1.0
+
+
+def test_largest_step_and_points_where_the_branch_bends():
+    """The energy changes by no more than is asked for; and by default a chord of the frequency over the
+    logarithm of the energy is off the closed form by no more than 2 % of its range at any energy.
+    """
+    few = sb.backbone(one_mass(), 1, 4e-4, 1e-2, steps=512, stability=False)
+    fine = sb.backbone(one_mass(), 1, 4e-4, 1e-2, steps=512, stability=False, largest_step=4e-4)
+    assert np.diff(few.energy).max() > 8e-4 and np.diff(fine.energy).max() < 4.01e-4
+    energies = np.geomspace(4e-4, 1e-2, 400)
+    chord = np.interp(np.log(energies), np.log(few.energy), few.frequency)
+    expected = np.array([exact(energy) for energy in energies])
+    assert np.abs(chord - expected).max() < 0.02 * np.ptp(expected)
 
 
 @pytest.mark.long

@@ -11,7 +11,7 @@ import numpy as np
 import sbfem_petsc as sb
 from meshing import Beam, VNotch
 from sbfem_petsc.recording import kept_file
-from tests.systems import two_masses
+from tests.systems import beside_another, two_masses
 
 TURN = 2.0 * np.pi
 
@@ -28,6 +28,18 @@ def locus(**file):
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
     found = sb.locus(curve(), point, 0.9, 1.1, points=6, **file)
     return np.column_stack([found.states, found.frequency, found.value]), found.reasons
+
+
+def backbone(**file):
+    """Free motions over two turns; their states, frequencies and energies."""
+    found = sb.backbone(two_masses(0.0), 1, 0.2, 3.0, steps=128, interactions=True, **file)
+    return np.column_stack([found.states, found.frequency, found.energy]), found.reason
+
+
+def leaps(**file):
+    """Free motions over interactions that are passed over; their states, frequencies and energies."""
+    found = sb.backbone(beside_another(0.01, 3.5), 1, 0.4, 20.0, steps=256, refine=False, **file)
+    return np.column_stack([found.states, found.frequency, found.energy]), (found.reason, found.passed)
 
 
 def response(**file):
@@ -65,12 +77,15 @@ FAMILIES = {
     "response": response,
     "damping": over_damping,
     "unreduced": unreduced,
+    "backbone": backbone,
+    "leaps": leaps,
 }
 
 
 def values(path: str) -> np.ndarray:
     """The last column of what a file holds."""
-    return sb.read_result(path).value
+    found = sb.read_result(path)
+    return found.energy if isinstance(found, sb.Backbone) else found.value
 
 
 def killed(kind: str, path: str, after: int, **asked) -> None:

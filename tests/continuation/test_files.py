@@ -10,6 +10,7 @@ import pytest
 import sbfem_petsc as sb
 from tests.continuation.families import FAMILIES, curve, locus, unreduced, values
 from tests.parallel import ROOT, answer, on_ranks
+from tests.systems import beside_another
 
 PROGRAM = """
 import sys
@@ -23,7 +24,8 @@ killed(sys.argv[1], sys.argv[2], int(sys.argv[3]))
 )
 @pytest.mark.parametrize(
     ("kind", "after"),
-    [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 4)],
+    [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 4)]
+    + [("backbone", 7), ("backbone", 11), ("leaps", 9)],
 )
 def test_killed_and_resumed(kind, after, tmp_path):
     """SIGKILL on either side of the first point: what the file holds is read, and gone on with to the same
@@ -96,3 +98,62 @@ def test_largest_step_of_a_locus():
     point = next(item for item in curve().bifurcations if item.kind == "Neimark-Sacker")
     line = sb.locus(curve(), point, 0.97, 1.03, largest_step=0.004)
     assert np.abs(np.diff(line.value)).max() < 0.0041 and len(line) >= 15
+
+
+def test_a_line_that_had_come_to_its_end(tmp_path):
+    """Killed at the last point of the range: what is left is what lies between the points."""
+    path, told = str(tmp_path / "line.h5"), []
+    expected, reasons = FAMILIES["backbone"](progress=told.append)
+    run = [sys.executable, "-c", PROGRAM, "backbone", path, str(len(told))]
+    assert subprocess.run(run, cwd=ROOT).returncode == -signal.SIGKILL
+    found, again = FAMILIES["backbone"](file=path, resume=True)
+    np.testing.assert_array_equal(found, expected)
+    assert again == reasons
+
+
+def test_another_backbone_is_refused(tmp_path):
+    path = str(tmp_path / "line.h5")
+    FAMILIES["leaps"](file=path)
+    with pytest.raises(ValueError, match="was written for another model"):
+        FAMILIES["backbone"](file=path, resume=True)
+    with pytest.raises(
+        ValueError, match="was written with stop = 20.0, not 21.0; resume with the same value"
+    ):
+        sb.backbone(beside_another(0.01, 3.5), 1, 0.4, 21.0, steps=256, refine=False, file=path, resume=True)
+
+
+ON_RANKS = """
+import os, sys
+import numpy as np
+import sbfem_petsc as sb
+from mpi4py import MPI
+from sbfem_petsc.recording import kept_file
+from tests.numbers import bodies
+kept_file.PAUSE, told = 0.0, []
+
+def tell(done):
+    told.append(done)
+    if len(told) == int(sys.argv[2]):
+        os._exit(9)
+
+found = sb.backbone(
+    bodies.beam(), 1, 1e-3, 3e-2, modes=4, steps=128, refine=False, stability=False, progress=tell,
+    file=sys.argv[1], resume=True,
+)
+if MPI.COMM_WORLD.rank == 0:
+    np.save(sys.argv[1] + ".npy", np.column_stack([found.states, found.frequency, found.energy]))
+"""
+
+
+@pytest.mark.slow
+def test_a_backbone_on_two_ranks(tmp_path):
+    """The same points to 1e-12 of their size: the model is another run's, reduced again."""
+    whole, killed = str(tmp_path / "whole.h5"), str(tmp_path / "killed.h5")
+    on_ranks(2, ON_RANKS, whole, "0")
+    assert on_ranks(2, ON_RANKS, killed, "5", check=False).returncode
+    assert 0 < len(sb.read_result(killed)) < len(sb.read_result(whole))
+    on_ranks(2, ON_RANKS, killed, "0")
+    found, expected = np.load(killed + ".npy"), np.load(whole + ".npy")
+    sizes = np.abs(expected[:, :-2]).max(axis=1, keepdims=True)
+    np.testing.assert_allclose(found[:, :-2] / sizes, expected[:, :-2] / sizes, rtol=0.0, atol=1e-12)
+    np.testing.assert_allclose(found[:, -2:], expected[:, -2:], rtol=1e-12)

@@ -1,44 +1,213 @@
-"""Floquet multipliers of free motions, without those that every free motion has."""
+"""Stability of free motions, and what lies between those of a branch: turns in energy, multipliers that leave
+the unit circle, interactions with higher modes.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
-from scipy import linalg
 
-from .free import FreeMotion, FreeSystem
+from ..events import find_zero, fold, insert
+from ..follow import Line
+from ..problem import Metric, Point
+from .free import FreeState, FreeSystem
+
+KINDS = ("fold", "period doubling", "Neimark-Sacker", "branch point")
+# Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it, and how
+# far off the circle one is that has left it for certain. Angle from 1 or -1, radian, that is none, and
+# distance from 1 within which it belongs to a turn beside.
+UNCERTAIN, CERTAIN, REAL, OF_TURN = 1e-5, 1e-3, 0.1, 0.5
+# Multipliers this far from the unit circle, or turning by so many turns from a point to the next, are not
+# followed; vectors of one pair at two points have this product at least.
+OFF, TURN, ALIKE = 1e-2, 0.25, 0.5
+# Extent of an interaction, as a change of the state, from which on it is one; energies on either side of it
+# are to be as near to each other as this.
+EXTENT, NEAR = 1e-3, 1.2
+# Times that a stretch with an interaction is halved at most.
+HALVINGS = 4
 
 
-def free_multipliers(system: FreeSystem, point: FreeMotion, *, damped: bool) -> np.ndarray:
+class FreeEvent(NamedTuple):
+    """A place on a branch of free motions.
+
+    Attributes
+    ----------
+    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point"}
+        "fold": the branch turns in energy; else a multiplier leaves or enters the unit circle, through -1, as
+        one of a pair, or through 1.
+    energy : float
+        J.
+    frequency : float
+        Hz, in the branch's own steps.
+    multiplier : complex
+        The one of largest modulus next to it.
+    after : int
+        Index of the point of the branch behind it, of a fold the fold itself.
+    """
+
+    kind: str
+    energy: float
+    frequency: float
+    multiplier: complex
+    after: int
+
+
+def free_multipliers(state: FreeState, *, damped: bool) -> np.ndarray:
     """Multipliers of a free motion by falling modulus, complex; in conjugate pairs.
 
     Without that along the motion, which is 1; without damping less a second 1, along the branch; with damping
-    less what the self-excitation gives to every disturbance alike.
-
-    The two at 1, or near to it, lie in one Jordan block, or nearly: the steps' error splits them by its root,
-    on the real axis or off it, but not their product, which the steps keep. They are told by their share in
-    the velocity along the motion, which the others have none in; with damping their product over 1 is the one
-    that remains.
+    less what the self-excitation gives to every disturbance alike, and the product of those two over 1 is the
+    one that remains.
     """
-    values, vectors = linalg.eig(point.driven.monodromy(point.motion), check_finite=False)
-    share = np.abs(linalg.lstsq(vectors, _velocity(system, point).astype(complex), check_finite=False)[0])
-    along = int(share.argmax())
-    # the real ones are even in number
-    partner = values == values[along].conj() if values[along].imag else values.imag == 0.0
-    partner[along] = False
-    other = int(np.where(partner, share, -1.0).argmax())
-    rest = np.delete(values, [along, other])
+    rest, _, product = state.spectrum
     if damped:
-        rest = np.append(rest, (values[along] * values[other]).real)
-        rest = rest * math.exp(-0.5 * point.excitation * point.driven.duration)
+        rest = np.append(rest, product) * math.exp(-0.5 * state.excitation / state.frequency)
     return rest[np.argsort(-np.abs(rest), kind="stable")]
 
 
-def _velocity(system: FreeSystem, point: FreeMotion) -> np.ndarray:
-    """(2 m,): dx/dt at t = 0; what contact adds to the force is in the slope of the energy."""
-    m, r = system.modes, system.reduced
-    displacement, velocity = point.state[:m], point.state[m:]
-    decay = np.where(r.omega > 0.0, 2.0 * r.damping * r.omega - point.excitation, 0.0)
-    contact = system.weights * (displacement - system.energy(point.state)[1][:m])
-    return np.concatenate([system.weights * velocity, contact - r.omega * displacement - decay * velocity])
+def turns(line: Line) -> list[tuple[int, Point]]:
+    """Points at which the branch turns in energy between its points, with the places where they belong."""
+    found = [fold(line, k) for k in range(1, len(line.points) - 1)]
+    return [(item[0] + 1, item[1]) for item in found if item is not None and item[1] not in line.points]
+
+
+def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent, ...]:
+    """Turns at points of a branch and, if its stability is asked for, changes of it between them."""
+    result = []
+
+    def largest(point: Point) -> complex:
+        return complex(free_multipliers(point.state, damped=damped)[0])
+
+    def excess(point: Point) -> float:
+        return abs(largest(point)) - 1.0 - UNCERTAIN
+
+    values = line.values
+    folds = {k for k in range(1, len(values) - 1) if _turns(values, k)}
+    stability = stability and len(line.points[0].state.spectrum[0]) + damped > 0
+    for k, point in enumerate(line.points):
+        if k in folds:
+            value = largest(point) if stability else complex(math.nan)
+            result.append(FreeEvent(KINDS[0], point.value, point.state.frequency, value, k))
+        if k == 0 or not stability or point.leapt:
+            continue
+        ends = excess(line.points[k - 1]), excess(point)
+        if not (ends[0] * ends[1] < 0.0 and max(ends) > CERTAIN):
+            continue
+        here, *sides = find_zero(line, k - 1, excess, ends)
+        value = largest(max(sides, key=excess))
+        if abs(value - 1.0) > OF_TURN or not folds & {k - 2, k - 1, k, k + 1}:
+            result.append(FreeEvent(_kind(value), here.value, here.state.frequency, value, k))
+    return tuple(result)
+
+
+def _kind(value: complex) -> str:
+    angle = abs(math.atan2(value.imag, value.real))
+    return KINDS[3] if angle < REAL else KINDS[1] if angle > math.pi - REAL else KINDS[2]
+
+
+def _turns(values: np.ndarray, k: int) -> bool:
+    return bool((values[k] - values[k - 1]) * (values[k + 1] - values[k]) < 0.0)
+
+
+# ---------------------------------------------------------------------- interactions
+class Interactions:
+    """Where a branch without damping passes interactions with higher modes.
+
+    A multiplier on the unit circle comes round to 1 where a multiple of the frequency meets that of its mode.
+    Coupled motions leave the branch there along a tongue. At a distance d along the branch the tangent has a
+    part a in the vector of that multiplier which grows as 1 / d^2, so that the tongue is as long as the way
+    on which it is all of the tangent, d sqrt(a).
+
+    Parameters
+    ----------
+    line : Line
+    """
+
+    def __init__(self, line: Line):
+        self.line = line
+        self._known: dict[Point, tuple[np.ndarray, np.ndarray]] = {}
+
+    def energies(self) -> tuple[tuple[float, float], ...]:
+        """Those of the points on either side of each, J."""
+        values = self.line.values.tolist()
+        return tuple((values[k], values[k + 1]) for k in self._found())
+
+    def divide(self, add: Callable[[Point, int], None]) -> None:
+        """Add points where those on either side are far apart."""
+        for _ in range(HALVINGS):
+            values, count = self.line.values, len(self.line.points)
+            for k in reversed(self._found()):
+                if not 1.0 / NEAR < values[k + 1] / values[k] < NEAR:
+                    insert(self.line, k, 0.5, add)
+            if len(self.line.points) == count:
+                break
+
+    def _found(self) -> list[int]:
+        """Numbers of the points before them, as far as the branch leads beyond all energies before."""
+        values = self.line.values
+        ahead = values if values[-1] > values[0] else -values
+        furthest = np.maximum.accumulate(ahead)
+        return [
+            k
+            for k in range(len(ahead) - 1)
+            if ahead[k] == furthest[k] and ahead[k + 1] > ahead[k] and self._passes(k)
+        ]
+
+    def _passes(self, k: int) -> bool:
+        one, other = self.line.points[k : k + 2]
+        if other.leapt:
+            return True
+        (turns_one, vectors_one), (turns_other, vectors_other) = self._pairs(one), self._pairs(other)
+        if not len(turns_one) or not len(turns_other):
+            return False
+        system = one.state.system
+        alike = np.abs(_form(system, vectors_one, vectors_other))
+        matched = alike.argmax(axis=1)
+        follows = turns_other[matched]
+        passed = (turns_one * follows < 0.0) & (np.abs(turns_one) < TURN) & (np.abs(follows) < TURN)
+        passed &= alike.max(axis=1) > ALIKE
+        metric = Metric(one.problem, one.u)
+        way = metric.way(one, other)
+        for n in np.flatnonzero(passed):
+            share = turns_one[n] / (turns_one[n] - follows[n])
+            point, vector = (one, vectors_one[:, n]) if share < 0.5 else (other, vectors_other[:, matched[n]])
+            away = min(share, 1.0 - share) * metric.length(way)
+            if away * math.sqrt(_part(point, vector, metric.unit(way))) > EXTENT:
+                return True
+        return False
+
+    def _pairs(self, point: Point) -> tuple[np.ndarray, np.ndarray]:
+        """Turns of the multipliers on the unit circle, one of each pair, by the sense of their motion, and
+        their vectors, of product 1 with themselves.
+        """
+        if point not in self._known:
+            values, vectors, _ = point.state.spectrum
+            sense = np.einsum("ij,ij->j", vectors.conj(), _turned(point.state.system, vectors)).imag
+            kept = (np.abs(np.abs(values) - 1.0) < OFF) & (values.imag != 0.0) & (sense > 0.0)
+            self._known[point] = (
+                np.angle(values[kept]) / (2.0 * math.pi),
+                vectors[:, kept] / np.sqrt(sense[kept]),
+            )
+        return self._known[point]
+
+
+def _turned(system: FreeSystem, vectors: np.ndarray) -> np.ndarray:
+    """The symplectic form's matrix times vectors, in the coordinates of the state."""
+    m, weights = system.modes, system.weights[:, None]
+    return np.concatenate([vectors[m:] / weights, -vectors[:m] / weights])
+
+
+def _form(system: FreeSystem, one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return one.conj().T @ _turned(system, other)
+
+
+def _part(point: Point, vector: np.ndarray, near: np.ndarray) -> float:
+    """Of the branch's direction at a point, the part in a multiplier's vector."""
+    metric = Metric(point.problem, point.u)
+    border = point.linear.bordered(metric.row(near))
+    tangent = metric.unit(border.solve(np.eye(1, len(near), len(near) - 1)[0]) / metric.units)[:-2]
+    share = np.abs(_form(point.state.system, vector[:, None], tangent[:, None]))[0, 0]
+    return float(share * np.linalg.norm(vector))

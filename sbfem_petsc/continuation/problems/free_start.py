@@ -8,8 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import SolveError
-from .free import FreeMotion, FreeSystem
-from .free_branch import ADDED, FreeBranch, Pace
+from ..follow import Line, Settings, follow
+from ..problem import Point, Range
+from .free import ADDED, FreeMotions, FreeSystem
 
 # Additional gaps fall by this factor at first and at most, and no slower than by the second one; relative to
 # those between which the mode moves freely they are left out from the third number on.
@@ -18,9 +19,11 @@ FALL, SLOWEST, LEAVE_OUT = 3.0, 1.01, 1e-4
 NEAR_TIP = 1e-3
 # Gaps between which the mode moves freely, relative to its own opening: rounding does not touch them.
 AJAR = 1.001
+# How the branch is followed: lengths of steps, and points at most on the way to its first energy.
+PACE = Settings(points=400, first=0.05, largest=0.4, smallest=1e-6)
 
 
-def first_motion(system: FreeSystem, energy: float) -> FreeMotion:
+def first_motion(system: FreeSystem, energy: float) -> Point:
     """The free motion of the followed mode at an energy, J.
 
     Below the energy at which faces touch it is the mode itself. Above it the branch is followed up to there;
@@ -34,27 +37,24 @@ def first_motion(system: FreeSystem, energy: float) -> FreeMotion:
     """
     r, k = system.reduced, system.mode
     sign, touching = system.open_side()
-    ratio = float(r.damping[k])
-    guess = float(r.frequencies[k]), 2.0 * ratio * r.omega[k]
-    if energy < touching or system.pairs == 0:
-        return system.solve(system.linear(energy, sign), *guess, system.at_energy(energy))
-    if touching > 1e-12 * energy:
-        low = 0.9 * touching
-        first = system.solve(system.linear(low, sign), *guess, system.at_energy(low))
-        branch = FreeBranch(system, first, (0.5 * low, energy), Pace(most=400))
-        for point in branch:
-            if point.energy >= energy:
-                return point
-        raise SolveError(
-            f"backbone: the branch of mode {k + 1} could not be followed from {low:.4g} J, where nothing "
-            f"touches, to {energy:.4g} J: {branch.reason}"
-        )
-    return _from_opened_gaps(system, energy, sign, guess)
+    guess = float(r.frequencies[k]), 2.0 * float(r.damping[k]) * r.omega[k]
+    low = energy if energy < touching or system.pairs == 0 else 0.9 * touching
+    if not low > 0.9e-12 * energy:
+        return _from_opened_gaps(system, energy, sign, guess)
+    first = system.motion(system.linear(low, sign), *guess, low)
+    if low == energy:
+        return first
+    first.problem = FreeMotions(system, (0.5 * low, energy), interactions=False)
+    line = follow(Line([first]), Range(0.5 * low, energy, 1), PACE)
+    if line.points[-1].value == energy:
+        return line.points[-1]
+    raise SolveError(
+        f"backbone: the branch of mode {k + 1} could not be followed from {low:.4g} J, where nothing "
+        f"touches, to {energy:.4g} J: {line.reason}"
+    )
 
 
-def _from_opened_gaps(
-    system: FreeSystem, energy: float, sign: float, guess: tuple[float, float]
-) -> FreeMotion:
+def _from_opened_gaps(system: FreeSystem, energy: float, sign: float, guess: tuple[float, float]) -> Point:
     """From gaps between which the mode moves freely, lowered to the given ones, with damping that is taken
     away thereafter; the self-excitation makes up for it all the way.
     """
@@ -62,7 +62,7 @@ def _from_opened_gaps(
     moved = np.abs(r.gap.modes[:, k]) / system.weights[k]
     largest = float(moved.max(initial=0.0))
     if largest == 0.0:
-        return system.solve(system.linear(energy, sign), *guess, system.at_energy(energy))
+        return system.motion(system.linear(energy, sign), *guess, energy)
     # a crack's opening grows with the root of the distance from its tip: its square is a notch's
     shape = math.sqrt(2.0 * energy) * moved * np.maximum(moved / largest, NEAR_TIP)
 
@@ -74,11 +74,11 @@ def _from_opened_gaps(
     share, fall = AJAR / max(float(moved.min()) / largest, NEAR_TIP), FALL
     there = opened(share)
     guess = guess[0], guess[1] + 2.0 * ADDED * r.omega[k]
-    point = there.solve(there.linear(energy, sign), *guess, there.at_energy(energy))
+    point = there.motion(there.linear(energy, sign), *guess, energy)
     while share > 0.0:
         lower = share / fall if share / fall >= LEAVE_OUT else 0.0
         try:
-            point = opened(lower).again(point, energy, point.excitation)
+            point = opened(lower).again(point, energy)
         except SolveError:
             fall = math.sqrt(fall)
             if fall < SLOWEST:
@@ -93,7 +93,7 @@ def _from_opened_gaps(
     except SolveError as error:
         said = str(error).removeprefix("backbone: ")
         raise SolveError(
-            f"backbone: mode {k + 1} is found at {point.frequency:.6g} Hz with a damping ratio of {ADDED:g} "
-            f"added, but not without it ({said}), as where multiples of its frequency meet those of high "
-            "modes; take damping=True, or other modes or steps"
+            f"backbone: mode {k + 1} is found at {point.state.frequency:.6g} Hz with a damping ratio of "
+            f"{ADDED:g} added, but not without it ({said}), as where multiples of its frequency meet those "
+            "of high modes; take damping=True, or other modes or steps"
         ) from None
