@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
@@ -19,6 +19,7 @@ from ..reduction.reduced_model import ReducedModel
 from .follow import Line
 from .problem import Problem
 
+System = TypeVar("System", ReducedModel, None)
 WHAT, FORM, VERSION = "result file", "sbfem-petsc result", 2
 
 
@@ -49,13 +50,14 @@ class LineFile(KeptFile):
         super().__init__(comm, path, WHAT, FORM, VERSION, resume=resume)
 
     def begin(
-        self, reduced: ReducedModel, conditions: Mapping[str, Any], start: np.ndarray
-    ) -> tuple[ReducedModel, np.ndarray]:
+        self, reduced: System, conditions: Mapping[str, Any], start: np.ndarray
+    ) -> tuple[System, np.ndarray]:
         """Note what is followed, and read the lines of a former run under the same conditions. Collective.
 
         Parameters
         ----------
-        reduced : ReducedModel
+        reduced : ReducedModel or None
+            None: the conditions tell all there is to tell of the system.
         conditions : dict
             Texts, numbers and arrays by their names, the same for a run that is gone on with.
         start : (n,) array
@@ -63,7 +65,7 @@ class LineFile(KeptFile):
 
         Returns
         -------
-        ReducedModel, (n,) array
+        ReducedModel or None, (n,) array
             To go on with: the file's own model, whose modes its states are in, and start.
 
         Raises
@@ -74,22 +76,24 @@ class LineFile(KeptFile):
         found = on_root(self.comm, lambda: self._read(reduced, conditions) if self.continued else None)
         found = self.comm.bcast(found)
         self._conditions, self._begin = dict(conditions), np.array(start, dtype=float)
-        self._reduced = in_rows(reduced)
+        known: Any = reduced
         if found is not None:
             stored, self._begin, self._former = found
-            self._reduced = in_rows(adopted(stored, reduced))
-        return self._reduced, self._begin
+            known = None if reduced is None else adopted(stored, reduced)
+        self._reduced = known = None if known is None else in_rows(known)
+        return known, self._begin
 
-    def _read(self, reduced: ReducedModel, conditions: Mapping[str, Any]):
+    def _read(self, reduced: ReducedModel | None, conditions: Mapping[str, Any]):
         with opened(self.path, WHAT, self.forms) as file:
             if "continuation" not in file:
                 raise ValueError(f"{WHAT} {self.path!r} is no file of a run; name another file")
             group = file["continuation"]
-            stored = read_reduced_model(group["reduced_model"])
             known = {**group.attrs, **{name: item[()] for name, item in group["conditions"].items()}}
-            if set(known) != set(conditions):
+            if set(known) != set(conditions) or (reduced is None) == ("reduced_model" in group):
                 raise ValueError(f"{WHAT} {self.path!r} is of another kind of run; name another file")
-            self.require_same((stored, reduced), known, conditions)
+            stored = None if reduced is None else read_reduced_model(group["reduced_model"])
+            both = None if stored is None or reduced is None else (stored, reduced)
+            self.require_same(both, known, conditions)
             lines = [_read_line(group["lines"][name]) for name in sorted(group["lines"])]
             return stored, numbers(group, "start", None), lines
 
@@ -123,8 +127,8 @@ class LineFile(KeptFile):
                 else:
                     group.attrs[name] = value
             put(group, "start", self._begin, "SI", "what the lines begin with")
-            assert self._reduced is not None
-            write_reduced_model(group.create_group("reduced_model"), self._reduced)
+            if self._reduced is not None:
+                write_reduced_model(group.create_group("reduced_model"), self._reduced)
             for k, line in enumerate(lines):
                 _write_line(group.create_group(f"lines/{k:03d}"), line)
 
