@@ -11,10 +11,12 @@ from scipy.integrate import solve_ivp
 import sbfem_petsc as sb
 from sbfem_petsc.continuation.linear import Cyclic
 from sbfem_petsc.continuation.periodic_schur import product_eigenvalues
+from sbfem_petsc.continuation.problems.segments import at_segments, segmented_stability, shoot_segments
 from sbfem_petsc.continuation.search import NEWTON_ALONE
 from tests.systems import one_mass, two_masses
 
 TURN = 2.0 * np.pi
+KINDS = "fold", "period doubling"
 DAMPING, STEPS = 0.02, 64
 # twice the frequency of a mass whose spring is four times as stiff on one side
 FAST = 2.0 * (4.0 / 3.0) / TURN
@@ -231,3 +233,30 @@ def test_the_default_steps_fit_the_segments(mass):
     found, single = (sb.periodic(mass, [1.0], FAST, periods=1, segments=count) for count in (3, 1))
     assert len(found.time) == 513 and len(single.time) == 512
     assert abs(found.harmonics("A")[1]) == pytest.approx(abs(single.harmonics("A")[1]), rel=1e-4)
+
+
+COUNTS = 1, 2, 3, 5, 8, 20
+
+
+@pytest.mark.long
+def test_multipliers_do_not_depend_on_the_segments():
+    """On either side of a period doubling and of both folds of two masses' curve (the table of
+    docs/steady_states.md): the largest of 2 to 20 segments is that of one to 1e-9, or, where a pair switches
+    in a step beside the end of a segment, within the error of the steps that is told.
+    """
+    curve = sb.frequency_response(two_masses(), [0.1], 0.5 / TURN, 0.9 / TURN, steps=1920)
+    sides = [k for item in curve.bifurcations if item.kind in KINDS for k in (item.after - 1, item.after)]
+    apart, text = [], ""
+    for k in sides:
+        orbit, found = curve.orbit(k), []
+        for count in COUNTS:
+            begins = at_segments(orbit, curve.period, orbit.frequency, count)
+            _, parts = shoot_segments(curve.period, orbit.frequency, count, begins)
+            value = segmented_stability(parts)[0][0]
+            found.append(complex(value.real, abs(value.imag)))  # either of a pair
+        apart.append(max(abs(value - found[0]) for value in found))
+        value = curve.multipliers[k, 0]
+        assert abs(found[0] - complex(value.real, abs(value.imag))) < 1e-9
+        assert apart[-1] < max(1e-9, orbit.multiplier_error)
+        text += f"{TURN * orbit.frequency:.5f} " + " ".join(f"{value:.10f}" for value in found) + "\n"
+    assert len(sides) == 8 and sum(value < 1e-9 for value in apart) >= 6, text
