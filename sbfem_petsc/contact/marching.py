@@ -224,11 +224,11 @@ def _begin(step, loads, state, room):
         end.q[j], end.v[j], end.pull[j] = state.q[j], state.v[j], 0.0
     for i in range(pairs):
         end.force[i], end.rows[i], end.gap[i] = state.force[i], state.rows[i], loads.free_gap[0, i]
-    products(step.left, end.force, rank, pairs, room.thin)
-    add_rows(step.right, every, room.thin, rank, end.q.size, end.pull)
-    products(step.right, end.q, rank, end.q.size, room.thin)
-    add_rows(step.left, every, room.thin, rank, pairs, end.gap)
-    add_rows(step.residual, every, end.force, pairs, pairs, end.gap)
+    products(step.left, end.force, rank, (pairs, pairs), room.thin)
+    add_rows(step.right, every, room.thin, rank, (end.q.size, end.q.size), end.pull)
+    products(step.right, end.q, rank, (end.q.size, end.q.size), room.thin)
+    add_rows(step.left, every, room.thin, rank, (pairs, pairs), end.gap)
+    add_rows(step.residual, every, end.force, pairs, (pairs, pairs), end.gap)
     for i in range(pairs):
         if end.rows[i] != FREE:
             end.gap[i] = step.laws.place[end.rows[i], i]
@@ -262,10 +262,10 @@ def _take(step, loads, place, before, after, room):
             former, following = (1.0 - begin) * first + begin * last, (1.0 - end) * first + end * last
             q[j] += coefficients[2, j] * former + coefficients[3, j] * following
             v[j] += coefficients[7, j] * former + coefficients[8, j] * following
-    products(right, q, rank, m, room.thin)
+    products(right, q, rank, (m, m), room.thin)
     for i in range(pairs):
         after.gap[i] = (1.0 - end) * free_gap[done, i] + end * free_gap[done + 1, i]
-    add_rows(left, every, room.thin, rank, pairs, after.gap)
+    add_rows(left, every, room.thin, rank, (pairs, pairs), after.gap)
     least, most, pulled = step.laws.least[FREE], step.laws.most[FREE], False
     for i in range(pairs):
         after.rows[i] = before.rows[i]
@@ -284,8 +284,8 @@ def _take(step, loads, place, before, after, room):
     for i in range(pairs):
         rest = after.rows[i]
         after.gap[i] = factor.free[i] if rest == FREE else step.laws.place[rest, i]
-    products(left, after.force, rank, pairs, room.thin)
-    add_rows(right, every, room.thin, rank, m, pull)
+    products(left, after.force, rank, (pairs, pairs), room.thin)
+    add_rows(right, every, room.thin, rank, (m, m), pull)
     for j in range(m):
         q[j] += coefficients[4, j] * pull[j]
         v[j] += coefficients[9, j] * pull[j]

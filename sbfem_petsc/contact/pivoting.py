@@ -50,35 +50,35 @@ def empty_factor(rows: int) -> Factor:
 
 
 @inner_sums
-def products(rows, vector, count, width, result):
-    """The first `count` rows, as far as `width`, times a vector."""
+def products(rows, vector, count, reach, result):
+    """The first `count` rows times a vector, as far as `reach` = (first, width): that of the rows of a lower
+    triangle grows from the first to the width of the last by whole registers.
+    """
+    first, width = reach
     for k in range(count):
         total = 0.0
-        for i in range(width):
+        for i in range(min(first + k // WHOLE * WHOLE, width)):
             total += rows[k, i] * vector[i]
         result[k] = total
 
 
 @inner_loops
-def add_rows(rows, chosen, factors, count, width, result):
-    """Add `count` chosen rows as far as `width`, each times its factor: four at a time, so that the result is
-    read and written less often.
+def add_rows(rows, chosen, factors, count, reach, result):
+    """Add `count` chosen rows, as far as `products` reads them, each times its factor: four at a time, so
+    that the result is read and written less often.
     """
+    first, width = reach
     for k in range(0, count - 3, 4):
         one, two, three, four = factors[k], factors[k + 1], factors[k + 2], factors[k + 3]
-        first, second, third, fourth = chosen[k], chosen[k + 1], chosen[k + 2], chosen[k + 3]
-        for i in range(width):
+        a, b, c, d = chosen[k], chosen[k + 1], chosen[k + 2], chosen[k + 3]
+        for i in range(min(first + (k + 3) // WHOLE * WHOLE, width)):
             result[i] = (
-                result[i]
-                + one * rows[first, i]
-                + two * rows[second, i]
-                + three * rows[third, i]
-                + four * rows[fourth, i]
+                result[i] + one * rows[a, i] + two * rows[b, i] + three * rows[c, i] + four * rows[d, i]
             )
     for k in range(count - count % 4, count):
-        one, first = factors[k], chosen[k]
+        one, a = factors[k], chosen[k]
         for i in range(width):
-            result[i] += one * rows[first, i]
+            result[i] += one * rows[a, i]
 
 
 @inner_loops
@@ -115,17 +115,17 @@ def caught(laws, row, gap):
 
 
 @inner_loops
-def _extend(flexibility, factor, kept):
-    """Factorise the rows of the members from `kept` on; whether W is definite there."""
+def _factorise(flexibility, state, factor):
+    """Factorise the rows that are held, as far as they are not; whether W is definite there."""
     inverse, members, solved, free, every = factor
     n = every.size
-    for i in range(kept, members[n]):
+    for i in range(_arrange(state, members, free), members[n]):
         row = members[i]
         for k in range(i):
             free[k] = flexibility[row, members[k]]
         for k in range(n):
             inverse[i, k] = 0.0
-        products(inverse, free, i, i, solved)
+        products(inverse, free, i, (min(WHOLE, i), i), solved)
         left = flexibility[row, row]
         for k in range(i):
             left -= solved[k] * solved[k]
@@ -135,14 +135,14 @@ def _extend(flexibility, factor, kept):
         scale = 1.0 / math.sqrt(left)
         for k in range(i):
             solved[k] *= -scale
-        add_rows(inverse, every, solved, i, i, inverse[i])
+        add_rows(inverse, every, solved, i, (min(WHOLE, i), i), inverse[i])
         inverse[i, i] = scale
     return True
 
 
-@inner_loops
+@inner_sums
 def _solve(flexibility, gap, held, factor, force):
-    """Forces that close gaps of the members, and in `free` all gaps unless all rows are held."""
+    """Forces that close gaps of the members, and in `free` the gaps of free rows."""
     (laws, state), (inverse, members, solved, free, every) = held, factor
     n = every.size
     count = members[n]
@@ -155,15 +155,22 @@ def _solve(flexibility, gap, held, factor, force):
         free[i] = 0.0
     for i in range(width):
         solved[i] = 0.0
-    products(inverse, free, count, width, force)
-    add_rows(inverse, every, force, count, width, solved)
+    products(inverse, free, count, (min(WHOLE, width), width), force)
+    add_rows(inverse, every, force, count, (min(WHOLE, width), width), solved)
     for i in range(n):
         force[i] = 0.0
         free[i] = gap[i]
     for k in range(count):
         force[members[k]] = solved[k]
-    if count < n:  # otherwise there are no gaps to look at
-        add_rows(flexibility, members, solved, count, n, free)
+    if 2 * count < n:
+        add_rows(flexibility, members, solved, count, (n, n), free)
+        return
+    for i in range(n):  # of most rows held the gaps of the others are fewer
+        if state[i] == FREE:
+            moved = 0.0
+            for k in range(n):
+                moved += flexibility[i, k] * force[k]
+            free[i] += moved
 
 
 @inner_loops
@@ -177,9 +184,9 @@ def _by_rounding(flexibility, gap, laws, factor, row):
 
 
 @inner_loops
-def _exchange(flexibility, gap, held, factor, force, patient):
-    """Exchange all rows beyond their bounds; their number, and the last one, which a single exchange would
-    take. Without patience rows stay that neither touch nor are apart, which would come and go for ever.
+def _exchange(flexibility, gap, held, factor, force, single):
+    """Exchange all rows beyond their bounds, or the last of them alone; their number. Of single exchanges
+    rows are left out that neither touch nor are apart, which would come and go for ever.
     """
     (laws, state), members, free = held, factor.members, factor.free
     least, most = laws.least[FREE], laws.most[FREE]
@@ -187,38 +194,20 @@ def _exchange(flexibility, gap, held, factor, force, patient):
     for i in range(gap.size):
         if state[i] != FREE or not (free[i] < least[i] or free[i] > most[i]):
             continue
-        if not patient and _by_rounding(flexibility, gap, laws, factor, i):
+        if single and _by_rounding(flexibility, gap, laws, factor, i):
             continue
-        state[i] = PRESSED if free[i] < least[i] else PULLED
-        infeasible += 1
-        last = i
+        infeasible, last = infeasible + 1, i
+        if not single:
+            state[i] = PRESSED if free[i] < least[i] else PULLED
     for k in range(members[gap.size]):
         row, now = members[k], state[members[k]]
         if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
-            state[row] = FREE
-            infeasible += 1
-            last = max(last, row)
-    return infeasible, last
-
-
-@inner_loops
-def _undo(held, factor, force, last):
-    """Go back to where an exchange began, but for the last row: the members tell, and their forces, on which
-    side those that have left were held.
-    """
-    (laws, state), members, solved = held, factor.members, factor.solved
-    n = state.size
-    for k in range(members[n]):
-        row = members[k]
-        solved[k] = state[row]
-        if state[row] == FREE:
-            solved[k] = PRESSED if force[row] < laws.least[PRESSED, row] else PULLED
-    for i in range(n):
-        if i != last:
-            state[i] = FREE
-    for k in range(members[n]):
-        if members[k] != last:
-            state[members[k]] = np.int8(solved[k])
+            infeasible, last = infeasible + 1, max(last, row)
+            if not single:
+                state[row] = FREE
+    if single and last >= 0:
+        state[last] = FREE if state[last] != FREE else PRESSED if free[last] < least[last] else PULLED
+    return infeasible
 
 
 @compiled_loops
@@ -228,26 +217,21 @@ def contact_forces(flexibility, gap, laws, state, factor, force):
 
     `laws` is a `law.Table`. `state` and the `Factor` are kept between steps, where they need not be those of
     the same step; rows that join stand behind the others, so that those before the first one that leaves stay
-    as they are. `free` is left with the gaps, unless all rows are held. The inverse is applied without
-    waiting for one unknown to find the next. Returns the exchanges of the active set, -1 if the iteration did
-    not end or W is not definite.
+    as they are. `free` is left with the gaps of free rows. The inverse is applied without waiting for one
+    unknown to find the next. Returns the exchanges of the active set, -1 if the iteration did not end or W is
+    not definite.
     """
     n, held = gap.size, (laws, state)
     best, patience, exchange = n + 1, PATIENCE, 0
     while exchange < 100 + 20 * n:
-        kept = _arrange(state, factor.members, factor.free)
-        if not _extend(flexibility, factor, kept):
+        if not _factorise(flexibility, state, factor):
             return -1
         _solve(flexibility, gap, held, factor, force)
-        infeasible, last = _exchange(flexibility, gap, held, factor, force, patience > 0)
+        infeasible = _exchange(flexibility, gap, held, factor, force, patience <= 0)
         if infeasible == 0:
             return exchange
-        if infeasible < best:
-            best, patience = infeasible, PATIENCE
-        else:
-            patience -= 1
-        if patience <= 0:
-            _undo(held, factor, force, last)
+        patience = PATIENCE if infeasible < best else patience - 1
+        best = min(best, infeasible)
         exchange += 1
     factor.members[n] = -1
     return -1

@@ -136,8 +136,8 @@ def _settle(step, loads, state, known, patience, room):
         for i in range(pairs):
             gap[i] = loads.free_gap[0, i]
             force[i] = 0.0
-        products(step.right, q, rank, m, thin)
-        add_rows(step.left, factor.every, thin, rank, pairs, gap)
+        products(step.right, q, rank, (m, m), thin)
+        add_rows(step.left, factor.every, thin, rank, (pairs, pairs), gap)
         for i in range(pairs):
             rows[i] = caught(step.laws, i, gap[i])
             touches |= rows[i] != FREE
