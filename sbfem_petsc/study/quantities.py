@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from ..record.record import Record
+
 # Instants up to which a history stands in the summary itself; beyond, the summary says where it is.
 LONGEST_IN_SUMMARY = 100_000
 
@@ -35,6 +37,43 @@ class Quantity:
 
 
 Tree = dict[str, Any]
+
+
+def tree_of(record: Record, points: Sequence[str], details: Sequence[str] = ()) -> Tree:
+    """Quantities of a record and of those in it, but for details that are not named.
+
+    Parameters
+    ----------
+    record : Record
+    points : sequence of str
+        Points whose motion is kept.
+    details : sequence of str
+    """
+    tree: Tree = {}
+    for q in record.quantities(lambda about: not about.distributed):
+        if q.about.detail and q.name not in details:
+            continue
+        known = set(points) if "place" in q.names else set(dict(q.by_name()))
+        entries = {
+            name: Quantity(_value(item), q.unit, q.about.text, q.about.detail)
+            for name, item in q.by_name()
+            if name in known
+        }
+        tree[q.name] = entries.get("", entries)
+    for name, about, part in record.parts():
+        if not about.detail:
+            parts = [tree_of(one, points) for one in (part if isinstance(part, tuple) else (part,))]
+            tree[name] = parts if isinstance(part, tuple) else parts[0]
+    return tree
+
+
+def _value(item: Any) -> Any:
+    """A number or text as Python's; texts of several states as one."""
+    if isinstance(item, np.ndarray) and item.dtype.kind == "U":
+        return "; ".join(dict.fromkeys(item.ravel().tolist()))
+    return (
+        item.item() if isinstance(item, np.generic) or np.ndim(item) == 0 and hasattr(item, "item") else item
+    )
 
 
 def of_points(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from importlib import resources
 
-from ..writing import replaced
+from meshing.whole_file import replaced
 
 KINDS = ("beam", "plate", "gmsh", "modulation", "nonlinear", "sweep")
 # Files that a starter needs beside it.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -19,13 +19,10 @@ class Backbone(BackboneOptions, Kind):
 
     kind: Literal["backbone"] = item(text="frequency of free vibration over its energy")
     alike = True
-    saved = "result.h5"
+    running = "result.h5"
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Backbone:
-        return sb.backbone(model, **self.of(BackboneOptions), progress=run.progress)
-
-    def save(self, result: Any, part: Callable[[str], str]) -> None:
-        sb.save_result(result, part(self.saved))
+        return sb.backbone(model, **self.of(BackboneOptions), **run.kept)
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         return {

@@ -18,7 +18,7 @@ from ..case.loads import COMPONENTS
 from ..case.problems import one_of
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
-from ..quantities import Tree
+from ..quantities import Tree, tree_of
 
 if TYPE_CHECKING:
     from ..case.case import Case, CaseTables
@@ -118,6 +118,8 @@ class Kind(Table):
         Ending of the file from which an interrupted run goes on.
     saved : str
         Ending of the file that a result is written to by itself.
+    details : tuple of str
+        Quantities that are kept, but stand in no summary or table.
     captions : dict of str to str
         What its pictures show, where their names do not say it.
     """
@@ -134,6 +136,7 @@ class Kind(Table):
     fields: ClassVar[bool] = False
     running: ClassVar[str] = ""
     saved: ClassVar[str] = ""
+    details: ClassVar[tuple[str, ...]] = ()
     captions: ClassVar[dict[str, str]] = {}
 
     def solve(self, case: Case, model: Any, run: Run) -> Any:
@@ -212,8 +215,8 @@ class Kind(Table):
         """
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        """Quantities of a result. Collective."""
-        raise NotImplementedError
+        """Quantities of a result: those that its class says. Collective."""
+        return tree_of(result, points, self.details)
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         """What a row of a sweep keeps of a result. Collective."""

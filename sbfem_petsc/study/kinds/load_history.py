@@ -14,9 +14,8 @@ from ...options import item
 from ..case.parameters import grid
 from ..case.sweep import Times
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
+from ..quantities import Quantity, Tree
 from .kind import Drawn, Loaded, Run, Values, Wanted
-from .static import notes
 
 
 class LoadHistory(LoadHistoryOptions, Loaded):
@@ -25,22 +24,14 @@ class LoadHistory(LoadHistoryOptions, Loaded):
     kind: Literal["load_history"] = item(text="equilibria under slowly changing loads")
     times: Times = item(text="times of the states, an array or { start, stop, count }", unit="s")
     statics = True
+    details = ("contact_force", "gap")
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.LoadHistory:
         return sb.load_history(model, self.acting(case), grid(self.times), **self.of(LoadHistoryOptions))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            "time": Quantity(result.time, "s", "times of the states"),
-            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
-            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
-            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
-            "gap": Quantity(result.gap, "m", "gaps of the contact pairs", detail=True),
-            "stress_intensity": {
-                name: Quantity(factors, unit, "K_I, K_II") for name, factors, unit in _intensities(result)
-            },
-            **notes(result),
-        }
+        factors = {name: Quantity(found, unit, "K_I, K_II") for name, found, unit in _intensities(result)}
+        return {**super().tree(result, points), "stress_intensity": factors}
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from typing import Any, Literal
 
 import numpy as np
@@ -13,7 +13,7 @@ from ...analysis.options import ModalOptions
 from ...indicators.detection import frequency_shift
 from ...options import item
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
+from ..quantities import Tree
 from .kind import Drawn, Kind, Run, Values, Wanted
 
 # Rows of a report's table.
@@ -29,19 +29,6 @@ class Modal(ModalOptions, Kind):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Modal:
         return sb.modal(model, **self.of(ModalOptions))
-
-    def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            "frequencies": Quantity(result.frequencies, "Hz", "natural frequencies, open cracks"),
-            "residuals": Quantity(result.residuals, "1", "residuals of the eigenpairs"),
-            "displacement": of_points(
-                points, result.displacement, "m", "displacement (x, y) in each mass-normalised mode"
-            ),
-            "solver": Quantity(result.solver),
-            "iterations": Quantity(int(result.iterations)),
-            "unknowns": Quantity(int(result.unknowns)),
-            **estimated(self, result),
-        }
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
@@ -80,23 +67,6 @@ def _shift(cracked: Any, healthy: Any) -> np.ndarray:
     both = min(len(cracked), len(healthy))
     shift[:both] = frequency_shift(list(map(float, cracked[:both])), list(map(float, healthy[:both])))
     return shift
-
-
-def estimated(table: Any, result: Any) -> Tree:
-    """What an accuracy asked for has led to."""
-    if table.accuracy is None:
-        return {}
-    estimate = result.estimate
-    return {
-        "estimate": {
-            "error": Quantity(float(estimate.error), "1", "estimated relative error"),
-            "first_error": Quantity(float(estimate.first_error), "1", "that of the case's own mesh"),
-            "converged": Quantity(bool(estimate.converged), "1", "whether the accuracy is reached"),
-            "unknowns": Quantity(
-                np.array([level.unknowns for level in estimate.levels]), "1", "displacement unknowns by level"
-            ),
-        }
-    }
 
 
 def estimated_error(table: Any, result: Any) -> Values:

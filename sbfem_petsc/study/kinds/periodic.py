@@ -20,7 +20,7 @@ from ..case.loads import COMPONENTS
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
-from ..quantities import Quantity, Tree, of_points, quantities
+from ..quantities import Quantity, Tree, of_points
 from .kind import PERIODIC, Drawn, Kind, Loaded, Run, Values, Wanted, peak_of
 
 # Harmonics of a motion kept beside its whole waveform, of each point in a row of a sweep, and in a report.
@@ -34,6 +34,7 @@ class Steady(Kind):
 
     signals = PERIODIC
     moving = True
+    details = ("contact_force",)
     captions = {
         "orbit": "phase plane; gaps and contact resultant over a period",
         "multipliers": "Floquet multipliers",
@@ -49,27 +50,12 @@ class Steady(Kind):
             )
 
         tree: Tree = {
-            "frequency": Quantity(float(result.frequency), "Hz", "forcing frequency"),
-            "periods": Quantity(int(result.periods), "1", "forcing periods in one period of the motion"),
+            **super().tree(result, points),
             "harmonics": harmonics("y"),
             "harmonics_x": harmonics("x"),
-            "amplitude": of_points(
-                points, lambda point: peak_of(result.displacement(point)), "m", "half the peak-to-peak of u_y"
-            ),
-            "converged": Quantity(bool(result.converged)),
             "stable": Quantity(result.stable, "1", "stability, None if it was not asked for or is not known"),
-            "time": Quantity(result.time, "s", "instants of one period"),
             "displacement": of_points(points, result.displacement, "m", "displacement (x, y)", detail=True),
-            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
-            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
-            **quantities(
-                result,
-                multipliers=("1", "Floquet multipliers"),
-                multiplier_error=("1", "uncertainty of the largest modulus"),
-                iterations=("1", "Newton iterations"),
-                path=("1", "how the motion was reached"),
-            ),
-            "residuals": Quantity(np.asarray(result.residuals), "1", "norm of x(T) - x(0) at each iterate"),
+            "iterations": Quantity(int(result.iterations), "1", "Newton iterations"),
         }
         if result.periods > 1:
             tree["subharmonics"] = of_points(

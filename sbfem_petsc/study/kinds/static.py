@@ -16,7 +16,7 @@ from ..case.tables import Name, Path, Problem
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
-from .modal import estimated, estimated_error
+from .modal import estimated_error
 
 # Cracks of a model that are drawn.
 MOST_CRACKS = 4
@@ -56,30 +56,13 @@ class Static(StaticOptions, Loaded):
         }
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
+        tree = super().tree(result, points)
+        for name in tree.get("stress_intensity", {}):
+            tree["stress_intensity"][name] = intensity(result.stress_intensity[name], result.model.tips, name)
         stresses = self._stresses(result)
-        return {
-            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
-            "contact_resultant": Quantity(float(result.contact_resultant), "N", "sum of the contact forces"),
-            "contact_force": Quantity(result.contact_force, "N", "contact forces, compression positive"),
-            "gap": Quantity(result.gap, "m", "gaps of the contact pairs"),
-            "active": Quantity(result.active, "1", "pairs in contact"),
-            "stress_intensity": {
-                name: Quantity(np.asarray(values), result.model.tips.unit(name), "K_I, K_II")
-                for name, values in result.stress_intensity.items()
-            },
-            **notes(result),
-            "residual": Quantity(
-                float(result.residual), "1", "imbalance of the forces, relative to the load"
-            ),
-            "iterations": Quantity(int(result.iterations), "1", "iterations of the active set"),
-            "solver": Quantity(result.solver),
-            **(
-                {"stress": of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")}
-                if stresses
-                else {}
-            ),
-            **estimated(self, result),
-        }
+        if stresses:
+            tree["stress"] = of_points(list(stresses), stresses.get, "Pa", "stress xx, yy, xy")
+        return tree
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {
@@ -107,6 +90,6 @@ class Static(StaticOptions, Loaded):
         return Cost(0.0, 0.03 + 1e-5 * size.unknowns, disk=32.0 * size.pairs)
 
 
-def notes(result: Any) -> Tree:
-    """What K, G and T of the tips do not tell by themselves."""
-    return {"notes": Quantity("; ".join(result.notes))} if result.notes else {}
+def intensity(factors: Any, facts: Any, name: str) -> Quantity:
+    """K_I and K_II of a tip, of one state or of several."""
+    return Quantity(np.asarray(factors), facts.unit(name), "K_I, K_II")

@@ -13,7 +13,7 @@ import sbfem_petsc as sb
 from ...analysis.options import SweptOptions
 from ...options import item
 from ..costs import Cost, Size
-from ..quantities import Quantity, Tree, of_points
+from ..quantities import Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
 
 
@@ -40,22 +40,12 @@ class SweptResponse(SweptOptions, Loaded):
         return np.array([jump.frequency for jump in swept.jumps(point, self.least)])
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
-        return {
-            "up" if swept.upwards else "down": {
-                "frequency": Quantity(swept.frequency, "Hz", "mean forcing frequency of each cycle"),
-                "amplitude": of_points(
-                    points, swept.amplitude, "m", "half the peak-to-peak of u_y in a cycle"
-                ),
-                "contact_peak": Quantity(swept.contact_peak, "N", "largest contact resultant in a cycle"),
-                "jump": of_points(
-                    points,
-                    lambda point, swept=swept: self._jumps(swept, point),  # type: ignore[misc]
-                    "Hz",
-                    "frequencies at which the amplitude jumps; nan for a sweep too short or fast to tell",
-                ),
-            }
-            for swept in result
-        }
+        return {"up" if swept.upwards else "down": self._way(swept, points) for swept in result}
+
+    def _way(self, swept: Any, points: Sequence[str]) -> Tree:
+        text = "frequencies at which the amplitude jumps; nan for a sweep too short or fast to tell"
+        jumps = of_points(points, lambda point: self._jumps(swept, point), "Hz", text)
+        return {**super().tree(swept, points), "jump": jumps}
 
     def row(self, result: Any, wanted: Wanted) -> Values:
         values: Values = {}

@@ -16,7 +16,6 @@ from ...options import item
 from ..costs import Cost, Size
 from ..quantities import Quantity, Tree, of_points
 from .kind import Drawn, Loaded, Run, Values, Wanted
-from .static import notes
 
 _ENERGIES = {
     "kinetic": "kinetic energy",
@@ -36,6 +35,7 @@ class Transient(TransientOptions, Loaded):
     )
     reduced: bool = item(True, text="false: the unreduced model")
     moving = True
+    details = ("contact_force",)
     running = "history.journal"
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -56,22 +56,13 @@ class Transient(TransientOptions, Loaded):
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         tree: Tree = {
-            "time": Quantity(result.time, "s", "instants"),
-            "displacement": of_points(points, result.displacement, "m", "displacement (x, y)"),
-            "velocity": of_points(points, result.velocity, "m/s", "velocity (x, y)", detail=True),
-            "acceleration": of_points(
-                points, result.acceleration, "m/s^2", "acceleration (x, y)", detail=True
-            ),
-            "contact_resultant": Quantity(result.contact_resultant, "N", "sum of the contact forces"),
-            "contact_force": Quantity(result.contact_force, "N", "contact forces", detail=True),
+            **super().tree(result, points),
+            "velocity": of_points(points, result.velocity, "m/s", "velocity", detail=True),
+            "acceleration": of_points(points, result.acceleration, "m/s^2", "acceleration", detail=True),
             "energy": {
                 name: Quantity(getattr(result.energy, name), "J", text, detail=True)
                 for name, text in _ENERGIES.items()
             },
-            "step": Quantity(float(result.step), "s", "time step"),
-            "energy_error": Quantity(
-                _energy_error(result), "1", "largest imbalance of the energies, relative to the loads' work"
-            ),
         }
         facts = result.states.tip_facts
         if facts.names:
@@ -79,7 +70,6 @@ class Transient(TransientOptions, Loaded):
                 name: Quantity(result.stress_intensity(name), facts.unit(name), "K_I, K_II", detail=True)
                 for name in facts.names
             }
-            tree |= notes(result)
         return tree
 
     def row(self, result: Any, wanted: Wanted) -> Values:
