@@ -35,8 +35,7 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
     ValueError
         Cracks or points come too close to something; sizes that do not fit.
     """
-    drawing = Drawing()
-    near = _NEAR * beam.height
+    drawing = Drawing(near=_NEAR * beam.height)
     widths = _corner_widths(beam, options)
     start, stop = widths["left"], beam.length - widths["right"]
     blocks = plan_blocks(beam, options.points, start, stop)
@@ -48,16 +47,13 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
             Fan(beam, block).draw(drawing, points, options.cracks.tip_size, options.cracks.grading)
         else:
             _fill_block(drawing, beam, block, min(_EDGE * beam.height, options.size))
-    drawing.weld(near)
     for end, width in widths.items():
         for y in (0.0, beam.height) if width else ():
             x = 0.0 if end == "left" else beam.length
-            _grade(drawing, _found(drawing, x, y, near), options)
-    for name, (x, y) in options.points.items():
-        found = drawing.vertex_at(x, y, near)
-        drawing.points[name] = drawing.add_vertex(x, y) if found is None else found
-    drawing.conform(near)
-    drawing.points["A"] = _found(drawing, beam.length, beam.height, near)
+            _grade(drawing, drawing.add_vertex(x, y), options)
+    named = options.points | {"A": (beam.length, beam.height)}
+    drawing.points |= {name: drawing.add_vertex(*place) for name, place in named.items()}
+    drawing.conform()
     _name_sides(drawing, beam)
     angles = [*(0.0 for _ in beam.notches), *(crack.opening for crack in beam.cracks)]
     drawing.name_openings(dict(zip(beam.crack_names(), angles)))
@@ -123,12 +119,6 @@ def _grid(drawing: Drawing, xs: Sequence[float], ys: Sequence[float]) -> None:
     for a, b in pairwise(xs):
         for c, d in pairwise(ys):
             drawing.add_cell([drawing.add_vertex(*place) for place in ((a, c), (b, c), (b, d), (a, d))])
-
-
-def _found(drawing: Drawing, x: float, y: float, near: float) -> int:
-    vertex = drawing.vertex_at(x, y, near)
-    assert vertex is not None
-    return vertex
 
 
 def _grade(drawing: Drawing, vertex: int, options: BeamOptions) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import product
 
 import numpy as np
 import shapely
-from scipy.spatial import cKDTree
 
 from meshing.cells.complex import CellComplex, edge_key
 
@@ -58,16 +58,6 @@ class Filled:
         """Directed edges of the loops."""
         return [edge for loop in self.loops for edge in around(loop)]
 
-    def renumbered(self, number: np.ndarray) -> Filled:
-        """The surface with other numbers for its vertices."""
-        return Filled(
-            [number[loop].tolist() for loop in self.loops],
-            _renumbered(self.segments, number),
-            [int(number[v]) for v in self.points],
-            self.size,
-            [Rosette(int(number[r.vertex]), r.radius, r.edge) for r in self.rosettes],
-        )
-
 
 @dataclass
 class Drawing(CellComplex):
@@ -81,15 +71,30 @@ class Drawing(CellComplex):
         Surfaces that gmsh divides.
     arcs : dict of (int, int) to (x, y)
         Centre of edges that are arcs, lower vertex first, m.
+    near : float
+        Vertices that are not farther apart are one, m; 0: each is one of its own.
     """
 
     filled: list[Filled] = field(default_factory=list)
     arcs: dict[Edge, tuple[float, float]] = field(default_factory=dict)
+    near: float = 0.0
+    _at: dict[Edge, int] = field(default_factory=dict)
 
     @property
     def largest(self) -> float | None:
         """Largest edge in filled surfaces, m; None without any."""
         return max((surface.size for surface in self.filled), default=None)
+
+    def add_vertex(self, x: float, y: float) -> int:
+        """The vertex at a place, a new one if there is none."""
+        if not self.near:
+            return super().add_vertex(x, y)
+        column, row = round(x / self.near), round(y / self.near)
+        for beside in product((column, column - 1, column + 1), (row, row - 1, row + 1)):
+            vertex = self._at.get(beside)
+            if vertex is not None and math.dist((x, y), self.vertices[vertex]) <= self.near:
+                return vertex
+        return self._at.setdefault((column, row), super().add_vertex(x, y))
 
     def add_circle(self, loop: Sequence[int], centre: tuple[float, float]) -> None:
         """Make the edges of a loop of vertices arcs of a circle."""
@@ -113,26 +118,7 @@ class Drawing(CellComplex):
             if group.split(":")[1] == name
         }
 
-    def vertex_at(self, x: float, y: float, near: float) -> int | None:
-        """The lowest vertex at a place."""
-        return min(cKDTree(self.vertices).query_ball_point((x, y), near), default=None)
-
-    def weld(self, near: float) -> None:
-        """Make vertices at one place one vertex, the first one."""
-        number = np.arange(len(self.vertices))
-        for i, j in sorted(cKDTree(self.vertices).query_pairs(near)):
-            number[j] = min(number[j], number[i])
-        for cell in self.cells:
-            cell.vertices = number[cell.vertices].tolist()
-        self.filled = [surface.renumbered(number) for surface in self.filled]
-        self.arcs = {edge_key((int(number[a]), int(number[b]))): c for (a, b), c in self.arcs.items()}
-        for sets in (self.edge_sets, self.groups):
-            for name, edges in sets.items():
-                sets[name] = _renumbered(edges, number)
-        self.points = {name: int(number[v]) for name, v in self.points.items()}
-        self.tip_sizes = {int(number[v]): size for v, size in self.tip_sizes.items()}
-
-    def conform(self, near: float) -> None:
+    def conform(self) -> None:
         """Put vertices that lie on edges of other surfaces into these."""
         self.cells = [cell for cell in self.cells if cell.vertices]
         uses = self.edge_uses()
@@ -142,7 +128,7 @@ class Drawing(CellComplex):
         where = np.array(self.vertices)
         tree = shapely.STRtree(shapely.linestrings(where[np.array(alone)]))
         between: dict[Edge, list[int]] = {}
-        for end, line in tree.query(shapely.points(where[ends]), predicate="dwithin", distance=near).T:
+        for end, line in tree.query(shapely.points(where[ends]), predicate="dwithin", distance=self.near).T:
             edge = alone[line]
             if ends[end] not in edge and edge not in self.arcs:
                 between.setdefault(edge, []).append(int(ends[end]))
@@ -162,7 +148,3 @@ class Drawing(CellComplex):
 def around(loop: Sequence[int]) -> list[Edge]:
     """The edges of a closed loop of vertices."""
     return list(zip(loop, [*loop[1:], loop[0]]))
-
-
-def _renumbered(edges: list[Edge], number: np.ndarray) -> list[Edge]:
-    return [(int(number[a]), int(number[b])) for a, b in edges]
