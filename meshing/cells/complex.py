@@ -4,11 +4,12 @@ apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+Edge = tuple[int, int]
 Curve = Callable[[np.ndarray], np.ndarray]
 _FINE = np.linspace(0.0, 1.0, 65)
 
@@ -36,7 +37,7 @@ class Cell:
     material: int = 0
     sectors: list[int] | None = None
 
-    def edges(self) -> list[tuple[int, int]]:
+    def edges(self) -> list[Edge]:
         """Directed edges as pairs of vertices."""
         following = self.vertices[1:] + (self.vertices[:1] if self.closed else [])
         return list(zip(self.vertices, following))
@@ -69,21 +70,30 @@ class TipCell:
 
 @dataclass
 class FacePath:
-    """The two faces along one unbranched line, edge beside edge.
+    """The two faces along one unbranched line, edge beside edge; from a tip where there is one.
 
     Attributes
     ----------
     right, left : list of (int, int)
         Directed edges from the line's start to its end. The right face is at the right hand of somebody who
-        walks that way.
+        walks that way. One list until the cells at an embedded line are split.
+    embedded : bool
+        A line inside the material.
+    joined : bool
+        False for faces of two bodies.
     start, end : TipCell or None
         The tip before the first edge and the one after the last.
+    mouths : (bool, bool)
+        Whether the line starts and ends on the outline.
     """
 
-    right: list[tuple[int, int]]
-    left: list[tuple[int, int]]
+    right: list[Edge]
+    left: list[Edge]
+    embedded: bool = True
+    joined: bool = True
     start: TipCell | None = None
     end: TipCell | None = None
+    mouths: tuple[bool, bool] = (False, False)
 
 
 @dataclass
@@ -93,8 +103,10 @@ class CrackFaces:
     Attributes
     ----------
     name : str
+    where : str
+        Names it in messages.
     paths : list of FacePath
-        Its unbranched lines, from a tip where there is one.
+        Its unbranched lines.
     opening : float
         Angle by which the faces are still to be moved apart, degrees.
     length : float or None
@@ -102,7 +114,8 @@ class CrackFaces:
     """
 
     name: str
-    paths: list[FacePath]
+    where: str
+    paths: list[FacePath] = field(default_factory=list)
     opening: float = 0.0
     length: float | None = None
 
@@ -137,11 +150,11 @@ class CellComplex:
 
     vertices: list[tuple[float, float]] = field(default_factory=list)
     cells: list[Cell] = field(default_factory=list)
-    curves: dict[tuple[int, int], Curve] = field(default_factory=dict)
-    edge_sets: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    curves: dict[Edge, Curve] = field(default_factory=dict)
+    edge_sets: dict[str, list[Edge]] = field(default_factory=dict)
     points: dict[str, int] = field(default_factory=dict)
     materials: list[str] = field(default_factory=lambda: ["material"])
-    groups: dict[str, list[tuple[int, int]]] = field(default_factory=dict)
+    groups: dict[str, list[Edge]] = field(default_factory=dict)
     tip_sizes: dict[int, float] = field(default_factory=dict)
     cracks: list[CrackFaces] = field(default_factory=list)
 
@@ -170,15 +183,24 @@ class CellComplex:
         """Give an edge the shape of `curve`, which runs from the first vertex to the second."""
         self.curves[edge_key((first, second))] = curve if first < second else reversed_curve(curve)
 
+    def along(self, edge: Edge, at: Sequence[float] | np.ndarray) -> np.ndarray:
+        """Points of an edge (n, 2) at parameters in [0, 1], from its first vertex to its second."""
+        curve, at = self.curve(*edge), np.asarray(at, float)
+        if curve is not None:
+            return curve(at)
+        first, last = (np.array(self.vertices[vertex]) for vertex in edge)
+        return (1.0 - at[:, None]) * first + at[:, None] * last
+
     def edge_length(self, first: int, second: int) -> float:
         """m."""
-        curve = self.curve(first, second)
-        points = np.array([self.vertices[first], self.vertices[second]]) if curve is None else curve(_FINE)
+        points = self.along(
+            (first, second), _FINE if edge_key((first, second)) in self.curves else (0.0, 1.0)
+        )
         return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
-    def edge_uses(self) -> dict[tuple[int, int], int]:
+    def edge_uses(self) -> dict[Edge, int]:
         """How many cells use each edge, keyed by its vertices, lower number first."""
-        uses: dict[tuple[int, int], int] = {}
+        uses: dict[Edge, int] = {}
         for cell in self.cells:
             for edge in cell.edges():
                 key = edge_key(edge)
@@ -186,9 +208,19 @@ class CellComplex:
         return uses
 
 
-def edge_key(edge: tuple[int, int]) -> tuple[int, int]:
+def edge_key(edge: Edge) -> Edge:
     """An edge's vertices, lower number first."""
     return edge if edge[0] < edge[1] else (edge[1], edge[0])
+
+
+def edges_of(path: Sequence[int]) -> list[Edge]:
+    """The edges from vertex to vertex of a path."""
+    return list(zip(path, path[1:]))
+
+
+def divided(edges: Sequence[Edge], inserted: Mapping[Edge, Sequence[int]]) -> list[Edge]:
+    """Directed edges with the vertices that have been put between their ends."""
+    return [part for edge in edges for part in edges_of([edge[0], *inserted.get(edge, ()), edge[1]])]
 
 
 def reversed_curve(curve: Curve) -> Curve:

@@ -20,7 +20,7 @@ EdgeNodes = Callable[[tuple[int, int]], np.ndarray]
 
 
 def crack_pairs(
-    faces: CrackFaces, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int, where: str
+    faces: CrackFaces, edge_nodes: EdgeNodes, nodes: np.ndarray, crack: int
 ) -> tuple[ContactPairs, float]:
     """Pairs of all lines of a crack, and its length; its tips are told their `arc`.
 
@@ -33,8 +33,6 @@ def crack_pairs(
         m.
     crack : int
         Index of the crack.
-    where : str
-        The crack, for messages.
 
     Returns
     -------
@@ -51,7 +49,7 @@ def crack_pairs(
     """
     parts, arc = [], 0.0
     for path in sorted(faces.paths, key=lambda path: min(_tips_of(path), default=(np.inf, np.inf))):
-        pairs, arc = _path_pairs(path, edge_nodes, nodes, crack, arc, where)
+        pairs, arc = _path_pairs(path, edge_nodes, nodes, crack, arc, faces.where)
         parts += pairs
     joined = join_pairs(parts)
     length = arc if faces.length is None else faces.length

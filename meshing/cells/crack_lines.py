@@ -10,51 +10,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 
-from meshing.cells.complex import CellComplex, TipCell, edge_key
+from meshing.cells.complex import CellComplex, CrackFaces, Edge, FacePath, TipCell, edge_key, edges_of
 from meshing.cells.contact_faces import FRACTION_TOLERANCE
 from meshing.cells.face_matching import match_faces
 from meshing.shapes.features import WIDEST_OPENING
 
-Edge = tuple[int, int]
 _GROUP = re.compile(r"crack:([^:]+)(?::(right|left)|:opening=([^:]+))?")
 
 
-@dataclass
-class Line:
-    """An unbranched piece of a crack by the vertices of its faces; one list for both until they are split.
-
-    From a tip where there is one, between faces that are `joined`; faces of two bodies are not. `start` and
-    `end` are coordinates and edges' directions.
-    """
-
-    right: list[int]
-    left: list[int]
-    embedded: bool
-    start: TipCell | None = None
-    end: TipCell | None = None
-    mouths: tuple[bool, bool] = (False, False)
-    joined: bool = True
-
-
-@dataclass
-class CrackLines:
-    """A crack; `where` names it in messages, `opening` is what is wanted, degrees, `length` is that of its
-    lines before they are divided, m.
-    """
-
-    name: str
-    where: str
-    opening: float = 0.0
-    lines: list[Line] = field(default_factory=list)
-    length: float = 0.0
-
-
-def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackLines], set[int]]:
+def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackFaces], set[int]]:
     """The lines of each crack in a complex' groups, from their tips where they have one, and the vertices of
     the outline; see `crack_splitting.add_cracks`.
     """
@@ -63,7 +30,7 @@ def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackLines], set[
     outline = {vertex for edge, count in uses.items() if count == 1 for vertex in edge}
     owner: dict[Edge, str] = {}
     for name, (parts, opening) in _named_parts(cells, origin).items():
-        crack = CrackLines(name, f"{origin}: crack {name!r}", opening)
+        crack = CrackFaces(name, f"{origin}: crack {name!r}", opening=opening)
         if "" in parts:
             edges = list(dict.fromkeys(edge_key(edge) for edge in parts[""]))
             for edge in edges:
@@ -79,23 +46,18 @@ def crack_lines(cells: CellComplex, origin: str) -> tuple[list[CrackLines], set[
                         f"{owner[edge]!r}; a piece of line belongs to one crack."
                     )
                 owner[edge] = name
-            crack.lines = [Line(path, path, True) for path in _paths(parts[""])]
+            crack.paths = [FacePath(line, line) for line in map(edges_of, _paths(parts[""]))]
         else:
-            crack.lines = [_recognise(cells, name, parts["right"], parts["left"], crack.where)]
+            crack.paths = [_recognise(cells, name, parts["right"], parts["left"], crack.where)]
         cracks.append(crack)
     degree: dict[int, int] = {}
     for edge in owner:
         for vertex in edge:
             degree[vertex] = degree.get(vertex, 0) + 1
     for crack in cracks:
-        for line in crack.lines:
-            _orient(line, degree, outline)
+        for path in crack.paths:
+            _orient(path, degree, outline)
     return cracks, outline
-
-
-def edges_of(path: Sequence[int]) -> list[Edge]:
-    """The edges from node to node of a path."""
-    return list(zip(path, path[1:]))
 
 
 def _named_parts(cells: CellComplex, origin: str) -> dict[str, tuple[dict[str, list[Edge]], float]]:
@@ -168,7 +130,7 @@ def _paths(edges: list[Edge]) -> list[list[int]]:
     ]
 
 
-def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge], where: str) -> Line:
+def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge], where: str) -> FacePath:
     """Two existing faces: of a notch, whose tip is the end they share, or of two bodies that share none;
     which is the right one of a notch follows from the cells.
     """
@@ -178,13 +140,14 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
         # along the left face the material is at the left, along the right one at the right
         one = paths[0][::-1] if outwards[0] else paths[0]
         other = paths[1] if outwards[1] else paths[1][::-1]
-        return Line(*match_faces(cells, one, other, where), False, joined=False)
+        faces = match_faces(cells, one, other, where)
+        return FacePath(*map(edges_of, faces), embedded=False, joined=False)
     if outwards[0] == outwards[1]:
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
     if outwards[0]:
         paths.reverse()
     _check_match(cells, paths[0], paths[1], where)
-    return Line(paths[0], paths[1], False)
+    return FacePath(*map(edges_of, paths), embedded=False)
 
 
 def _faces(right: list[Edge], left: list[Edge], where: str) -> list[list[int]]:
@@ -247,16 +210,18 @@ def _check_match(cells: CellComplex, right: list[int], left: list[int], where: s
         )
 
 
-def _orient(line: Line, degree: dict[int, int], outline: set[int]) -> None:
+def _orient(path: FacePath, degree: dict[int, int], outline: set[int]) -> None:
     """Let a line run from its tip if it has one; mark tips and mouths."""
-    if not line.joined:
+    if not path.joined:
         return
-    if not line.embedded:
-        line.start, line.mouths = TipCell((0.0, 0.0), (0.0, 0.0)), (False, True)
+    if not path.embedded:
+        path.start, path.mouths = TipCell((0.0, 0.0), (0.0, 0.0)), (False, True)
         return
-    free = [degree[end] == 1 and end not in outline for end in (line.right[0], line.right[-1])]
+    ends = [path.right[0][0], path.right[-1][1]]
+    free = [degree[end] == 1 and end not in outline for end in ends]
     if free == [False, True]:
-        line.right = line.left = line.right[::-1]
+        path.right = path.left = [(b, a) for a, b in path.right[::-1]]
         free.reverse()
-    line.start, line.end = (TipCell((0.0, 0.0), (0.0, 0.0)) if tip else None for tip in free)
-    line.mouths = (line.right[0] in outline, line.right[-1] in outline)
+        ends.reverse()
+    path.start, path.end = (TipCell((0.0, 0.0), (0.0, 0.0)) if tip else None for tip in free)
+    path.mouths = (ends[0] in outline, ends[1] in outline)

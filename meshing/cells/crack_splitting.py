@@ -8,11 +8,11 @@ import math
 
 import numpy as np
 
-from meshing.cells.complex import Cell, CellComplex, CrackFaces, FacePath, TipCell, edge_key
-from meshing.cells.crack_lines import CrackLines, Edge, Line, crack_lines, edges_of
+from meshing.cells.complex import Cell, CellComplex, CrackFaces, Edge, FacePath, TipCell, divided, edge_key
+from meshing.cells.crack_lines import crack_lines
 from meshing.cells.crack_meshing import CrackMeshing
 from meshing.cells.crack_opening import open_cracks
-from meshing.cells.face_division import divide_faces, with_inserted
+from meshing.cells.face_division import divide_edges
 from meshing.cells.splitting import split
 from meshing.cells.vertex_rings import Rings
 
@@ -44,36 +44,38 @@ def add_cracks(cells: CellComplex, meshing: CrackMeshing, origin: str) -> None:
     cracks, outline = crack_lines(cells, origin)
     _refine(cells, cracks, outline, meshing)
     _divide(cells, cracks, meshing)
-    lines = [
-        edge for crack in cracks for line in crack.lines if line.embedded for edge in edges_of(line.right)
-    ]
-    sides = split(cells, lines)
+    sides = split(cells, [edge for path in _paths(cracks) if path.embedded for edge in path.right])
     for crack in cracks:
         _record(cells, crack, sides)
     _drop_missing(cells, origin)
     open_cracks(cells)
 
 
+def _paths(cracks: list[CrackFaces]) -> list[FacePath]:
+    return [path for crack in cracks for path in crack.paths]
+
+
 def _refine(
     cells: CellComplex,
-    cracks: list[CrackLines],
+    cracks: list[CrackFaces],
     outline: set[int],
     meshing: CrackMeshing,
 ) -> None:
     """Rings around tips, junctions and sharp kinks; the lines get the new vertices."""
     rings = Rings(cells)
     near: dict[int, list[int]] = {}
-    for a, b in [edge for crack in cracks for line in crack.lines for edge in edges_of(line.right)]:
+    for a, b in [edge for path in _paths(cracks) for edge in path.right]:
         near.setdefault(a, []).append(b)
         near.setdefault(b, []).append(a)
     done: set[int] = set()
     for crack in cracks:
-        crack.length = sum(_length(cells, line) for line in crack.lines)
-        for line in crack.lines:
-            _refuse_one_edge(cells, crack, line, meshing)
+        crack.length = sum(_length(cells, path) for path in crack.paths)
+        for path in crack.paths:
+            _refuse_one_edge(cells, crack, path, meshing)
+            right, left = path.right, path.left
             for tip, vertex, ends in (
-                (line.start, line.right[0], (line.left[1], line.right[1])),
-                (line.end, line.right[-1], (line.right[-2], line.left[-2])),
+                (path.start, right[0][0], (left[0][1], right[0][1])),
+                (path.end, right[-1][1], (right[-1][0], left[-1][0])),
             ):
                 if tip is None:
                     continue
@@ -94,36 +96,33 @@ def _refine(
     _follow_lines(cells, cracks, rings)
 
 
-def _refuse_one_edge(cells: CellComplex, crack: CrackLines, line: Line, meshing: CrackMeshing) -> None:
-    if meshing.tip_element and line.start and line.end and len(line.right) == 2:
-        (x, y), (u, v) = (cells.vertices[vertex] for vertex in line.right)
+def _refuse_one_edge(cells: CellComplex, crack: CrackFaces, path: FacePath, meshing: CrackMeshing) -> None:
+    if meshing.tip_element and path.start and path.end and len(path.right) == 1:
+        (x, y), (u, v) = (cells.vertices[vertex] for vertex in path.right[0])
         raise ValueError(
             f"{crack.where}: its line from ({x:.6g}, {y:.6g}) to ({u:.6g}, {v:.6g}) m is one edge of cells, "
             "which both tips would divide; give smaller cells there, or pass tip_element=False."
         )
 
 
-def _follow_lines(cells: CellComplex, cracks: list[CrackLines], rings: Rings) -> None:
+def _follow_lines(cells: CellComplex, cracks: list[CrackFaces], rings: Rings) -> None:
     """Give edge sets and lines the vertices of rings; lines leave out ends that are scaling centres now."""
     for name, edges in cells.edge_sets.items():
-        chains = [with_inserted(edge, rings.inserted) for edge in edges]
-        cells.edge_sets[name] = [part for chain in chains for part in edges_of(chain)]
-    for crack in cracks:
-        for line in crack.lines:
-            tips = [tip is not None and tip.cell >= 0 for tip in (line.start, line.end)]
-            line.right, line.left = (
-                with_inserted(path, rings.inserted)[int(tips[0]) : None if not tips[1] else -1]
-                for path in (line.right, line.left)
-            )
+        cells.edge_sets[name] = divided(edges, rings.inserted)
+    for path in _paths(cracks):
+        first, last = (int(tip is not None and tip.cell >= 0) for tip in (path.start, path.end))
+        for face in ("right", "left"):
+            edges = divided(getattr(path, face), rings.inserted)
+            setattr(path, face, edges[first : len(edges) - last])
 
 
-def _length(cells: CellComplex, line: Line) -> float:
+def _length(cells: CellComplex, path: FacePath) -> float:
     """Length of a line, between the two faces where these exist already, m."""
-    if line.embedded or not line.joined:
-        return sum(cells.edge_length(*edge) for edge in edges_of(line.right))
+    if path.embedded or not path.joined:
+        return sum(cells.edge_length(*edge) for edge in path.right)
     places = np.array(cells.vertices)
-    middle = 0.5 * (places[line.right] + places[line.left])
-    return float(np.hypot(*np.diff(middle, axis=0).T).sum())
+    right, left = (places[[face[0][0], *(b for _, b in face)]] for face in (path.right, path.left))
+    return float(np.hypot(*np.diff(0.5 * (right + left), axis=0).T).sum())
 
 
 def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, int]) -> None:
@@ -140,12 +139,8 @@ def _describe(cells: CellComplex, tip: TipCell, vertex: int, ends: tuple[int, in
 
 def _tangent(cells: CellComplex, first: int, second: int) -> np.ndarray:
     """Unit vector from a vertex along the edge to another."""
-    curve = cells.curve(first, second)
-    start, stop = (
-        (np.array(cells.vertices[first]), np.array(cells.vertices[second]))
-        if curve is None
-        else curve(np.array([0.0, 1e-6]))
-    )
+    curved = edge_key((first, second)) in cells.curves
+    start, stop = cells.along((first, second), (0.0, 1e-6 if curved else 1.0))
     return (stop - start) / np.hypot(*(stop - start))
 
 
@@ -156,7 +151,7 @@ def _bend(cells: CellComplex, vertex: int, others: list[int]) -> float:
 
 def _put_tip(
     rings: Rings,
-    crack: CrackLines,
+    crack: CrackFaces,
     tip: TipCell,
     vertex: int,
     ends: tuple[int, int],
@@ -205,41 +200,36 @@ def _cuts(axis: tuple[float, float], away: np.ndarray) -> list[int]:
     return cuts[1:]
 
 
-def _divide(cells: CellComplex, cracks: list[CrackLines], meshing: CrackMeshing) -> None:
+def _divide(cells: CellComplex, cracks: list[CrackFaces], meshing: CrackMeshing) -> None:
     """Divide the edges on the faces."""
-    wanted, counts = [], []
+    wanted: dict[Edge, np.ndarray] = {}
     for crack in cracks:
         longest = meshing.face_size or crack.length / meshing.face_edges
-        for line in crack.lines:
-            for faces in zip(edges_of(line.right), edges_of(line.left)):
-                pair = list(dict.fromkeys(faces))
-                wanted.append(pair)
+        crack.length = None
+        for path in crack.paths:
+            for pair in zip(path.right, path.left):
                 length = max(cells.edge_length(*edge) for edge in pair)
-                counts.append(max(1, math.ceil(length / longest - 1e-6)))
-    inserted = divide_faces(cells, wanted, counts)
-    for crack in cracks:
-        for line in crack.lines:
-            line.right, line.left = (with_inserted(path, inserted) for path in (line.right, line.left))
+                count = max(1, math.ceil(length / longest - 1e-6))
+                wanted |= {edge: np.arange(1, count) / count for edge in pair if count > 1}
+    inserted = divide_edges(cells, wanted)
+    for path in _paths(cracks):
+        path.right, path.left = (divided(face, inserted) for face in (path.right, path.left))
 
 
-def _record(cells: CellComplex, crack: CrackLines, sides: dict[Edge, tuple[Edge, Edge]]) -> None:
+def _record(cells: CellComplex, crack: CrackFaces, sides: dict[Edge, tuple[Edge, Edge]]) -> None:
     """Faces, edge sets and mouth corners."""
-    paths = []
     corners: list[tuple[int, int]] = []
-    for line in crack.lines:
-        if line.embedded:
-            pairs = [sides[edge] for edge in edges_of(line.right)]
-            right, left = ([pair[side] for pair in pairs] for side in (0, 1))
-        else:
-            right, left = edges_of(line.right), edges_of(line.left)
-        paths.append(FacePath(right, left, line.start, line.end))
-        if line.mouths[0]:
-            corners.append((left[0][0], right[0][0]))
-        if line.mouths[1]:
-            corners.append((right[-1][1], left[-1][1]))
-    cells.cracks.append(CrackFaces(crack.name, paths, crack.opening))
-    cells.edge_sets[f"{crack.name}_right"] = [edge for path in paths for edge in path.right]
-    cells.edge_sets[f"{crack.name}_left"] = [edge for path in paths for edge in path.left]
+    for path in crack.paths:
+        if path.embedded:
+            pairs = [sides[edge] for edge in path.right]
+            path.right, path.left = ([pair[side] for pair in pairs] for side in (0, 1))
+        if path.mouths[0]:
+            corners.append((path.left[0][0], path.right[0][0]))
+        if path.mouths[1]:
+            corners.append((path.right[-1][1], path.left[-1][1]))
+    cells.cracks.append(crack)
+    cells.edge_sets[f"{crack.name}_right"] = [edge for path in crack.paths for edge in path.right]
+    cells.edge_sets[f"{crack.name}_left"] = [edge for path in crack.paths for edge in path.left]
     if len(corners) == 1:
         cells.points[f"{crack.name}_right"], cells.points[f"{crack.name}_left"] = corners[0]
 

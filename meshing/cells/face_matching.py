@@ -13,8 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from meshing.cells.complex import CellComplex, Curve, edge_key
-from meshing.cells.face_division import divide_edges, with_inserted
+from meshing.cells.complex import CellComplex, Curve, divided, edge_key, edges_of
+from meshing.cells.face_division import divide_edges
 
 # Vertices of the two faces that are closer than this, in units of the shortest edge there, are put beside
 # each other; others get a partner of their own. Short edges between long ones make the pressure uneven.
@@ -69,12 +69,8 @@ def match_faces(
 
 def _samples(cells: CellComplex, path: list[int]) -> np.ndarray:
     """(n, 2): points along a face."""
-    pieces = [np.array([cells.vertices[path[0]]])]
-    for first, last in zip(path, path[1:]):
-        curve, ends = cells.curve(first, last), [cells.vertices[first], cells.vertices[last]]
-        straight = np.array(ends[0]) + _FINE[1:, None] * np.subtract(ends[1], ends[0])
-        pieces.append(straight if curve is None else curve(_FINE[1:]))
-    return np.concatenate(pieces)
+    pieces = [cells.along(edge, _FINE[1:]) for edge in edges_of(path)]
+    return np.concatenate([[cells.vertices[path[0]]], *pieces])
 
 
 def _direction(faces: list[np.ndarray]) -> np.ndarray:
@@ -220,7 +216,8 @@ class _Face:
             inside = stations[(stations > first) & (stations < last)]
             if len(inside):
                 cuts[edge] = (inside - first) / (last - first)
-        whole = with_inserted(self._path, divide_edges(cells, cuts))
+        edges = divided(edges_of(self._path), divide_edges(cells, cuts))
+        whole = [self._path[0], *(last for _, last in edges)]
         places = np.unique(np.concatenate([self.places, stations]))
         places = places[(places >= self.places[0]) & (places <= self.places[-1])]
         return [v for v, s in zip(whole, places) if stations[0] <= s <= stations[-1]]

@@ -92,7 +92,7 @@ def build_mesh(
 
     cracks, tips, pairs = [], [], []
     for index, faces in enumerate(cells.cracks):
-        found, length = crack_pairs(faces, nodes_of, nodes, index, f"{origin}: crack {faces.name!r}")
+        found, length = crack_pairs(faces, nodes_of, nodes, index)
         pairs.append(found)
         tips_here = _tips(faces, index, element_of_cell)
         cracks.append(_crack(faces, tips_here, length, nodes_of, nodes))

@@ -35,10 +35,10 @@ def check_joined(cells: CellComplex, origin: str) -> None:
     if not outline:
         return
     lines = shapely.linestrings(
-        np.concatenate([_along(cells, edge, _FINE) for edge in outline]),
+        np.concatenate([cells.along(edge, _FINE) for edge in outline]),
         indices=np.repeat(np.arange(len(outline)), len(_FINE)),
     )
-    places = shapely.points(np.concatenate([_along(cells, edge, _PLACES) for edge in outline]))
+    places = shapely.points(np.concatenate([cells.along(edge, _PLACES) for edge in outline]))
     _refuse_overlaps(cells, places, origin)
     extent = float(np.ptp(np.array(cells.vertices), axis=0).max())
     count = len(_PLACES)
@@ -58,26 +58,13 @@ def check_joined(cells: CellComplex, origin: str) -> None:
         )
 
 
-def _along(cells: CellComplex, edge: tuple[int, int], at: np.ndarray) -> np.ndarray:
-    """Points of an edge at fractions of it."""
-    curve = cells.curve(*edge)
-    if curve is not None:
-        return curve(at)
-    first, last = (np.array(cells.vertices[vertex]) for vertex in edge)
-    return first + at[:, None] * (last - first)
-
-
 def _refuse_overlaps(cells: CellComplex, places: np.ndarray, origin: str) -> None:
     corners = [np.array([cells.vertices[vertex] for vertex in cell.vertices]) for cell in cells.cells]
     boxes = shapely.box(*np.array([[*c.min(axis=0), *c.max(axis=0)] for c in corners]).T)
     tree = shapely.STRtree(boxes)
     for number, place in zip(*tree.query(places)[::-1]):
-        loop = [_along(cells, edge_key(edge), _FINE) for edge in cells.cells[number].edges()]
-        loop = [
-            points if edge[0] < edge[1] else points[::-1]
-            for points, edge in zip(loop, cells.cells[number].edges())
-        ]
-        polygon = shapely.Polygon(np.concatenate([points[:-1] for points in loop]))
+        loop = [cells.along(edge, _FINE[:-1]) for edge in cells.cells[number].edges()]
+        polygon = shapely.Polygon(np.concatenate(loop))
         point = places[place]
         depth = _WITHIN * float(np.ptp(corners[number], axis=0).max())
         if polygon.contains(point) and polygon.exterior.distance(point) > depth:
