@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from meshing.input_checks import length, number, shown
-from meshing.shapes.features import CrackLine, Hole, VNotch, items_of
+from meshing.shapes.features import CrackLine, Hole, VNotch, items_of, refuse_close
 
 _CLEARANCE = 1e-3  # smallest distance between features, relative to the beam's height
 _THINNEST_WALL = 0.02  # beside a hole, relative to its diameter
@@ -129,39 +129,9 @@ class BeamShape:
         for name in names:
             if names.count(name) > 1:
                 raise ValueError(f"Beam: two cracks have the name {name!r}; choose another.")
+        areas = [_notch_polygon(self.triangle(notch)) for notch in self.notches]
         least = _CLEARANCE * self.height
-        shapes = [_notch_polygon(self.triangle(notch)) for notch in self.notches]
-        centres = [shapely.Point(hole.x, hole.y) for hole in self.holes]
-        if not shapes and not centres:
-            return
-        tree = shapely.STRtree([*shapes, *centres])
-        count = len(shapes)
-        widest = max((hole.radius for hole in self.holes), default=0.0)
-        wall = max((self._wall(hole) for hole in self.holes), default=least)
-        close = tree.query([*shapes, *centres], predicate="dwithin", distance=2 * widest + max(wall, least))
-        for i, j in sorted((int(a), int(b)) for a, b in close.T if a < b):
-            if j < count:
-                if shapely.distance(shapes[i], shapes[j]) < least:
-                    raise ValueError(
-                        f"notches {i + 1} and {j + 1} overlap or touch ({self.notches[i]!r}, "
-                        f"{self.notches[j]!r}); move them apart."
-                    )
-                continue
-            hole = self.holes[j - count]
-            if i < count:
-                if shapely.distance(centres[j - count], shapes[i]) - hole.radius < self._wall(hole):
-                    raise ValueError(
-                        f"hole {j - count + 1} touches or cuts notch {i + 1} ({hole!r}, "
-                        f"{self.notches[i]!r}); move them apart."
-                    )
-                continue
-            other = self.holes[i - count]
-            gap = math.hypot(hole.x - other.x, hole.y - other.y) - hole.radius - other.radius
-            if gap < max(self._wall(hole), self._wall(other)):
-                raise ValueError(
-                    f"holes {i - count + 1} and {j - count + 1} overlap or touch ({other!r}, {hole!r}); move "
-                    "them apart."
-                )
+        refuse_close("", [*zip(self.notches, areas)], self.holes, [self._wall(h) for h in self.holes], least)
 
     def check_point(self, name: str, point: object) -> tuple[float, float]:
         """A user's point as two floats, or the error that says why it cannot be a node."""

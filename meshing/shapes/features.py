@@ -6,6 +6,8 @@ import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
+import shapely
+
 from meshing.input_checks import choice, length, number, shown
 
 _STEEPEST = 85.0  # degrees between a face and the vertical
@@ -192,3 +194,42 @@ def items_of(owner: str, name: str, items: object, kind: type) -> tuple:
         if not isinstance(item, kind):
             raise TypeError(f"{owner}: {name} contains {shown(item)}, only {kind.__name__} was expected.")
     return result
+
+
+def refuse_close(
+    owner: str,
+    notches: Sequence[tuple[VNotch, shapely.Geometry]],
+    holes: Sequence[Hole],
+    walls: Sequence[float],
+    least: float = 0.0,
+) -> None:
+    """ValueError for notches and holes that overlap, touch or come too close to each other.
+
+    Parameters
+    ----------
+    notches : sequence of (VNotch, geometry)
+        Each with the area that it takes.
+    walls : sequence of float
+        Least thickness of the material beside each hole, m.
+    least : float
+        Least distance of notches, m.
+    """
+    items = [(notch, area, 0.0, least) for notch, area in notches]
+    items += [(h, shapely.Point(h.x, h.y), h.radius, wall) for h, wall in zip(holes, walls)]
+    if len(items) < 2:
+        return
+    places = [place for _, place, _, _ in items]
+    reach = 2 * max(radius for _, _, radius, _ in items) + max(wall for *_, wall in items)
+    for i, j in sorted(shapely.STRtree(places).query(places, predicate="dwithin", distance=reach).T.tolist()):
+        (one, here, inner, wall), (other, there, outer, thick) = items[i], items[j]
+        if i >= j or shapely.distance(here, there) - inner - outer >= max(wall, thick):
+            continue
+        first, second = (k + 1 if k < len(notches) else k + 1 - len(notches) for k in (i, j))
+        if type(one) is type(other):
+            kind = "notches" if isinstance(one, VNotch) else "holes"
+            raise ValueError(
+                f"{owner}{kind} {first} and {second} overlap or touch ({one!r}, {other!r}); move them apart."
+            )
+        raise ValueError(
+            f"{owner}hole {second} touches or cuts notch {first} ({other!r}, {one!r}); move them apart."
+        )

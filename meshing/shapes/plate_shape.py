@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 
 from meshing.input_checks import shown
-from meshing.shapes.features import CrackLine, Hole, corners_of, items_of
+from meshing.shapes.features import CrackLine, Hole, corners_of, items_of, refuse_close
 
 _CLEARANCE = 1e-3  # smallest distance between holes and edges, relative to the body's diagonal
 _FARTHEST = 3e6  # coordinates, relative to the body's diagonal
@@ -122,14 +122,4 @@ class PlateShape:
                     f"Plate: hole {i} ({hole!r}) leaves or touches the outline or leaves too thin a wall; "
                     "move it inside or make it smaller."
                 )
-        if len(self.holes) < 2:
-            return
-        tree = shapely.STRtree(centres)
-        reach = max(hole.diameter for hole in self.holes) + max(walls)
-        for i, j in tree.query(centres, predicate="dwithin", distance=reach).T:
-            gap = shapely.distance(centres[i], centres[j]) - self.holes[i].radius - self.holes[j].radius
-            if i < j and gap < max(walls[i], walls[j]):
-                raise ValueError(
-                    f"Plate: holes {i + 1} and {j + 1} overlap or touch ({self.holes[i]!r}, "
-                    f"{self.holes[j]!r}); move them apart."
-                )
+        refuse_close("Plate: ", [], self.holes, walls)
