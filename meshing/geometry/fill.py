@@ -75,7 +75,7 @@ class _Filler:
             rosettes.append(Rosette(self.own[v], radius, RIM * radius))
         where = np.array(drawing.vertices)
         lines = [edge for loop in loops for edge in around(loop)] + self.segments
-        crossing = find_crossing(where[np.array(lines)])
+        crossing = find_crossing(where[np.array(lines)], np.array(lines))
         if crossing is not None:
             raise RuntimeError(
                 f"the outline of what is to be filled by gmsh crosses itself near ({crossing[0]:.6g}, "

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.geometry.planar import find_crossing, find_meeting
+from meshing.geometry.planar import find_crossing
 from meshing.gmsh.confined import Refusal
 from meshing.gmsh.describe import KIND, MATERIAL, NO_SIZE, describe, physical_groups, whole_surfaces
 from meshing.gmsh.discretise import mesh_surfaces
@@ -205,9 +205,7 @@ def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
         segments = where[tags]
         if np.ptp(segments[..., 2]) > 1e-9 * np.ptp(segments.reshape(-1, 3), axis=0).max():
             continue  # not plane: refused with its cells
-        crossing = find_crossing(segments[..., :2])
-        if crossing is None:
-            crossing = find_meeting(segments[..., :2], tags)
+        crossing = find_crossing(segments[..., :2], tags)
         if crossing is not None:
             raise Refusal(
                 f"the curves of surface {surface} cross each other near ({crossing[0]:.6g}, "
