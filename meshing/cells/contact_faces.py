@@ -186,18 +186,10 @@ def chosen(pairs: ContactPairs, rows: np.ndarray) -> ContactPairs:
 
 def join_pairs(parts: list[ContactPairs]) -> ContactPairs:
     """Pairs of several cracks one after the other."""
-    if not parts:
-        return ContactPairs(
-            np.zeros((0, 2), int),
-            np.zeros((0, 2)),
-            np.zeros(0),
-            np.zeros(0, int),
-            np.zeros(0),
-            np.zeros(0),
-            np.zeros(0),
-        )
+    pairs, row, number = np.zeros((0, 2)), np.zeros(0), np.zeros(0, int)
+    none = ContactPairs(pairs.astype(int), pairs, row, number, row, row, row)
     return ContactPairs(
-        *(np.concatenate([getattr(part, item.name) for part in parts]) for item in fields(ContactPairs))
+        *(np.concatenate([getattr(part, item.name) for part in (none, *parts)]) for item in fields(none))
     )
 
 

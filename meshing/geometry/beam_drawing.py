@@ -12,7 +12,7 @@ import shapely
 from meshing.cells.complex import edge_key
 from meshing.cells.vertex_rings import Rings
 from meshing.geometry.beam_options import BeamOptions
-from meshing.geometry.blocks import Block, plan_blocks
+from meshing.geometry.blocks import Block, features_of, plan_blocks
 from meshing.geometry.drawing import Drawing
 from meshing.geometry.fans import Fan
 from meshing.geometry.fill import draw_filled
@@ -62,12 +62,9 @@ def beam_drawing(beam: BeamShape, options: BeamOptions) -> Drawing:
 
 def _corner_widths(beam: BeamShape, options: BeamOptions) -> dict[str, float]:
     """Width of the graded corner squares at each end, 0 where there are none."""
-    lows = [n.x + min(0.0, n.left_offset) for n in beam.notches] + [h.x - h.radius for h in beam.holes]
-    highs = [n.x + max(0.0, n.right_offset) for n in beam.notches] + [h.x + h.radius for h in beam.holes]
-    lows += [x for crack in beam.cracks for x, _ in crack.points]
-    highs += [x for crack in beam.cracks for x, _ in crack.points]
-    free = {"left": min(lows, default=beam.length), "right": beam.length - max(highs, default=0.0)}
-    points = [x for x, _ in options.points.values()]
+    features, points = features_of(beam), [x for x, _ in options.points.values()]
+    free = {"left": min((feature.low for feature in features), default=beam.length)}
+    free["right"] = beam.length - max((feature.high for feature in features), default=0.0)
     nearest = {"left": min((x for x in points if x > 0), default=math.inf)}
     nearest["right"] = beam.length - max((x for x in points if x < beam.length), default=-math.inf)
     widths = {"left": 0.0, "right": 0.0}

@@ -34,6 +34,23 @@ def whole_surfaces(groups: Groups) -> list[int]:
     return list(dict.fromkeys(found))
 
 
+def node_positions(gmsh: Any) -> np.ndarray:
+    """Positions by node tag, (highest tag + 1, 3)."""
+    tags, positions, _ = gmsh.model.mesh.getNodes()
+    where = np.full((int(max(tags, default=0)) + 1, 3), np.nan)
+    where[np.asarray(tags, np.int64)] = np.reshape(positions, (-1, 3))
+    return where
+
+
+def line_ends(gmsh: Any, curve: int) -> np.ndarray:
+    """Node tags of the ends of the lines on a curve, (n, 2)."""
+    ends = [np.zeros((0, 2), np.int64)]
+    for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
+        count = gmsh.model.mesh.getElementProperties(kind)[3]
+        ends.append(np.asarray(nodes, np.int64).reshape(-1, count)[:, :2])
+    return np.vstack(ends)
+
+
 def describe(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel:
     """The meshed model by few calls.
 
@@ -117,20 +134,18 @@ def _true_curves(gmsh: Any, order: int, curves: list[int]) -> dict[str, np.ndarr
         if gmsh.model.getType(1, curve) in ("Line", "Discrete curve"):
             continue
         parameter_of = _parameters(gmsh, curve)
-        for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
-            count = gmsh.model.mesh.getElementProperties(kind)[3]
-            ends = np.asarray(nodes, np.int64).reshape(-1, count)[:, :2]
-            spans = [
-                min(
-                    ((a, b) for a in parameter_of[int(first)] for b in parameter_of[int(last)]),
-                    key=lambda pair: abs(pair[1] - pair[0]),
-                )
-                for first, last in ends
-            ]
-            where = np.array([start + at * (stop - start) for start, stop in spans])
-            values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
-            ends_of.append(ends)
-            points_of.append(values.reshape(len(ends), order + 1, 3)[..., :2])
+        ends = line_ends(gmsh, curve)
+        spans = [
+            min(
+                ((a, b) for a in parameter_of[int(first)] for b in parameter_of[int(last)]),
+                key=lambda pair: abs(pair[1] - pair[0]),
+            )
+            for first, last in ends
+        ]
+        where = np.array([start + at * (stop - start) for start, stop in spans])
+        values = np.array(gmsh.model.getValue(1, curve, where.ravel()))
+        ends_of.append(ends)
+        points_of.append(values.reshape(len(ends), order + 1, 3)[..., :2])
     return {"curved_ends": np.vstack(ends_of), "curved_points": np.concatenate(points_of)}
 
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from meshing.gmsh.describe import Groups, physical_groups, whole_surfaces
+from meshing.gmsh.describe import Groups, line_ends, node_positions, physical_groups, whole_surfaces
 
 # Quadrilaterals or triangles, and gmsh's algorithm (6 frontal, 5 Delaunay, 1 adaptive): needles between lines
 # that meet at a few degrees may be too much for one of them.
@@ -66,7 +66,7 @@ def boundary_discretisation(gmsh: Any, size: float | None) -> tuple[Groups, dict
     except Exception as error:  # gmsh raises nothing more precise
         raise RuntimeError(f"gmsh could not mesh the drawing: {error}") from error
     if left:
-        x, y = _outline(gmsh, left[0], _positions(gmsh))[:, 0].mean(axis=0)
+        x, y = _outline(gmsh, left[0], node_positions(gmsh))[:, 0].mean(axis=0)
         raise RuntimeError(
             f"gmsh's cells around ({x:.6g}, {y:.6g}) m overlap or leave gaps, as they may where lines meet "
             "at a few degrees or pass close to each other; give a smaller size, or move the lines."
@@ -84,28 +84,20 @@ def mesh_surfaces(gmsh: Any, surfaces: list[int]) -> None:
     gmsh.option.setNumber("Mesh.MeshOnlyVisible", 0)
 
 
-def _positions(gmsh: Any) -> np.ndarray:
-    """Positions in the plane by node tag, (highest tag + 1, 2)."""
-    tags, positions, _ = gmsh.model.mesh.getNodes()
-    where = np.zeros((int(max(tags, default=0)) + 1, 2))
-    where[np.asarray(tags, np.int64)] = np.reshape(positions, (-1, 3))[:, :2]
-    return where
-
-
 def _outline(gmsh: Any, surface: int, where: np.ndarray) -> np.ndarray:
     """Ends of the lines around a surface, directed, (n, 2, 2)."""
-    ends = []
-    for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=True):
-        line = where[np.asarray(gmsh.model.mesh.getElements(1, abs(curve))[2][0], np.int64)].reshape(-1, 2, 2)
-        ends.append(line if curve > 0 else line[::-1, ::-1])
-    return np.concatenate(ends)
+    curves = [curve for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=True)]
+    ends = [
+        line_ends(gmsh, abs(curve))[:: 1 if curve > 0 else -1, :: 1 if curve > 0 else -1] for curve in curves
+    ]
+    return where[np.vstack(ends)][..., :2]
 
 
 def _covered(gmsh: Any, surface: int) -> bool:
     """Whether the cells of a surface have the area within its outline."""
-    where, twice = _positions(gmsh), 0.0
+    where, twice = node_positions(gmsh), 0.0
     for kind, _, nodes in zip(*gmsh.model.mesh.getElements(2, surface)):
-        cells = where[np.asarray(nodes, np.int64)].reshape(-1, _CORNERS[kind], 2)
+        cells = where[np.asarray(nodes, np.int64), :2].reshape(-1, _CORNERS[kind], 2)
         twice += float(np.abs(_cross(cells, np.roll(cells, -1, axis=1)).sum(axis=1)).sum())
     line = _outline(gmsh, surface, where)
     wanted = abs(float(_cross(line[:, 0], line[:, 1]).sum()))

@@ -6,7 +6,6 @@ The answer of `extract` is a `FileModel`, packed.
 from __future__ import annotations
 
 import contextlib
-import math
 import re
 from collections.abc import Iterator
 from dataclasses import replace
@@ -16,7 +15,16 @@ import numpy as np
 
 from meshing.geometry.planar import find_crossing
 from meshing.gmsh.confined import Refusal
-from meshing.gmsh.describe import KIND, MATERIAL, NO_SIZE, describe, physical_groups, whole_surfaces
+from meshing.gmsh.describe import (
+    KIND,
+    MATERIAL,
+    NO_SIZE,
+    describe,
+    line_ends,
+    node_positions,
+    physical_groups,
+    whole_surfaces,
+)
 from meshing.gmsh.discretise import mesh_surfaces
 from meshing.gmsh.files import CAD, IGES, SCRIPTS
 from meshing.gmsh.script_log import check_whole, refused, step_read
@@ -189,19 +197,13 @@ def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
     """Surfaces whose outline and embedded curves cross each other, on which gmsh may work for ever; needs the
     mesh of the curves.
     """
-    where = _node_positions(gmsh)
+    where = node_positions(gmsh)
     for surface in surfaces:
-        ends: list[np.ndarray] = []
-        embedded = [
-            (dimension, tag) for dimension, tag in gmsh.model.mesh.getEmbedded(2, surface) if dimension == 1
-        ]
-        for _, curve in gmsh.model.getBoundary([(2, surface)], oriented=False) + embedded:
-            for kind, _, nodes in zip(*gmsh.model.mesh.getElements(1, curve)):
-                count = gmsh.model.mesh.getElementProperties(kind)[3]
-                ends.append(np.asarray(nodes, np.int64).reshape(-1, count)[:, :2])
-        if not ends:
+        curves = gmsh.model.getBoundary([(2, surface)], oriented=False)
+        curves += gmsh.model.mesh.getEmbedded(2, surface)
+        tags = np.vstack([line_ends(gmsh, tag) for dimension, tag in curves if dimension == 1])
+        if not len(tags):
             continue
-        tags = np.vstack(ends)
         segments = where[tags]
         if np.ptp(segments[..., 2]) > 1e-9 * np.ptp(segments.reshape(-1, 3), axis=0).max():
             continue  # not plane: refused with its cells
@@ -211,14 +213,6 @@ def _refuse_crossing_outlines(gmsh, surfaces: list[int]) -> None:
                 f"the curves of surface {surface} cross each other near ({crossing[0]:.6g}, "
                 f"{crossing[1]:.6g}) (in the file's unit); mend the geometry."
             )
-
-
-def _node_positions(gmsh) -> np.ndarray:
-    """Positions by node tag, (highest tag + 1, 3)."""
-    tags, positions, _ = gmsh.model.mesh.getNodes()
-    where = np.full((int(max(tags, default=0)) + 1, 3), math.nan)
-    where[np.asarray(tags, np.int64)] = np.reshape(positions, (-1, 3))
-    return where
 
 
 def _numbered_entities(gmsh) -> list[list]:
