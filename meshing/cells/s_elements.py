@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from meshing.boundary_mesh import BoundaryMesh, Crack, Tip
-from meshing.cells.complex import CellComplex, CrackFaces, edge_key
+from meshing.cells.complex import Cell, CellComplex, CrackFaces, edge_key
 from meshing.cells.contact_faces import crack_pairs, join_pairs, without_doubles
 from meshing.gll import gll_nodes, lagrange_slopes, lagrange_values
 from meshing.recipe import Recipe
@@ -78,9 +76,9 @@ def build_mesh(
         starts.append(len(used))
 
     nodes, edge_nodes = np.array(coordinates), np.array(edges)
-    outlines = _Outlines(np.array(used), np.array(turned), np.array(starts))
-    flat, backwards, start = outlines
-    centres = _scaling_centres([cells.cells[i] for i in sequence], nodes, edge_nodes, outlines, origin)
+    flat, backwards, start = np.array(used), np.array(turned), np.array(starts)
+    ordered = [cells.cells[i] for i in sequence]
+    centres = _scaling_centres(ordered, nodes[edge_nodes[flat]], backwards, start, origin)
     element_of_cell = np.argsort(sequence)
 
     def numbers(pairs: list[tuple[int, int]]) -> np.ndarray:
@@ -105,12 +103,10 @@ def build_mesh(
         element_edges=flat,
         element_reversed=backwards,
         scaling_centres=centres,
-        closed=np.array([cells.cells[i].closed for i in sequence]),
-        materials=np.array([cells.cells[i].material for i in sequence]),
+        closed=np.array([cell.closed for cell in ordered]),
+        materials=np.array([cell.material for cell in ordered]),
         sector_materials={
-            number: np.array(cells.cells[i].sectors)
-            for number, i in enumerate(sequence)
-            if cells.cells[i].sectors is not None
+            number: np.array(cell.sectors) for number, cell in enumerate(ordered) if cell.sectors is not None
         },
         material_names=tuple(cells.materials),
         edge_sets={name: np.sort(numbers(pairs_of_set)) for name, pairs_of_set in cells.edge_sets.items()},
@@ -166,108 +162,108 @@ def _edge_points(cells: CellComplex, key: tuple[int, int], parameter: np.ndarray
     return parameter[::-1, None] * first + parameter[:, None] * last
 
 
-class _Outlines(NamedTuple):
-    """Edges of one S-element after the other, whether they run backwards, where each S-element starts."""
-
-    edges: np.ndarray
-    backwards: np.ndarray
-    start: np.ndarray
-
-
-def _scaling_centres(elements, nodes, edges, outlines: _Outlines, origin: str) -> np.ndarray:
-    """Centre of each S-element, after the check that it sees the whole outline."""
-    flat, backwards, start = outlines
-    order = edges.shape[1] - 1
-    at = np.unique(np.concatenate([gll_nodes(order), np.polynomial.legendre.leggauss(order + 3)[0]]))
-    values, slopes = (evaluate(gll_nodes(order), at) for evaluate in (lagrange_values, lagrange_slopes))
-    chord = nodes[edges[:, -1]] - nodes[edges[:, 0]]
-    parameter = 0.5 * (gll_nodes(order) + 1.0)
-    straight = nodes[edges[:, 0]][:, None, :] + parameter[None, :, None] * chord[:, None, :]
-    curved = np.abs(nodes[edges] - straight).max(axis=(1, 2)) > 1e-10 * np.hypot(*chord.T)
-    centres = np.empty((len(elements), 2))
-    for number, element in enumerate(elements):
-        points, tangents = [], []
-        for edge, backward in zip(
-            flat[start[number] : start[number + 1]], backwards[start[number] : start[number + 1]]
-        ):
-            sign = -1.0 if backward else 1.0
-            if curved[edge]:
-                points.append(values @ nodes[edges[edge]])
-                tangents.append(sign * (slopes @ nodes[edges[edge]]))
-                if backward:
-                    points[-1], tangents[-1] = points[-1][::-1], tangents[-1][::-1]
-            else:
-                points.append(nodes[edges[edge, [-1 if backward else 0]]])
-                tangents.append(sign * 0.5 * chord[edge][None, :])
-        centres[number] = find_centre(np.vstack(points), np.vstack(tangents), element.centre, origin)
-    return centres
-
-
-def find_centre(
-    points: np.ndarray, tangents: np.ndarray, prescribed: tuple[float, float] | None, origin: str
+def _scaling_centres(
+    cells: list[Cell], x: np.ndarray, backwards: np.ndarray, start: np.ndarray, origin: str
 ) -> np.ndarray:
-    """Scaling centre from which the whole outline is visible.
+    """Centre of each S-element, from which its whole outline is visible: the prescribed one (a tip), the
+    centroid if it sees the outline well, else a point of the kernel.
 
     Parameters
     ----------
-    points, tangents : (n, 2) array
-        Points of the outline, counter-clockwise, m, and the outline's direction there (any length). For
-        straight edges one point is enough.
-    prescribed : (x, y) or None
-        The centre to be checked (a crack tip); None: the centroid if it sees the outline well, else a point
-        of the kernel.
+    cells : list of Cell
+    x : (uses, p + 1, 2) array
+        Nodes of their edges, one cell after the other, m.
+    backwards : (uses,) bool array
+        Edges that the cell runs through from their last node.
+    start : (cells + 1,) array
+        Where each cell's edges begin.
     origin : str
         What is being meshed, for messages.
-
-    Returns
-    -------
-    (2,) array
-        m.
 
     Raises
     ------
     ValueError
         No point, or not the prescribed one, sees the whole outline.
     """
-    middle = points.mean(axis=0)
-    local = points - middle
-    length = np.hypot(*tangents.T)
-    outline = local if prescribed is None else np.vstack([local, np.subtract(prescribed, middle)])
-    following = np.roll(outline, -1, axis=0)
-    cross = outline[:, 0] * following[:, 1] - outline[:, 1] * following[:, 0]
-    area = 0.5 * cross.sum()
-    where = f"{origin}: cell near ({middle[0]:.6g}, {middle[1]:.6g})"
-    if not length.all() or area <= 1e-12 * np.ptp(local, axis=0).max() ** 2:
-        raise ValueError(f"{where} m is inverted or degenerate (area {area:.3g} m2); mend the mesh there.")
-    unit = tangents / length[:, None]
-    scale = np.sqrt(area)
-
-    def sight(centre: np.ndarray) -> float:
-        return float(
-            (((local[:, 0] - centre[0]) * unit[:, 1] - (local[:, 1] - centre[1]) * unit[:, 0]).min()) / scale
+    points, tangents, first = _outlines(x, backwards, start)
+    count = np.diff([*first, len(points)])
+    owner = np.repeat(np.arange(len(cells)), count)
+    middle = np.add.reduceat(points, first) / count[:, None]
+    local, length = points - middle[owner], np.hypot(*tangents.T)
+    following = np.roll(local, -1, axis=0)
+    following[first + count - 1] = local[first]
+    cross = local[:, 0] * following[:, 1] - local[:, 1] * following[:, 0]
+    given = np.array([i for i, cell in enumerate(cells) if cell.centre is not None], int)
+    tips = np.array([cells[i].centre for i in given]).reshape(-1, 2) - middle[given]
+    for i, tip in zip(given, tips):  # the outline passes through the centre
+        one, last = local[first[i]], local[first[i] + count[i] - 1]
+        cross[first[i] + count[i] - 1] = (
+            last[0] * tip[1] - last[1] * tip[0] + tip[0] * one[1] - tip[1] * one[0]
         )
+    area = 0.5 * np.add.reduceat(cross, first)
+    extent = np.maximum.reduceat(local, first) - np.minimum.reduceat(local, first)
+    where = [f"{origin}: cell near ({mx:.6g}, {my:.6g}) m" for mx, my in middle.tolist()]
+    wrong = (np.minimum.reduceat(length, first) == 0.0) | (area <= 1e-12 * extent.max(axis=1) ** 2)
+    for i in np.flatnonzero(wrong):
+        raise ValueError(
+            f"{where[i]} is inverted or degenerate (area {area[i]:.3g} m2); mend the mesh there."
+        )
+    unit = tangents / length[:, None]
 
-    if prescribed is not None:
-        if sight(np.subtract(prescribed, middle)) < _ADMISSIBLE:
-            raise ValueError(
-                f"{where} m does not see its whole outline from the crack tip ({prescribed[0]:.6g}, "
-                f"{prescribed[1]:.6g}); refine the mesh there."
-            )
-        return np.array(prescribed, float)
-    centroid = (outline + following).T @ cross / (6 * area)
-    best, best_sight = centroid, sight(centroid)
-    if best_sight < _COMFORTABLE:
-        kernel = _kernel(local, unit)
+    def sight(centre: np.ndarray, of: np.ndarray, starts: np.ndarray) -> np.ndarray:
+        """Least distance of centres, one for each row of `of`, from the tangents in these rows."""
+        away = local[of] - centre
+        return np.minimum.reduceat(away[:, 0] * unit[of, 1] - away[:, 1] * unit[of, 0], starts)
+
+    centre = np.add.reduceat((local + following) * cross[:, None], first) / (6 * area[:, None])
+    centre[given] = tips
+    everything = np.arange(len(points))
+    seen = sight(centre[owner], everything, first) / np.sqrt(area)
+    for i in given[seen[given] < _ADMISSIBLE]:
+        tip = tips[given == i][0] + middle[i]
+        raise ValueError(
+            f"{where[i]} does not see its whole outline from the crack tip ({tip[0]:.6g}, {tip[1]:.6g}); "
+            "refine the mesh there."
+        )
+    for i in np.flatnonzero(seen < _COMFORTABLE):
+        own = everything[first[i] : first[i] + count[i]]
+        kernel = _kernel(local[own], unit[own]) if cells[i].centre is None else ()
         if len(kernel):
             candidate = kernel.mean(axis=0)
-            if sight(candidate) > best_sight:
-                best, best_sight = candidate, sight(candidate)
-    if best_sight < _ADMISSIBLE:
-        raise ValueError(
-            f"{where} m is not star-convex: no point sees its whole outline; split the cell or straighten "
-            "its edges."
-        )
-    return middle + best
+            found = sight(candidate, own, np.zeros(1, int))[0] / np.sqrt(area[i])
+            if found > seen[i]:
+                centre[i], seen[i] = candidate, found
+        if seen[i] < _ADMISSIBLE:
+            raise ValueError(
+                f"{where[i]} is not star-convex: no point sees its whole outline; split the cell or "
+                "straighten its edges."
+            )
+    return middle + centre
+
+
+def _outlines(
+    x: np.ndarray, backwards: np.ndarray, start: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Points of the outlines of all cells, the outlines' directions there (any length), and where each cell's
+    begin; of a straight edge one point is enough.
+    """
+    order = x.shape[1] - 1
+    at = np.unique(np.concatenate([gll_nodes(order), np.polynomial.legendre.leggauss(order + 3)[0]]))
+    values, slopes = (evaluate(gll_nodes(order), at) for evaluate in (lagrange_values, lagrange_slopes))
+    ahead = np.where(backwards, -1, 1)
+    chord = x[:, -1] - x[:, 0]
+    parameter = 0.5 * (gll_nodes(order) + 1.0)
+    straight = x[:, :1] + parameter[:, None] * chord[:, None, :]
+    curved = np.abs(x - straight).max(axis=(1, 2)) > 1e-10 * np.hypot(*chord.T)
+    count = np.where(curved, len(at), 1)
+    use = np.repeat(np.arange(len(x)), count)
+    # of the edge as it is, from which its two cells must have the same
+    points, tangents = x[use, np.where(backwards, -1, 0)[use]], 0.5 * (ahead[:, None] * chord)[use]
+    shape, slope = values @ x[curved], ahead[curved, None, None] * (slopes @ x[curved])
+    turned = backwards[curved]
+    shape[turned], slope[turned] = shape[turned, ::-1], slope[turned, ::-1]
+    points[curved[use]], tangents[curved[use]] = shape.reshape(-1, 2), slope.reshape(-1, 2)
+    return points, tangents, np.concatenate([[0], np.cumsum(count)])[start[:-1]]
 
 
 def _kernel(points: np.ndarray, unit: np.ndarray) -> np.ndarray:
