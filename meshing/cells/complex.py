@@ -109,6 +109,8 @@ class CrackFaces:
         Its unbranched lines.
     opening : float
         Angle by which the faces are still to be moved apart, degrees.
+    drawn : float
+        Length of its lines before their edges are divided, m.
     length : float or None
         m; None: that of the faces.
     """
@@ -117,6 +119,7 @@ class CrackFaces:
     where: str
     paths: list[FacePath] = field(default_factory=list)
     opening: float = 0.0
+    drawn: float = 0.0
     length: float | None = None
 
 

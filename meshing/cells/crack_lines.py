@@ -140,14 +140,14 @@ def _recognise(cells: CellComplex, name: str, right: list[Edge], left: list[Edge
         # along the left face the material is at the left, along the right one at the right
         one = paths[0][::-1] if outwards[0] else paths[0]
         other = paths[1] if outwards[1] else paths[1][::-1]
-        faces = match_faces(cells, one, other, where)
-        return FacePath(*map(edges_of, faces), embedded=False, joined=False)
+        one, other = match_faces(cells, one, other, where)
+        return FacePath(edges_of(one), edges_of(other), embedded=False, joined=False)
     if outwards[0] == outwards[1]:
         raise ValueError(f"{where}: its faces do not lie on the outline of the material.")
     if outwards[0]:
         paths.reverse()
     _check_match(cells, paths[0], paths[1], where)
-    return FacePath(*map(edges_of, paths), embedded=False)
+    return FacePath(edges_of(paths[0]), edges_of(paths[1]), embedded=False)
 
 
 def _faces(right: list[Edge], left: list[Edge], where: str) -> list[list[int]]:

@@ -47,21 +47,23 @@ class CrackMeshing:
         given : mapping of str to object
             Arguments by their names.
         """
-        sizes = {}
+        sizes: dict[str, float | None] = {"tip_size": None, "face_size": None}
         for name, least in (("tip_size", 1e-7), ("face_size", 1e-6)):
-            sizes[name] = None if given.get(name) is None else length("mesh", name, given[name])
-            if sizes[name] is not None and sizes[name] < least * extent:
-                raise ValueError(
-                    f"mesh: {name} {sizes[name]:g} m is below {least:g} of the body's size {extent:g} m, "
-                    "round-off would show; make it larger."
-                )
+            if given.get(name) is not None:
+                sizes[name] = size = length("mesh", name, given[name])
+                if size < least * extent:
+                    raise ValueError(
+                        f"mesh: {name} {size:g} m is below {least:g} of the body's size {extent:g} m, "
+                        "round-off would show; make it larger."
+                    )
         grading = number("mesh", "grading", given["grading"])
         if not 1.1 <= grading <= 10:
             raise ValueError(f"mesh: grading is {grading:g}, a ratio from 1.1 to 10 was expected.")
         return cls(
             flag("mesh", "tip_element", given.get("tip_element", True)),
-            grading=grading,
+            sizes["tip_size"],
+            grading,
+            sizes["face_size"],
             face_edges=integer("mesh", "face_edges", given.get("face_edges", 12), least=1, most=1000),
             sectors=sectors,
-            **sizes,
         )

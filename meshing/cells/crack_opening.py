@@ -144,17 +144,10 @@ def _along_edge(
     here, there = np.array(cells.vertices[vertex]), np.array(cells.vertices[other])
     along = (there - here) / math.dist(there, here)
     turn = -math.copysign(angle / 2, length)
-    face = np.array(
-        [
-            math.cos(turn) * direction[0] - math.sin(turn) * direction[1],
-            math.sin(turn) * direction[0] + math.cos(turn) * direction[1],
-        ]
-    )
-    # The face through the point opposite, turned by half the angle: start + s face = here + t along.
-    start = here - abs(length) * direction
-    across = along[0] * face[1] - along[1] * face[0]
-    gap = start - here
-    t = (gap[0] * face[1] - gap[1] * face[0]) / across
+    face = np.array([[math.cos(turn), -math.sin(turn)], [math.sin(turn), math.cos(turn)]]) @ direction
+    # The face through the point opposite, turned by half the angle: here - |length| direction + s face =
+    # here + t along.
+    t, _ = np.linalg.solve(np.stack([along, -face], axis=1), -abs(length) * direction)
     return t * along
 
 

@@ -69,7 +69,7 @@ def _refine(
         near.setdefault(b, []).append(a)
     done: set[int] = set()
     for crack in cracks:
-        crack.length = sum(_length(cells, path) for path in crack.paths)
+        crack.drawn = sum(_length(cells, path) for path in crack.paths)
         for path in crack.paths:
             _refuse_one_edge(cells, crack, path, meshing)
             right, left = path.right, path.left
@@ -171,7 +171,7 @@ def _put_tip(
             f"{crack.where}: tip_size {meshing.tip_size:g} m does not fit in the cells around the tip, "
             f"which reach {reach:g} m; make it smaller."
         )
-    wanted = size or meshing.tip_size or min(_DEFAULT_TIP * crack.length, _DEFAULT_IN_STAR * reach)
+    wanted = size or meshing.tip_size or min(_DEFAULT_TIP * crack.drawn, _DEFAULT_IN_STAR * reach)
     if meshing.sectors:
         rings.merge(vertex, found, _cuts(tip.axis, away), innermost=wanted, grading=meshing.grading)
     else:
@@ -204,8 +204,7 @@ def _divide(cells: CellComplex, cracks: list[CrackFaces], meshing: CrackMeshing)
     """Divide the edges on the faces."""
     wanted: dict[Edge, np.ndarray] = {}
     for crack in cracks:
-        longest = meshing.face_size or crack.length / meshing.face_edges
-        crack.length = None
+        longest = meshing.face_size or crack.drawn / meshing.face_edges
         for path in crack.paths:
             for pair in zip(path.right, path.left):
                 length = max(cells.edge_length(*edge) for edge in pair)

@@ -48,7 +48,8 @@ def build_mesh(
     ValueError
         A cell is not star-convex from any centre, or the faces of a crack do not match.
     """
-    sequence = np.argsort([_middle(cells, cell.vertices)[0] for cell in cells.cells], kind="stable")
+    middles = [np.mean([cells.vertices[v][0] for v in cell.vertices]) for cell in cells.cells]
+    sequence = np.argsort(middles, kind="stable")
     parameter = 0.5 * (gll_nodes(order) + 1.0)
     coordinates: list[tuple[float, float]] = []
     node_of_vertex: dict[int, int] = {}
@@ -149,10 +150,6 @@ def _crack(faces: CrackFaces, tips: list[Tip], length: float, nodes_of, nodes: n
     return Crack(faces.name, tuple(start[0]), tuple(step / np.hypot(*step)), 0.0, length, -1)
 
 
-def _middle(cells: CellComplex, vertices: list[int]) -> np.ndarray:
-    return np.mean([cells.vertices[v] for v in vertices], axis=0)
-
-
 def _edge_points(cells: CellComplex, key: tuple[int, int], parameter: np.ndarray) -> np.ndarray:
     """Points of an edge at parameters in [0, 1]."""
     if key in cells.curves:
@@ -227,7 +224,7 @@ def _scaling_centres(
         )
     for i in np.flatnonzero(seen < _COMFORTABLE):
         own = everything[first[i] : first[i] + count[i]]
-        kernel = _kernel(local[own], unit[own]) if cells[i].centre is None else ()
+        kernel = _kernel(local[own], unit[own]) if cells[i].centre is None else np.zeros((0, 2))
         if len(kernel):
             candidate = kernel.mean(axis=0)
             found = sight(candidate, own, np.zeros(1, int))[0] / np.sqrt(area[i])

@@ -151,7 +151,9 @@ def _fill_block(drawing: Drawing, beam: BeamShape, block: Block, size: float) ->
             flanks[feature.name] = (shape, [tuple(corner) for corner in beam.triangle(shape)])
     _refuse_crossed_notches(lines, flanks)
     outline, tips = _cut_out(
-        corners, [flank for _, flank in sorted(flanks.values(), key=_mouth)], beam.height
+        corners,
+        [flank for _, flank in sorted(flanks.values(), key=lambda flank: flank[1][1][0])],
+        beam.height,
     )
     graph = plane_graph(outline, list(holes.values()), lines, block.points)
     sides = draw_filled(drawing, graph, size, [""] * len(outline), list(holes), tips)
@@ -174,10 +176,6 @@ def _refuse_crossed_notches(
                     f"crack {other!r}: opening is {notch.opening:g} degrees, but it meets crack {name!r} at "
                     f"({x:.6g}, {y:.6g}) m; cracks that meet start closed, give 0."
                 )
-
-
-def _mouth(flank: tuple[VNotch, list[Point]]) -> float:
-    return flank[1][1][0]
 
 
 def _cut_out(

@@ -112,9 +112,9 @@ def _of_one_part(cards: Iterator[_Card]) -> Iterator[_Card]:
         keyword = card.keyword
         if keyword in _MADE:
             card.refuse("makes nodes or elements, or places them; write all of them out")
-        if "INPUT" in card.given:
+        if "INPUT" in card.given or keyword == "INCLUDE":
             card.refuse(
-                f"reads the file {card.given['INPUT']!r}, which is not done here; put all in one file"
+                f"reads the file {card.given.get('INPUT', '')!r}, which is not done here; put all in one file"
             )
         if keyword in ("PART", "INSTANCE"):
             seen[keyword] = seen.get(keyword, 0) + 1

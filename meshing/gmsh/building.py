@@ -215,7 +215,7 @@ class _Builder:
         # The ends are vertices that other edges share: they stay as they are.
         points[0], points[-1] = (self.cells.vertices[end] for end in ends)
         self.cells.curves.pop(edge_key(ends), None)
-        self._add_curve(*ends, _gll_fractions(len(points)), points)
+        self._add_curve(*ends, 0.5 * (gll_nodes(len(points) - 1) + 1.0), points)
 
     def _add_curves(self, groups: dict[str, list[int]]) -> None:
         uses = self.cells.edge_uses()
@@ -296,10 +296,6 @@ def _sound_pieces(cell: list[int], points: np.ndarray) -> list[list[int]]:
         return [cell]
     a, b, c, d = np.roll(cell, -int(sine.argmin())).tolist()
     return [[a, b, c], [a, c, d]]
-
-
-def _gll_fractions(count: int) -> np.ndarray:
-    return 0.5 * (gll_nodes(count - 1) + 1.0)
 
 
 def polynomial_curve(parameters: np.ndarray, points: np.ndarray) -> Curve:

@@ -68,7 +68,8 @@ def describe(gmsh: Any, groups: Groups, order: int, geometry: bool) -> FileModel
     points = _point_nodes(gmsh)
     curves, surfaces = ([tag for _, tag in gmsh.model.getEntities(d)] for d in (1, 2))
     whole: dict[int, list[int] | None] = dict.fromkeys(whole_surfaces(groups))
-    lines, shapes, sizes = None, {}, {}
+    lines, sizes = None, {}
+    shapes: dict[str, Any] = {}
     if geometry:
         surfaces = [tag for tag in surfaces if tag not in whole]
         lines = _line_blocks(gmsh, curves, {node for nodes in points.values() for node in nodes})

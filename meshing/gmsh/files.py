@@ -71,13 +71,6 @@ def _check_iges(path: Path, content: bytes) -> None:
 
 def _check_inp(path: Path, content: bytes) -> None:
     _expect(path, content.lstrip().startswith(b"*") and b"\0" not in content, "an Abaqus input file")
-    include = re.search(rb"(?im)^\s*\*\s*include\b", content)
-    if include:
-        line = content.count(b"\n", 0, include.start()) + 1
-        raise ValueError(
-            f"{path}: *INCLUDE in line {line} reads another file, which is not done here; put all in one "
-            "file."
-        )
 
 
 def _check_vtu(path: Path, content: bytes) -> None:

@@ -94,7 +94,7 @@ class FileModel:
     @classmethod
     def unpacked(cls, told: dict[str, Any], arrays: dict[str, np.ndarray], scale: float) -> FileModel:
         """The model that was packed, its lengths times `scale`."""
-        blocks = [Block(*facts, arrays.pop(f"block{i}")) for i, facts in enumerate(told["blocks"])]
+        blocks = [Block._make([*facts, arrays.pop(f"block{i}")]) for i, facts in enumerate(told["blocks"])]
         by_tag = {
             name: {int(tag): value for tag, value in told[name].items()}
             for name in ("points", "whole", "sizes")

@@ -214,6 +214,7 @@ def refuse_close(
     least : float
         Least distance of notches, m.
     """
+    items: list[tuple[VNotch | Hole, shapely.Geometry, float, float]]
     items = [(notch, area, 0.0, least) for notch, area in notches]
     items += [(h, shapely.Point(h.x, h.y), h.radius, wall) for h, wall in zip(holes, walls)]
     if len(items) < 2:
