@@ -83,7 +83,7 @@ _HOME = {
     "quasi_periodic": "analysis.quasi_periodic",
     "QuasiPeriodic": "continuation.problems.tones",
     "quasi_periodic_response": "analysis.quasi_periodic_response",
-    "QuasiPeriodicBranch": "continuation.problems.own_tone_branch",
+    "QuasiPeriodicBranch": "continuation.problems.curve_branch",
     "ReducedModel": "reduction.reduced_model",
     "reduce": "reduction.build",
     "reduce_matrices": "reduction.matrices",

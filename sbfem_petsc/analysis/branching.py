@@ -11,8 +11,8 @@ from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
 from ..continuation.newton import correct
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.problems.curve import OwnTone, curve_near, first_curve
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
-from ..continuation.problems.own_tone import OwnTone, first_circle
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.period_map import Period
@@ -92,18 +92,17 @@ def _quasi_periodic(
     own.require_room("switch_branch")
     problem, found = "", []
     for share in sizes:
-        guess, plane = first_circle(own, bifurcation, share)
         try:
-            found.append(own.near(guess, plane))
+            found.append(curve_near(own, *first_curve(own, bifurcation, share)))
         except PetscFailure:
             raise
         except SolveError as error:
             problem = str(error)
             continue
-        if found[-1].resolved:
-            return own_motion(own, found[-1], stability=True)
+        if found[-1].state.resolved:
+            return own_motion(found[-1], stability=True)
     if found:
-        return own_motion(own, found[0], stability=True)
+        return own_motion(found[0], stability=True)
     raise on_all_ranks(
         SolveError(
             f"switch_branch: no quasi-periodic motion was found near {bifurcation!r}; give another size "

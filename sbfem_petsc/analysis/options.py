@@ -304,7 +304,10 @@ class TorusCurveOptions(Options):
 class QuasiPeriodicResponseOptions(TorusCurveOptions):
     """Options of `quasi_periodic_response`."""
 
-    stop: float = item(text="forcing frequency (Hz) or load factor at which it ends", gt=0, le=1e15)
+    parameter: Literal["frequency", "load", "damping", "gap"] | None = item(
+        None, text="what changes: the forcing frequency, or a factor on the loads, damping ratios or gaps"
+    )
+    stop: float = item(text="forcing frequency (Hz) or factor at which it ends", gt=0, le=1e15)
     largest_step: float | None = _largest_step("frequency or factor")
 
 

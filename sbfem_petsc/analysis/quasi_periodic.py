@@ -15,18 +15,19 @@ from meshing.warnings import StepWarning
 
 from ..capacity import require_compiler
 from ..checks import Bounds, instance, numbers_of, real
+from ..continuation.problem import Point
+from ..continuation.problems.curve import OwnTone, curve_near
 from ..continuation.problems.curve_system import require_room, resampled
-from ..continuation.problems.own_tone import Circle, OwnTone
 from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,
     QuasiPeriodic,
-    own_circle,
+    own_curve,
     own_motion,
     tone_lines,
     warn_if_unresolved,
 )
-from ..continuation.problems.torus import Curve, Torus
+from ..continuation.problems.torus import Torus, exponents
 from ..errors import SolveError, caller_level, on_all_ranks
 from ..motion.contact_work import MOST, times_more, warn_of_contact_work
 from ..motion.excitation import Excitation
@@ -136,17 +137,17 @@ def quasi_periodic(
         return Torus(reduced, driven, ordered, samples=samples, steps=steps, comm=comm)
 
     try:
-        torus, curve = _solved(torus_in, states, (steps, more * steps))
+        torus, point = _solved(torus_in, states, (steps, more * steps))
     except SolveError as error:
         raise on_all_ranks(error) from None
-    exponents = (
-        torus.exponents(torus.derivatives(curve.motions), EXPONENTS, TURNS) if stability else np.zeros(0)
-    )
+    growth, curve = np.zeros(0), point.state
+    if stability:
+        growth = exponents(curve.maps(smooth=True), torus.rotation, EXPONENTS, TURNS) * ordered[0]
     linear = tuple(zip(driven, (torus.base.amplitudes, torus.pumped)))
     lines, peak = tone_lines(torus.period, curve.motions, torus.rotation, linear, comm)
     steps = torus.period.steps
     found = QuasiPeriodic(
-        frequencies, samples, steps, reduced, curve.states, curve.residuals, exponents, peak, lines, swapped
+        frequencies, samples, steps, reduced, curve.states, point.residuals, growth, peak, lines, swapped
     )
     warn_if_unresolved("quasi_periodic", found)
     return found
@@ -154,20 +155,20 @@ def quasi_periodic(
 
 def _solved(
     make: Callable[[int], Torus], states: np.ndarray | None, steps: tuple[int, int]
-) -> tuple[Torus, Curve]:
+) -> tuple[Torus, Point]:
     """The map, of so many steps to begin with and so many at most, and its invariant curve near a guess.
     Collective.
     """
     count, most = steps
     while True:
         torus = make(count)
-        curve = torus.solve(states)
-        work = torus.contact_work(curve.motions)
+        point = torus.solve(states)
+        work = torus.contact_work(point.state.motions)
         times = times_more(work, count, most)
         if times == 1:
             warn_of_contact_work("quasi_periodic", work, count)
-            return torus, curve
-        states, count = curve.states, times * count
+            return torus, point
+        states, count = point.state.states, times * count
 
 
 def _of_same(guess: QuasiPeriodic, reduced: ReducedModel, samples: int) -> np.ndarray:
@@ -267,16 +268,16 @@ def _with_own_tone(
         if 2 * period.modes != begin.states.shape[1]:
             raise ValueError(_OTHER.format(begin.states.shape[1] // 2, period.modes))
     own = OwnTone(period, "frequency", None, samples, comm)
-    known = own_circle(begin)
-    guess = Circle(own.resampled(known.states), known.rotation, first * periods)
-    plane = np.eye(1, guess.states.size + 2, guess.states.size + 1)[0]
+    known = resampled(begin.states + begin.own.driven(own_curve(begin)[-1]).linear_state, samples)
+    u = np.append(known.ravel(), [begin.frequencies[1] / begin.frequencies[0], first * periods])
+    swing = float(np.linalg.norm(known - known.mean(axis=0))) / math.sqrt(samples)
     try:
-        circle = own.near(guess, plane)
-        if circle.swing < SHRUNK * known.swing:
+        point = curve_near(own, u)
+        if point.state.swing < SHRUNK * swing:
             raise SolveError(
                 f"quasi_periodic: at {first:g} Hz the iteration ends at the periodic motion, which has no "
                 "tone of its own; take a frequency nearer to that of guess, or quasi_periodic_response"
             )
-        return own_motion(own, circle, stability)
+        return own_motion(point, stability)
     except SolveError as error:
         raise on_all_ranks(error) from None

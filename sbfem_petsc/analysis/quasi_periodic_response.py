@@ -1,19 +1,23 @@
-"""Curves of quasi-periodic motions with a tone of their own, over the branch's parameter."""
+"""Curves of quasi-periodic motions with a tone of their own, over a parameter."""
 
 from __future__ import annotations
 
-import math
+import contextlib
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from ..checks import instance
-from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch, follow_circles
-from ..continuation.problems.tones import QuasiPeriodic, own_circle, own_motion
+from ..continuation.line_file import LineFile
+from ..continuation.problems.curve import Curves, OwnTone, curve_near
+from ..continuation.problems.curve_branch import PACE, QuasiPeriodicBranch, follow_curves, line_from
+from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
+from ..motion.period_map import Period
 from ..parallel import collective
 from ..progress import progress_bar
+from ..recording.tori import write_torus_branch_alone
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
 
@@ -26,32 +30,43 @@ def quasi_periodic_response(
     guess: QuasiPeriodic,
     stop: float,
     *,
+    parameter: str | None = None,
     points: int = 60,
     largest_step: float | None = None,
     stability: bool = True,
+    file: str | None = None,
+    resume: bool = False,
     progress: Callable[[float], None] | str | None = "auto",
 ) -> QuasiPeriodicBranch:
     """Follow quasi-periodic motions with a tone of their own from one of them on.
 
-    The parameter is that of the branch they have left. The curve first goes where the motion's own tone
-    grows; it ends at `stop`, where the motion shrinks onto a periodic one, or where no further invariant
-    curve is found that its samples resolve, as where the tone locks: `reason` says which. Where the first
-    motion's samples no longer resolve it (`QuasiPeriodic.tail`) it goes on with twice, and four times, as
-    many, if there is memory. With `stability` a history from each motion that attracts others must stay with
-    it; behind stable ones the curve ends before the first from which it does not.
+    The curve first goes where the motion's own tone grows or, over a `parameter` that is given, towards
+    `stop`. It ends there, where the motion shrinks onto a periodic one, or where no further invariant curve
+    is found that its samples resolve, as where the tone locks: `reason` says which. Where the first motion's
+    samples no longer resolve it (`QuasiPeriodic.tail`) it goes on with twice, and four times, as many, if
+    there is memory. With `stability` a history from each motion that attracts others must stay with it;
+    behind one that it has stayed with the curve ends before the first from which it does not. Between motions
+    where the tone's amplitude bends there are further ones.
 
     Parameters
     ----------
     guess : QuasiPeriodic
         The motion to begin from: from `switch_branch` at a Neimark-Sacker point, or of such a curve.
     stop : float
-        Forcing frequency (Hz) or load factor.
+        Forcing frequency (Hz), or factor on the oscillating loads, all damping ratios or all gaps.
+    parameter : {"frequency", "load", "damping", "gap"}, optional
+        What changes. Default: the parameter of the branch that `guess` is of. A factor is 1 at `guess` but
+        for the load of a `load_response`.
     points : int
         Points at most.
     largest_step : float, optional
         Largest change of the parameter from a point to the next one.
     stability : bool
         Compute the largest Lyapunov exponents.
+    file : str, optional
+        HDF5 file that is kept up to date (`read_result`).
+    resume : bool
+        Continue `file` if it exists, with the same guess and settings.
     progress : callable, "auto" or None
         As for `transient`.
 
@@ -71,36 +86,50 @@ def quasi_periodic_response(
             "Neimark-Sacker point"
         )
     with collective(own.comm):
-        known = own_circle(guess)
-        if abs(stop - known.value) <= SAME * stop:
+        known = own_curve(guess)
+        if parameter is not None:
+            own, value = own.over(parameter, float(known[-1]))
+            known = np.append(known[:-1], value)
+        if abs(stop - known[-1]) <= SAME * stop:
             raise ValueError(f"{what}: stop = {stop:g} is where guess is; give another end")
-    plane = np.eye(1, known.states.size + 2, known.states.size + 1)[0]
-    try:
-        begin = own.near(known, plane)
-        with progress_bar(own.comm, "quasi-periodic response", progress) as report:
-            found, reason = follow_circles(
-                own.finer(what),
-                begin,
-                stop,
-                points=points,
-                largest_step=largest_step or math.inf,
-                report=report,
+    growing, pace = parameter is None, replace(PACE, points=points, largest_step=largest_step or np.inf)
+    with contextlib.ExitStack() as stack:
+        record, lines = None, []
+        if file is not None:
+            record = stack.enter_context(LineFile(own.comm, file, write_torus_branch_alone, resume=resume))
+            own, known = _recorded(
+                record, own, {"stop": stop, "stability": stability, "growing": growing}, known
             )
-    except SolveError as error:
-        raise on_all_ranks(error) from None
-    motions = [own_motion(replace(own, samples=len(item.states)), item, stability) for item in found]
-    stands = np.array([motion.stable is True for motion in motions])
-    refuted = [k for k, motion in enumerate(motions) if not motion.resolved and stands[:k].any()]
-    if refuted:
-        del motions[refuted[0] :]
-        reason = (
-            f"no further curve at {found[len(motions) - 1].value:.8g}: histories from the next one leave it, "
-            "though its exponents are negative: the tone locks, or more samples or steps are needed"
-        )
-    return QuasiPeriodicBranch(
-        own.parameter,
-        np.array([circle.value for circle in found[: len(motions)]]),
-        tuple(motions),
-        reason,
-        len(motions) == len(found) and found[-1].value == stop,
-    )
+        report = stack.enter_context(progress_bar(own.comm, "quasi-periodic response", progress))
+        finer = own.finer(what)
+        if record is not None:
+            lines = record.lines(Curves(own, known, finer))
+        try:
+            line = lines[0] if lines else line_from(curve_near(own, known, finer=finer), growing)
+            return follow_curves(line, stop, pace, stability=stability, recorder=record, report=report)
+        except SolveError as error:
+            raise on_all_ranks(error) from None
+
+
+def _recorded(
+    record: LineFile, own: OwnTone, told: dict[str, object], known: np.ndarray
+) -> tuple[OwnTone, np.ndarray]:
+    """The map and the start of a branch in a file: those of the run that is resumed, if any."""
+    period = own.period
+    conditions = {
+        **told,
+        "parameter": own.parameter,
+        "frequency": own.frequency or 0.0,
+        "load": own.load,
+        "damping": own.damping,
+        "gap": own.gap,
+        "samples": own.samples,
+        "steps": period.steps,
+        "periods": period.excitation.periods,
+        "contact": period.pairs > 0,
+        "frequencies": period.excitation.orders,
+        "loads": period.excitation.amplitudes,
+    }
+    reduced, known = record.begin(period.reduced, conditions, known)
+    period = Period(reduced, period.excitation, period.steps, period.pairs > 0)
+    return replace(own, period=period), known

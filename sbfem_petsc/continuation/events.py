@@ -81,7 +81,7 @@ class Way:
         there = self.one.u + fraction * (self.other.u - self.one.u)
         return self.metric.plane(self.metric.unit(self.normal), there), value
 
-    def point(self, problem: Problem, fraction: float, start: np.ndarray, near: Linear) -> Point:
+    def point(self, problem: Problem, fraction: float, start: np.ndarray, near: Linear | None) -> Point:
         """The solution of a problem at a fraction, from a start with linearised equations nearby."""
         condition, value = self.at(fraction)
         if not self.held:
@@ -300,6 +300,7 @@ def refine(
     places: Callable[[], np.ndarray],
     heights: Callable[[], np.ndarray],
     add: Callable[[Point, int], None],
+    shortest: float = 0.0,
 ) -> None:
     """Points between those where heights bend over the value, so that chords show the curve and peaks stand
     where they are.
@@ -313,12 +314,18 @@ def refine(
         (curves, n) of all points, such as amplitudes.
     add : callable
         Is told each new point and its place.
+    shortest : float
+        Arc length of ways that are not divided.
     """
     for _ in range(PASSES):
         along = places()
         bent = {k for curve in heights() if curve.any() for k in coarse_chords(along, curve)}
         for k in sorted(bent, reverse=True):
-            insert(line, k, 0.5, add)
+            one, other = line.points[k : k + 2]
+            if len(one.u) == len(other.u):  # of one discretisation
+                metric = Metric(other.problem, one.u)
+                if metric.length(metric.way(one, other)) > shortest:
+                    insert(line, k, 0.5, add)
         if not bent:
             break
 

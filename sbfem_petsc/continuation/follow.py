@@ -63,6 +63,8 @@ class Settings:
         Largest change of the value from a point to the next one.
     first, largest, smallest : float
         Lengths of steps.
+    growth : float
+        Of the length from a step to the next one, at most.
     """
 
     points: int = 400
@@ -70,6 +72,7 @@ class Settings:
     first: float = 0.05
     largest: float = 0.35
     smallest: float = 1e-5
+    growth: float = 2.0
 
 
 @dataclass
@@ -353,7 +356,7 @@ class Follower:
             # branch may well lead back, but beside the chord
             self.line.sign = -self.line.sign
         turn = min(turn, self._chords_turn(chord))
-        grow = min(2.0, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
+        grow = min(self.settings.growth, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
         self.line.length = min(self.settings.largest, max(0.5, grow) * length)
         return point
 

@@ -10,10 +10,8 @@ import numpy as np
 from ..errors import PetscFailure, SolveError
 from .problem import Border, Condition, Linear, Lost, Point, Problem
 
-# Iterations at most. An updated derivative that gains less than GAIN in one is made anew.
-ITERATIONS, GAIN = 30, 0.3
-# Shares of a step of which the first that gains is taken.
-SHARES = 1.0, 0.5, 0.25, 0.1, 0.03
+# Iterations at most.
+ITERATIONS = 30
 # Where none gains, rounding is all there is if the step is no longer than this many times what settles.
 ROUNDED = 10.0
 # What a step that leads nowhere ends with.
@@ -33,6 +31,8 @@ class Updated:
     def __init__(self, border: Border, total: Callable[[float], float] = float):
         self.border, self.total = border, total
         self.dyads: list[tuple[np.ndarray, np.ndarray]] = []
+        # the last right side, which after a whole step is also the next one, and its solution
+        self._last: tuple[np.ndarray | None, np.ndarray] = (None, np.zeros(0))
 
     def add(self, left: np.ndarray, row: np.ndarray) -> None:
         """Add left row^T to the operator."""
@@ -41,7 +41,9 @@ class Updated:
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """The inverse times a right side."""
-        result = self.border.solve(right)
+        if right is not self._last[0]:
+            self._last = right, self.border.solve(right)
+        result = self._last[1]
         for solved, row in self.dyads:
             result = result - solved * self.total(float(row @ result))
         return result
@@ -114,7 +116,7 @@ class _Newton:
         self.units = problem.units(u)[0]
         here = _Iterate(problem, u, self.condition)
         self.residuals.append(here.norm)
-        if self.near is not None and problem.updated:
+        if self.near is not None and problem.gain:
             self.inverse = Updated(self.near.bordered(here.row), problem.sum)
         while here.norm > problem.closed:
             if self.effort > self.most:
@@ -156,7 +158,7 @@ class _Newton:
         iterate there.
         """
         bound = max(self.residuals[-self.problem.patience :])
-        for share in SHARES:
+        for share in self.problem.shares:
             try:
                 tried = _Iterate(self.problem, here.u + share * whole, self.condition, here.scale)
             except PetscFailure:
@@ -170,13 +172,14 @@ class _Newton:
     def _learn(self, here: _Iterate, following: _Iterate, share: float, whole: np.ndarray) -> None:
         """Broyden's update after a step, or none if it has gained too little."""
         assert self.inverse is not None
-        if following.norm > GAIN * here.norm or not self.problem.updated:
+        if following.norm > self.problem.gain * here.norm:
             self.inverse = None
             return
         step = share * whole
         row = step / self.units**2
         row = row / self.problem.sum(float(row @ step))
-        self.inverse.add(following.right - (1.0 - share) * here.right, row)
+        left = following.right if share == 1.0 else following.right - (1.0 - share) * here.right
+        self.inverse.add(left, row)
 
     def _failed(self, norm: float) -> Lost:
         return Lost(

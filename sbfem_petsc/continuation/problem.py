@@ -12,6 +12,8 @@ import numpy as np
 
 from ..errors import SolveError
 
+# What an iteration with an updated derivative may leave of what is missed.
+GAIN = 0.3
 # The value of a function of the unknowns and its gradient.
 Condition = Callable[[np.ndarray], tuple[float, np.ndarray]]
 
@@ -49,8 +51,10 @@ class Linear(Protocol):
     def bordered(self, row: np.ndarray) -> Border:
         """With a row below them. Raises `Lost` where that is singular."""
 
-    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Linear:
-        """Weighted sum of others, what is expected between or beyond them; itself where there is no sum."""
+    def mixed(self, others: Sequence[Any], weights: Sequence[float]) -> Linear | None:
+        """Weighted sum of others, what is expected between or beyond them; itself where there is no sum, None
+        where derivatives are better made there.
+        """
 
 
 class State(Protocol):
@@ -58,13 +62,15 @@ class State(Protocol):
 
     Attributes
     ----------
-    residual : (n,) array
     scale : float
         What the residual's norm is measured with.
     """
 
-    residual: np.ndarray
     scale: float
+
+    @property
+    def residual(self) -> np.ndarray:
+        """(n,)."""
 
     def linear(self, smooth: bool = False) -> Linear:
         """Of the discrete equations (for Newton's method), or smooth: of the continuous ones (for tangents,
@@ -87,8 +93,11 @@ class Problem(Protocol):
         ... and change of the unknowns in their units after which it is.
     patience : int
         Newton's steps are taken that leave less to miss than at one of so many last iterates.
-    updated : bool
-        Whether a derivative is brought up to date from an iterate to the next, rather than made anew.
+    shares : tuple of float
+        Of a Newton step, of which the first that does so is taken.
+    gain : float
+        A derivative is brought up to date, rather than made anew, by iterations that leave no more than this
+        of what is missed; 0: never.
     corners : bool
         Whether branches may have corners, beyond which the linearised equations are others.
     narrow : float
@@ -104,7 +113,8 @@ class Problem(Protocol):
     closed: float
     settled: float
     patience: int
-    updated: bool
+    shares: tuple[float, ...]
+    gain: float
     corners: bool
     narrow: float
     begins: np.ndarray | None
@@ -167,7 +177,9 @@ class Problem(Protocol):
 class BaseProblem:
     """Answers that most problems give."""
 
-    closed, settled, patience, updated, corners, narrow = 1e-11, 1e-9, 1, True, False, 0.0
+    closed, settled, patience, corners, narrow = 1e-11, 1e-9, 1, False, 0.0
+    shares: tuple[float, ...] = (1.0, 0.5, 0.25, 0.1, 0.03)
+    gain = GAIN
     begins: np.ndarray | None = None
     isolated = "solutions are not isolated at {:.8g}"
     advice = "take more steps"

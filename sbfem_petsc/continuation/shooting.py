@@ -12,8 +12,8 @@ from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.period_map import DrivenPeriod, FixedPoint, PeriodMotion
 from ..petsc import PETSc, configure, finite, require_thread, scripted
 from .linear import PREFIX, Factors
-from .newton import GAIN, ITERATIONS, Updated
-from .problem import Lost
+from .newton import ITERATIONS, Updated
+from .problem import GAIN, Lost
 
 # SNES by default: residual relative to the first one, with updated derivatives, which converge more slowly,
 # a smaller one, and relative to the state.

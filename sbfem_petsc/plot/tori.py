@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
+from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..petsc import MPI
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet

@@ -14,11 +14,11 @@ from ..analysis.backbone import Backbone
 from ..checks import shown
 from ..continuation.branch import Branch
 from ..continuation.line_file import FORM, VERSION, WHAT
+from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free import FreeSystem
 from ..continuation.problems.free_stability import KINDS as FREE_KINDS
 from ..continuation.problems.free_stability import FreeEvent
 from ..continuation.problems.locus import KINDS, PARAMETERS, Locus
-from ..continuation.problems.own_tone_branch import QuasiPeriodicBranch
 from ..continuation.problems.tones import QuasiPeriodic
 from ..recording import branch_file
 from ..recording.backbones import write_backbone
@@ -26,8 +26,9 @@ from ..recording.hdf5 import new_hdf5, opened, put
 from ..recording.loci import write_locus
 from ..recording.reduced_models import read_reduced_model
 from ..recording.sound import number, numbers, text, truth, whole
+from ..recording.tori import write_torus, write_torus_branch
 from .branches import read_branch, save_branch
-from .tori import torus_branch_in, torus_in, write_torus, write_torus_branch
+from .tori import torus_branch_in, torus_in
 
 # Kinds of which a file may hold several.
 LISTED = ("loci",)

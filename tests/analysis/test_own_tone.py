@@ -162,6 +162,47 @@ def test_over_the_load(system):
         assert abs(other.line(*line, "1")) == pytest.approx(abs(known.line(*line, "1")), rel=5e-4)
 
 
+@pytest.mark.slow
+def test_over_damping_and_gap(system, tori):
+    """At the end of a branch over the damping stands a motion of the model of that damping, which Newton's
+    method on that model leaves where it is. Gaps c times as wide are forces 1 / c times as large, and
+    displacements in the same ratio: by branches that meet other curves, to their steps (see above).
+    """
+    known = tori.motions[-1]
+    options = {"stability": False, "progress": None}
+    damped = sb.quasi_periodic_response(known, 1.03, parameter="damping", **options)
+    assert damped.parameter == "damping" and damped.complete and damped.value[[0, -1]].tolist() == [1.0, 1.03]
+    last = damped.motions[-1]
+    again = sb.quasi_periodic(
+        two_masses(1.03 * 0.02, compliance=0.1),
+        [0.1],
+        (known.frequencies[0], None),
+        guess=last,
+        samples=last.samples,
+        steps=STEPS,
+        stability=False,
+    )
+    assert again.frequencies == pytest.approx(last.frequencies, rel=1e-9) and len(again.residuals) <= 2
+    assert abs(last.frequencies[1] / known.frequencies[1] - 1.0) > 1e-4
+    wide = sb.quasi_periodic_response(known, 1.01, parameter="gap", **options)
+    weak = sb.quasi_periodic_response(known, 1.0 / 1.01, parameter="load", **options)
+    assert wide.complete and weak.complete and weak.motions[-1].load_factor == 1.0 / 1.01
+    one, other = wide.motions[-1], weak.motions[-1]
+    assert one.frequencies == pytest.approx(other.frequencies, rel=3e-4)
+    for line in ((1, 0), (0, 1), (1, -1)):
+        assert abs(one.line(*line, "1")) == pytest.approx(1.01 * abs(other.line(*line, "1")), rel=3e-3)
+    with pytest.raises(ValueError, match="stop = 1 is where guess is"):
+        sb.quasi_periodic_response(known, 1.0, parameter="gap")
+
+
+def test_largest_step(tori):
+    """Of the parameter, from a motion to the next one."""
+    branch = sb.quasi_periodic_response(
+        tori.motions[0], HERE / TURN, largest_step=1e-5, stability=False, progress=None
+    )
+    assert branch.complete and np.abs(np.diff(branch.value)).max() < 1.06e-5 and len(branch) > len(tori)
+
+
 def test_its_own_branch(curve, tori, tmp_path):
     """The tone grows from the point on; a branch that goes back shrinks onto the periodic motion."""
     amplitude = np.abs(tori.line(0, 1, "1"))

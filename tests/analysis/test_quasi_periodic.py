@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.problems.torus import spectral_tail
+from sbfem_petsc.continuation.problems.curve import spectral_tail
 from tests.parallel import answer, on_ranks
 from tests.reference import paper_beam
 from tests.systems import one_mass
@@ -392,7 +392,7 @@ import json
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.continuation.problems.own_tone import OwnTone, first_circle
+from sbfem_petsc.continuation.problems.curve import OwnTone, curve_near, first_curve
 from sbfem_petsc.continuation.problems.tones import own_motion
 from tests.reference import paper_beam
 from tests.systems import two_masses
@@ -406,10 +406,10 @@ for samples in (3, 11):  # there may be more ranks than samples
 system = two_masses(0.02, compliance=0.1)
 curve = sb.frequency_response(system, [0.1], 0.0962, 0.0959, steps=128)
 own = OwnTone(curve.period, "frequency", None, 11, MPI.COMM_WORLD)
-guess, plane = first_circle(own, curve.bifurcations[0], 0.05)
-circle = own.solve(guess, plane, guess)
-assert sum(motion is not None for motion in circle.motions) <= 11 // MPI.COMM_WORLD.size + 1
-lines += [circle.value, circle.rotation, abs(own_motion(own, circle, False).line(0, 1, "1"))]
+point = curve_near(own, *first_curve(own, curve.bifurcations[0], 0.05))
+state = point.state
+assert sum(motion is not None for motion in state.motions) <= 11 // MPI.COMM_WORLD.size + 1
+lines += [state.value, state.rotation, abs(own_motion(point, False).line(0, 1, "1"))]
 if MPI.COMM_WORLD.rank == 0:
     print(json.dumps({"lines": lines, "exponent": float(found.exponents[0]), "peak": found.contact_peak}))
 """

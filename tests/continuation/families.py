@@ -36,6 +36,27 @@ def backbone(**file):
     return np.column_stack([found.states, found.frequency, found.energy]), found.reason
 
 
+@functools.cache
+def motion():
+    """A small motion with a tone of its own."""
+    branch = sb.frequency_response(
+        two_masses(0.02, compliance=0.1), [0.1], 0.607 / TURN, 0.602 / TURN, steps=256
+    )
+    point = next(item for item in branch.bifurcations if item.kind == "Neimark-Sacker")
+    return sb.switch_branch(branch, point, samples=7)
+
+
+def tori(**file):
+    """A branch of such motions through a change of its samples: their states at the first phase, frequencies,
+    lines and exponents.
+    """
+    found = sb.quasi_periodic_response(motion(), 0.6025 / TURN, **file)
+    assert found.motions[0].samples < found.motions[-1].samples
+    states = [np.append(item.states[0], item.exponents) for item in found.motions]
+    lines = abs(found.line(0, 1, "1"))
+    return np.column_stack([states, lines, found.frequencies, found.value]), found.reason
+
+
 def leaps(**file):
     """Free motions over interactions that are passed over; their states, frequencies and energies."""
     found = sb.backbone(beside_another(0.01, 3.5), 1, 0.4, 20.0, steps=256, refine=False, **file)
@@ -79,6 +100,7 @@ FAMILIES = {
     "unreduced": unreduced,
     "backbone": backbone,
     "leaps": leaps,
+    "tori": tori,
 }
 
 

@@ -25,11 +25,11 @@ killed(sys.argv[1], sys.argv[2], int(sys.argv[3]))
 @pytest.mark.parametrize(
     ("kind", "after"),
     [("locus", 3), ("locus", 9), ("response", 6), ("damping", 6), ("unreduced", 4)]
-    + [("backbone", 7), ("backbone", 11), ("leaps", 9)],
+    + [("backbone", 7), ("backbone", 11), ("leaps", 9), ("tori", 2), ("tori", 5)],
 )
 def test_killed_and_resumed(kind, after, tmp_path):
-    """SIGKILL on either side of the first point: what the file holds is read, and gone on with to the same
-    points, bit by bit.
+    """SIGKILL on either side of the first point, or of a change of samples: what the file holds is read, and
+    gone on with to the same points, bit by bit.
     """
     path = str(tmp_path / "line.h5")
     run = [sys.executable, "-c", PROGRAM, kind, path, str(after)]
@@ -67,6 +67,32 @@ def test_killed_and_resumed_on_two_ranks(tmp_path):
     np.testing.assert_allclose(unreduced(4)[0], tables[0], rtol=1e-6)
     with pytest.raises(ValueError, match="was written with ranks = 2, not 1"):
         unreduced(file=path, resume=True)
+
+
+SHARED = """
+import json, sys
+from mpi4py import MPI
+from sbfem_petsc.reduction.reduced_model import ReducedModel
+ReducedModel.comm = property(lambda self: MPI.COMM_WORLD)
+"""
+RESUMED = """
+from tests.continuation.families import FAMILIES
+one, _ = FAMILIES[sys.argv[1]](file=sys.argv[2], resume=True)
+other, _ = FAMILIES[sys.argv[1]]()
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps({"one": one.tolist(), "other": other.tolist()}))
+"""
+
+
+@pytest.mark.slow
+def test_tori_killed_and_resumed_on_two_ranks(tmp_path):
+    """Tori, whose samples the ranks share: to the same points, 1e-12 of each number."""
+    path = str(tmp_path / "line.h5")
+    assert on_ranks(2, SHARED + PROGRAM, "tori", path, "4", check=False).returncode
+    begun = sb.read_result(path)
+    found = answer(on_ranks(2, SHARED + RESUMED, "tori", path))
+    assert 0 < len(begun) < len(found["one"]) == len(found["other"])
+    np.testing.assert_allclose(found["one"], found["other"], rtol=1e-12)
 
 
 def test_another_run_is_refused(tmp_path):

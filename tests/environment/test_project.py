@@ -228,6 +228,7 @@ OPTIONS = {
     "sbfem_petsc/analysis/locus.py: locus",
     "sbfem_petsc/analysis/periodic.py: periodic",
     "sbfem_petsc/analysis/quasi_periodic.py: quasi_periodic",
+    "sbfem_petsc/analysis/quasi_periodic_response.py: quasi_periodic_response",
     "sbfem_petsc/analysis/response.py: frequency_response",
     "sbfem_petsc/analysis/response.py: load_response",
     "sbfem_petsc/analysis/swept.py: swept_response",

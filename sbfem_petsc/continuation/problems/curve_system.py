@@ -34,6 +34,21 @@ def filtered(states: np.ndarray, factors: np.ndarray) -> np.ndarray:
     return np.fft.ifft(factors[:, None] * np.fft.fft(states, axis=0), axis=0).real
 
 
+def shift(samples: int, turns: float) -> np.ndarray:
+    """(N,) factors on the harmonics of a curve that take it to its samples so many turns further on."""
+    factors = np.exp(2j * np.pi * np.fft.fftfreq(samples, 1.0 / samples) * turns)
+    if samples % 2 == 0:  # the highest harmonic of a real function is a cosine
+        factors[samples // 2] = np.cos(np.pi * samples * turns)
+    return factors
+
+
+def tangents(states: np.ndarray, turns: float = 0.0) -> np.ndarray:
+    """Derivative of a curve (N, ...) with its phase in turns, at phases further on."""
+    samples = len(states)
+    orders = np.fft.fftfreq(samples, 1.0 / samples)
+    return filtered(states, 2j * np.pi * orders * shift(samples, turns))
+
+
 def resampled(states: np.ndarray, samples: int) -> np.ndarray:
     """A real curve (N, ...) at so many phases; harmonics that they do not resolve are left out."""
     harmonics = np.fft.rfft(states, axis=0, norm="forward")
@@ -49,7 +64,7 @@ def require_room(
     """Refuse a curve whose motions and derivatives would take more memory than is free. Collective."""
     size, rows = 2 * len(reduced.omega), len(reduced.initial_gap)
     mine = math.ceil(samples / comm.size)  # of this rank
-    # the derivatives and the preconditioner's factors, both of the former iteration too, and work
+    # the derivatives and the preconditioner's factors of two curves and an iteration, and work
     derivatives = 8.0 * mine * size**2 * 7
     motions = 8.0 * mine * steps * (size + rows)
     krylov = 8.0 * mine * size * RESTART
@@ -64,36 +79,26 @@ def require_room(
 
 
 class CurveMaps:
-    """Derivatives of a map at the samples of a curve, on the ranks that the samples belong to: each has those
-    from its own number on in steps of the ranks' count.
+    """Derivatives of a map along the state at the samples of a curve, on the ranks that the samples belong
+    to: each has those from its own number on in steps of the ranks' count.
 
     Parameters
     ----------
     comm : MPI.Comm
     samples : int
-    own : (n, 2 m, 2 m + p) array
-        Of this rank's samples, along the state and p parameters.
+    states : (n, 2 m, 2 m) array
+        Of this rank's samples.
     """
 
-    def __init__(self, comm: MPI.Comm, samples: int, own: np.ndarray):
-        self.comm, self.samples, self.size = comm, samples, own.shape[1]
+    def __init__(self, comm: MPI.Comm, samples: int, states: np.ndarray):
+        self.comm, self.samples, self.states, self.size = comm, samples, states, states.shape[1]
         self.mine = slice(comm.rank, None, comm.size)
-        # copies, lest the whole be kept beside its parts
-        self.states = np.ascontiguousarray(own[:, :, : self.size])
-        self.parameters = own[:, :, self.size :].copy()
 
     def mean(self) -> np.ndarray:
-        """(2 m, 2 m) along the state. Collective."""
+        """(2 m, 2 m). Collective."""
         result = self.states.sum(axis=0)
         self.comm.Allreduce(MPI.IN_PLACE, result)
         return result / self.samples
-
-    def along(self, parameter: int) -> np.ndarray:
-        """(N, 2 m) along a parameter, on all ranks. Collective."""
-        result = np.zeros((self.samples, self.size))
-        result[self.mine] = self.parameters[:, :, parameter]
-        self.comm.Allreduce(MPI.IN_PLACE, result)
-        return result
 
 
 class Border(NamedTuple):
@@ -103,12 +108,10 @@ class Border(NamedTuple):
     rows: np.ndarray
 
 
-class CurveSystem:
-    """The system of a curve, and of its rotation and parameter where there is a border. Collective.
-
-    The preconditioner replaces the derivatives by their mean, which leaves a system for each harmonic of the
-    curve. With a border that of the first one, almost singular where the curve is small, is bordered by its
-    own singular vectors, and the two conditions give their amplitude and phase.
+class Harmonics:
+    """Preconditioner: the derivatives are replaced by their mean, which leaves a system for each harmonic of
+    the curve. With a border that of the first one, almost singular where the curve is small, is bordered by
+    its own singular vectors, and the two conditions give their amplitude and phase.
 
     Parameters
     ----------
@@ -116,7 +119,7 @@ class CurveSystem:
     shift : (N,) array
         Factor on each harmonic of the curve, in the order of the discrete Fourier transform, with which it is
         shifted by rho.
-    border : Border, optional
+    bordered : bool
 
     Raises
     ------
@@ -124,21 +127,19 @@ class CurveSystem:
         If the system of a harmonic is singular.
     """
 
-    def __init__(self, maps: CurveMaps, shift: np.ndarray, border: Border | None = None):
-        self._maps, self._shift, self._border = maps, shift, border
-        self._extra = 0 if border is None else 2
-        self._coordinates = maps.samples * maps.size
+    def __init__(self, maps: CurveMaps, shift: np.ndarray, bordered: bool = False):
+        self.maps, self.shift, self.bordered = maps, shift, bordered
         mean = maps.mean()
         if not np.isfinite(mean).all():
             raise on_all_ranks(
                 SolveError("quasi_periodic: the map's derivative is beyond the range of numbers")
             )
-        self._harmonics = range(maps.comm.rank, maps.samples // 2 + 1, maps.comm.size)
+        self._mine = range(maps.comm.rank, maps.samples // 2 + 1, maps.comm.size)
         self._factors = []
         least = 1.0
-        for order in self._harmonics:
+        for order in self._mine:
             matrix = mean - shift[order] * np.eye(maps.size)
-            if order == 1 and border is not None:
+            if order == 1 and bordered:
                 left, _, right = linalg.svd(matrix)
                 matrix = np.block([[matrix, left[:, -1:]], [right[-1:], np.zeros((1, 1))]])
             factors, pivots, _ = linalg.lapack.zgetrf(matrix)
@@ -152,6 +153,39 @@ class CurveSystem:
                 )
             )
 
+    def solve(self, vector: np.ndarray) -> np.ndarray:
+        """The preconditioner's product with all unknowns. Collective."""
+        samples, size = self.maps.samples, self.maps.size
+        # an amplitude of the first harmonic is as large in the samples as its two numbers
+        root = np.sqrt(samples)
+        states = vector[: samples * size].reshape(samples, -1)
+        harmonics = root * np.fft.rfft(states, axis=0, norm="forward")
+        found = np.zeros((len(harmonics), size + 1), dtype=complex)
+        for order, (factors, pivots) in zip(self._mine, self._factors):
+            right = harmonics[order]
+            if len(pivots) > size:
+                right = np.append(right, complex(vector[-1], vector[-2]))
+            found[order, : len(pivots)] = linalg.lapack.zgetrs(factors, pivots, right)[0]
+        self.maps.comm.Allreduce(MPI.IN_PLACE, found)
+        states = np.fft.irfft(found[:, :-1] / root, samples, axis=0, norm="forward")
+        return np.append(states, [found[1, -1].imag, found[1, -1].real] if self.bordered else [])
+
+
+class CurveSystem:
+    """The system of a curve, and of its rotation and parameter where there is a border. Collective.
+
+    Parameters
+    ----------
+    harmonics : Harmonics
+        Of the same maps.
+    border : Border, optional
+    """
+
+    def __init__(self, harmonics: Harmonics, border: Border | None = None):
+        self._harmonics, self._maps, self._border = harmonics, harmonics.maps, border
+        self._extra = 0 if border is None else 2
+        self._coordinates = self._maps.samples * self._maps.size
+
     def solve(self, right: np.ndarray, tolerance: float) -> np.ndarray:
         """The unknowns, on all ranks, to a residual relative to that of zero. Collective.
 
@@ -161,10 +195,10 @@ class CurveSystem:
             If the iteration does not converge; a `PetscFailure` if PETSc cannot do it.
         """
         require_thread()
-        comm, shape = self._maps.comm, right.shape
-        right = right.ravel()
-        size = float(np.linalg.norm(right))
-        own = self._own(right / size)
+        comm, size = self._maps.comm, float(np.linalg.norm(right))
+        if not size:
+            return np.zeros(len(right))
+        own = self.own(right / size)
         sizes = (len(own), len(right))
         items: list = []
         try:
@@ -193,16 +227,16 @@ class CurveSystem:
                 "quasi_periodic",
                 f"take more samples, or another solver or more iterations under -{PREFIX}ksp_...",
             )
-            return size * self._everywhere(found.array_r).reshape(shape)
+            return size * self.everywhere(found.array_r)
         finally:
             free(comm, *reversed(items))
 
-    def _own(self, vector: np.ndarray) -> np.ndarray:
+    def own(self, vector: np.ndarray) -> np.ndarray:
         """This rank's part of a vector of all unknowns; the first rank has the numbers behind its samples."""
         own = vector[: self._coordinates].reshape(-1, self._maps.size)[self._maps.mine].ravel()
         return np.append(own, vector[self._coordinates :]) if self._maps.comm.rank == 0 else own
 
-    def _everywhere(self, own: np.ndarray) -> np.ndarray:
+    def everywhere(self, own: np.ndarray) -> np.ndarray:
         """All unknowns, of which this rank has its part."""
         result = np.zeros(self._coordinates + self._extra)
         behind = self._extra if self._maps.comm.rank == 0 else 0
@@ -215,10 +249,10 @@ class CurveSystem:
 
     def mult(self, matrix: PETSc.Mat, given: PETSc.Vec, result: PETSc.Vec) -> None:
         """PETSc's product."""
-        maps, vector = self._maps, self._everywhere(given.array_r)
+        maps, vector = self._maps, self.everywhere(given.array_r)
         states = vector[: self._coordinates].reshape(-1, maps.size)
         image = np.matmul(maps.states, states[maps.mine, :, None])[:, :, 0]
-        image -= filtered(states, self._shift)[maps.mine]
+        image -= filtered(states, self._harmonics.shift)[maps.mine]
         if self._border is None:
             result.array = image.ravel()
             return
@@ -229,22 +263,7 @@ class CurveSystem:
 
     def precondition(self, own: np.ndarray) -> np.ndarray:
         """This rank's part of the preconditioner's product with a vector."""
-        samples, size = self._maps.samples, self._maps.size
-        vector = self._everywhere(own)
-        # an amplitude of the first harmonic is as large in the samples as its two numbers
-        root = np.sqrt(samples)
-        states = vector[: self._coordinates].reshape(samples, -1)
-        harmonics = root * np.fft.rfft(states, axis=0, norm="forward")
-        found = np.zeros((len(harmonics), size + 1), dtype=complex)
-        for order, (factors, pivots) in zip(self._harmonics, self._factors):
-            right = harmonics[order]
-            if len(pivots) > size:
-                right = np.append(right, complex(vector[-1], vector[-2]))
-            found[order, : len(pivots)] = linalg.lapack.zgetrs(factors, pivots, right)[0]
-        self._maps.comm.Allreduce(MPI.IN_PLACE, found)
-        states = np.fft.irfft(found[:, :-1] / root, samples, axis=0, norm="forward")
-        numbers = [found[1, -1].imag, found[1, -1].real] if self._extra else []
-        return self._own(np.append(states, numbers))
+        return self.own(self._harmonics.solve(self.everywhere(own)))
 
 
 class _Precondition:

@@ -18,8 +18,10 @@ from ...petsc import MPI
 from ...reduction.reduced_model import ReducedModel
 from ...system.plausibility import furthest_of_lines
 from ..orbit import axis_number
-from .own_tone import Circle, OwnTone
-from .torus import RESOLVED, spectral_tail
+from ..problem import Point
+from .curve import RESOLVED, OwnTone, spectral_tail, strays
+from .curve_system import tangents
+from .torus import exponents
 
 # Multiples of the first tone of which lines are kept.
 LINES = 20
@@ -232,38 +234,62 @@ def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
     return u.reshape(len(u), -1)
 
 
-def own_motion(own: OwnTone, circle: Circle, stability: bool) -> QuasiPeriodic:
-    """The motion of an invariant curve with a tone of its own. Collective."""
-    driven = own.driven(circle.value)
+def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
+    """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
+    state, own = point.state, point.problem.own
+    driven = own.driven(state.value)
     linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
-    lines, peak = tone_lines(own.period, circle.motions, circle.rotation, linear, own.comm)
-    first = 1.0 / driven.duration
-    growth = own.exponents(circle, EXPONENTS, TURNS) if stability else np.zeros(0)
-    attracts = stability and growth[0] * driven.duration * TURNS < -1.0  # within the history
-    if attracts and own.strays(circle, TURNS) > STRAYED:
-        growth = np.full_like(growth, np.nan)
+    lines, peak = tone_lines(own.period, state.motions, state.rotation, linear, own.comm)
+    growth = np.zeros(0)
+    if stability:
+        maps, along = state.linearised(smooth=True)[0].maps, tangents(state.states)
+        growth = exponents(maps, state.rotation, EXPONENTS, TURNS, along) / driven.duration
+        if growth[0] * driven.duration * TURNS < -1.0 and strays(point, TURNS) > STRAYED:
+            growth = np.full_like(growth, np.nan)
+    refuted = bool(np.isnan(growth).any())  # a file holds finite numbers
+    numbers = [peak, float(refuted)], np.zeros(len(growth)) if refuted else growth
+    parts = (point.residuals, *numbers, np.ascontiguousarray(lines).view(float).ravel())
+    state.told = np.concatenate([[len(part) for part in parts], *parts])
+    return told_motion(point)
+
+
+def attracts(motion: QuasiPeriodic) -> bool:
+    """Whether a motion's exponents say that it attracts histories within their length."""
+    return bool(len(motion.exponents) and motion.exponents[0] * TURNS < -motion.frequencies[0])
+
+
+def told_motion(point: Point) -> QuasiPeriodic:
+    """The same of what is told of it already (`CurveState.told`)."""
+    state, own = point.state, point.problem.own
+    driven = own.driven(state.value)
+    sizes, first = state.told[:4].astype(int), 1.0 / driven.duration
+    residuals, (peak, refuted), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
+    places = len(own.period.reduced.points.names)
     return QuasiPeriodic(
-        (first, circle.rotation * first),
+        (first, state.rotation * first),
         own.samples,
         own.period.steps,
         own.period.reduced,
-        circle.states - driven.linear_state,
-        circle.residuals,
-        growth,
-        peak,
-        lines,
+        state.states - driven.linear_state,
+        tuple(residuals.tolist()),
+        np.full_like(growth, np.nan) if refuted else growth,
+        float(peak),
+        lines.view(complex).reshape(-1, 2 * (own.samples // 2) + 1, places, 2),
         load_factor=driven.factor,
-        own=own,
+        own=own.at(point.value),
     )
 
 
-def own_circle(motion: QuasiPeriodic) -> Circle:
-    """The invariant curve of a motion with a tone of its own, without its trajectories."""
+def own_curve(motion: QuasiPeriodic) -> np.ndarray:
+    """The unknowns of the invariant curve of a motion with a tone of its own: samples, rotation and value."""
     own, first = motion.own, motion.frequencies[0]
     assert own is not None  # the caller has asked
-    value = first * own.period.excitation.periods if own.frequency is None else motion.load_factor
+    if own.parameter == "frequency":
+        value = first * own.period.excitation.periods
+    else:
+        value = getattr(own, own.parameter)
     states = motion.states + own.driven(value).linear_state
-    return Circle(states, motion.frequencies[1] / first, value)
+    return np.append(states.ravel(), [motion.frequencies[1] / first, value])
 
 
 def warn_if_unresolved(owner: str, found: QuasiPeriodic) -> None:

@@ -39,7 +39,7 @@ class UnreducedOrbits(BaseProblem):
     """
 
     # a linear solve takes as long as a new derivative, which an updated one saves
-    closed, settled, corners, updated = 1e-8, 1e-8, True, False
+    closed, settled, corners, gain = 1e-8, 1e-8, True, 0.0
     isolated = (
         "motions of one period are not isolated at {:.8g}, as those of a body without supports; hold it, or "
         "begin elsewhere"
