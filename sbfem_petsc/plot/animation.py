@@ -16,12 +16,12 @@ from ..continuation.orbit import Orbit
 from ..errors import SolveError
 from ..motion.history import Motion, model_with_fields
 from ..parallel import agreed, collective, on_root
+from ..record.units import force_unit, length_unit, time_unit
 from ..writing import destination, replaced
 from .crack import Window, plain, round_down
 from .drawing import BLUE, STYLE, VERMILION, Sheet, crack_title
 from .outlines import Piece, Region, gather_outline, gather_region
 from .picture import CHECKS
-from .units import force_unit, length_unit, time_unit
 
 DOTS = 100  # per inch
 

@@ -11,9 +11,9 @@ from matplotlib.colors import ListedColormap, to_rgb
 
 from ..continuation.basins import Basins, StartAxis
 from ..petsc import MPI
+from ..record.units import impulse_unit, length_unit, velocity_unit
 from .drawing import BLACK, CYCLE, Sheet
 from .picture import picture
-from .units import impulse_unit, length_unit, velocity_unit
 
 UNSETTLED = "#BBBBBB"
 # Share of white in the colour of a basin, in which the orbits' marks are to be seen.

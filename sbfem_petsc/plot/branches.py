@@ -18,9 +18,9 @@ from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
 from ..motion.states import Point
 from ..petsc import MPI
+from ..record.units import frequency_unit, length_unit
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREEN, GREY, VERMILION, Sheet, above
-from .picture import named, picture, place_name
-from .units import divisors, frequency_unit, length_unit
+from .picture import divisors, named, picture, place_name
 
 KINDS = {"fold": "o", "period doubling": "s", "Neimark-Sacker": "^", "branch point": "D", "grazing": "v"}
 # Lines between two points of a branch.

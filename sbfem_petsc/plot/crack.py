@@ -17,11 +17,11 @@ from matplotlib.tri import Triangulation
 
 from ..checks import shown
 from ..parallel import collective, on_root
+from ..record.units import length_unit, place_unit, stress_unit
 from ..system.model import Model
 from .drawing import BLACK, Sheet, bar
 from .outlines import Piece, Region, gather_outline, gather_region
 from .picture import picture
-from .units import length_unit, place_unit, stress_unit
 
 
 @picture(Model)

@@ -15,9 +15,9 @@ from ..checks import flag, instance, real, shown
 from ..motion.history import Motion
 from ..motion.states import Point
 from ..petsc import MPI
+from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 from .drawing import BLACK, CYCLE, Sheet, above
 from .picture import CHECKS, a_text, curve, optional, picture, place_name, table_of, two_numbers
-from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Above this many samples in a panel, the least and the greatest of each column of pixels are drawn.
 COLUMNS = 2000

@@ -11,8 +11,8 @@ import numpy as np
 from matplotlib import rc_context
 from matplotlib.colors import LogNorm, Normalize
 
+from ..record.units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 from .drawing import CYCLE, MARKERS, STYLE, Sheet, bar, save_picture
-from .units import force_unit, frequency_unit, length_unit, stress_unit, time_unit
 
 # Quantities that are drawn without being asked for: indicators of damage.
 _INDICATORS = re.compile(

@@ -15,10 +15,10 @@ from matplotlib.transforms import ScaledTranslation
 from meshing.boundary_mesh import BoundaryMesh
 
 from ..petsc import MPI
+from ..record.units import place_unit
 from ..selement.basis import shape_functions
 from .drawing import BLACK, BLUE, GREEN, MATERIAL, PURPLE, VERMILION, WIDTH, Sheet, crack_title
 from .picture import picture
-from .units import place_unit
 
 OPEN, EDGE = "#FBE3C0", "#7F8C9A"
 

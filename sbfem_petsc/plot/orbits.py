@@ -13,10 +13,10 @@ from ..continuation.branch import Branch
 from ..continuation.orbit import Orbit
 from ..motion.states import Point
 from ..petsc import MPI
+from ..record.units import force_unit, length_unit
 from .branches import draw_growth
 from .drawing import BLACK, BLUE, CYCLE, DASHED, GREY, VERMILION, Sheet, above, finish_stems, stems
-from .picture import named, picture, place_name
-from .units import divisors, force_unit, length_unit
+from .picture import divisors, named, picture, place_name
 
 LIGHT = "#BBBBBB"
 # Growth a period below which the scale of multipliers is linear, else logarithmic.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
@@ -104,6 +104,16 @@ def named(subjects: Subject | Mapping[str, Subject]) -> Mapping[str, Subject]:
     """What `picture` has given names."""
     assert isinstance(subjects, Mapping)
     return subjects
+
+
+def divisors(owner: str, names: Iterable[str], forces: Mapping[str, float] | None) -> dict[str, float]:
+    """What the values of each name are divided by."""
+    missing = [name for name in names if forces is not None and not forces.get(name, 0.0) > 0.0]
+    if missing:
+        raise ValueError(
+            f"{owner}: forces has no positive force for {missing[0]!r}; give one for each name, or none"
+        )
+    return {name: 1.0 if forces is None else forces[name] for name in names}
 
 
 def a_text(owner: str, name: str, value: Any) -> str:

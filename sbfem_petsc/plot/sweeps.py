@@ -11,10 +11,10 @@ from ..checks import instance
 from ..continuation.branch import Branch
 from ..motion.swept import SweptResponse
 from ..petsc import MPI
+from ..record.units import frequency_unit, length_unit
 from .branches import Height, draw_parts, marks_of, name_verdicts, smooth, split
 from .drawing import BLACK, BLUE, GREEN, VERMILION, Sheet
 from .picture import named_point, picture
-from .units import frequency_unit, length_unit
 
 
 @picture(point=named_point)

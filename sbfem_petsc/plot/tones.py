@@ -12,10 +12,10 @@ from ..analysis.backbone import Backbone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..indicators.lines import Sidebands
 from ..petsc import MPI
+from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, split
 from .drawing import CYCLE, Sheet, finish_stems, stems
 from .picture import named, named_point, picture
-from .units import frequency_unit, length_unit
 
 # Orders up to which a line is named in the picture.
 NAMED = 2

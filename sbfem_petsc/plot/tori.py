@@ -10,10 +10,10 @@ from matplotlib.axes import Axes
 
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..petsc import MPI
+from ..record.units import frequency_unit, length_unit
 from .branches import draw_parts, name_verdicts, smooth, split
 from .drawing import CYCLE, Sheet
 from .picture import named, named_point, picture
-from .units import frequency_unit, length_unit
 
 
 @picture(QuasiPeriodicBranch, several=True, point=named_point)

@@ -8,14 +8,20 @@ from typing import Any
 from meshing.folder_index import make_output_folder
 
 from ..parallel import on_root
-from ..plot.animation import animate_crack
-from ..plot.drawing import save_picture
-from ..plot.meshes import plot_discretisation
 from .case.case import Case
 from .kinds.kind import Drawn
 
 
-def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
+def lacking() -> str | None:
+    """What is missing for pictures, in a sentence; None where they can be drawn."""
+    try:
+        from .. import plot  # noqa: F401
+    except ImportError as error:
+        return str(error)
+    return None
+
+
+def draw(case: Case, name: str, result: Any, model: Any, folder: str, *, pictures: bool = True) -> None:
     """Draw what the case's [output] asks for an analysis. Collective.
 
     Parameters
@@ -29,6 +35,8 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
         None where only a recorded result is at hand.
     folder : str
         Made if it is missing.
+    pictures : bool
+        False: files for ParaView alone.
     """
     from mpi4py import MPI
 
@@ -36,10 +44,10 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
     comm = MPI.COMM_WORLD if model is None else model.comm
     on_root(comm, lambda: make_output_folder(folder))
     stem = os.path.join(folder, name)
-    if output.pictures:
+    if output.pictures and pictures:
         for label, axes in kind.pictures(result, Drawn(name, output.points or (), comm)):
             _save(axes, f"{stem}_{label}.png", comm)
-    if output.animation and kind.moving and model is not None:
+    if output.animation and pictures and kind.moving and model is not None:
         animate(result, stem)
     if output.vtu and kind.fields and model is not None:
         kind.write_fields(result, f"{stem}.vtu")
@@ -47,15 +55,21 @@ def draw(case: Case, name: str, result: Any, model: Any, folder: str) -> None:
 
 def animate(motion: Any, stem: str) -> None:
     """Draw the first crack over a motion, where there is one that keeps its fields. Collective."""
+    from ..plot.animation import animate_crack
+
     if motion.reduced is not None and motion.reduced.model.cracks:
         animate_crack(motion, f"{stem}_crack1.gif")
 
 
 def draw_mesh(mesh: Any, path: str, comm: Any) -> None:
     """Draw a discretisation. Collective; the mesh on rank 0 at least."""
+    from ..plot.meshes import plot_discretisation
+
     _save(plot_discretisation(mesh, comm=comm), path, comm)
 
 
 def _save(axes: Any, path: str, comm: Any) -> None:
     """Write a picture on rank 0, where its axes are."""
+    from ..plot.drawing import save_picture
+
     on_root(comm, lambda: save_picture(axes, path))

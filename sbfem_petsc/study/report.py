@@ -16,11 +16,12 @@ import numpy as np
 import sbfem_petsc as sb
 from meshing.folder_index import home_of, open_regular, regular_file
 
-from ..plot.units import force_unit, length_unit, stress_unit, time_unit
+from ..record.units import force_unit, length_unit, stress_unit, time_unit
 from ..writing import replaced, spare_folder
 from .case.analyses import kind_called
 from .estimates import duration
 from .kinds.kind import Kind
+from .pictures import lacking
 from .quantities import Quantity, Tree
 from .revive import read_any
 from .run import PICTURES, RunResults
@@ -104,11 +105,16 @@ def write_report(path: str, output: str | None = None) -> str:
 
 def _drawn(results: Sweep) -> xml.Element:
     """A sweep's page; its pictures are drawn for it."""
-    from ..plot.maps import draw_sweep
-
     with spare_folder() as folder:
-        draw_sweep(results, os.path.join(folder, PICTURES))
-        return _sweep(results, folder)
+        lack = lacking()
+        if lack is None:
+            from ..plot.maps import draw_sweep
+
+            draw_sweep(results, os.path.join(folder, PICTURES))
+        page = _sweep(results, folder)
+        if lack is not None:
+            _add(page.find("body"), "p", lack, class_="failed")
+        return page
 
 
 def _add(parent: xml.Element, tag: str, text: str = "", **attributes: str) -> xml.Element:

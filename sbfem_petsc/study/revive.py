@@ -135,6 +135,8 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     str
         The folder.
     """
+    from ..plot.maps import draw_sweep  # says what is missing before anything is computed
+
     results = on_root(comm, lambda: read_any(path))
     results = comm.bcast(results)
     source = (
@@ -143,8 +145,6 @@ def draw_again(path: str, output: str | None, comm: Any, watch: Watch, *, animat
     home = os.path.dirname(os.path.abspath(source))
     folder = output or os.path.join(home, "pictures")
     if isinstance(results, Sweep):
-        from ..plot.maps import draw_sweep
-
         on_root(comm, lambda: make_output_folder(folder))
         on_root(comm, lambda: draw_sweep(results, folder))
         return folder

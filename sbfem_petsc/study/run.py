@@ -121,12 +121,16 @@ class _Run:
         self.structure: Structure | None = None
         self.failed: dict[str, str] = {}
         self.wrong_input = False
+        drawn = case.tables.output.pictures or case.tables.output.animation
+        self.lack = pictures.lacking() if drawn else None
 
     def all(self) -> Outcome:
         names = list(self.case.tables.analyses)
         folder = self.folder
         pending = [name for name in names if not folder.finished(name)] if folder is not None else None
         pending = self.comm.bcast(pending)
+        if self.lack is not None:
+            self.watch.say(f"{self.lack}; the case runs without")
         for name in names:
             if name not in pending:
                 self.watch.say(f"{name}: finished before")
@@ -170,7 +174,8 @@ class _Run:
         output = case.tables.output
         if output.pictures or output.vtu or output.animation:
             self.watch.stage(f"{title}: pictures and files")
-            pictures.draw(case, name, result, self.structure.model, os.path.join(self.path, PICTURES))
+            folder, model = os.path.join(self.path, PICTURES), self.structure.model
+            pictures.draw(case, name, result, model, folder, pictures=self.lack is None)
         told = kind.told(result)
         self.structure.release(result)
         if self.folder is not None:

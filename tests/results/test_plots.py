@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from matplotlib import image
 
-from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture, units
+from sbfem_petsc.plot import plot_contact, plot_crack, plot_discretisation, plot_modes, save_picture
 from sbfem_petsc.plot.outlines import contact_lengths, gather_outline, gather_region, loops
+from sbfem_petsc.record import units
 
 PICTURES = ("mesh.png", "modes.png", "crack.png", "contact.png")
 

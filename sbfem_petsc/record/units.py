@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-
 Unit = tuple[float, str]
 
 
@@ -51,13 +49,3 @@ def stress_unit(top: float) -> Unit:
 def _largest(top: float, units: tuple[Unit, ...], least: float) -> Unit:
     """The largest unit in which `top` is at least so much."""
     return next((unit for unit in units if top * unit[0] >= least), units[-1])
-
-
-def divisors(what: str, names: Iterable[str], forces: Mapping[str, float] | None) -> dict[str, float]:
-    """What the values of each name are divided by."""
-    missing = [name for name in names if forces is not None and not forces.get(name, 0.0) > 0.0]
-    if missing:
-        raise ValueError(
-            f"{what}: forces has no positive force for {missing[0]!r}; give one for each name, or none"
-        )
-    return {name: 1.0 if forces is None else forces[name] for name in names}
