@@ -12,8 +12,9 @@ import numpy as np
 
 from ..checks import instance, shown
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
+from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
-from ..continuation.problems.unreduced import UnreducedSteady
+from ..continuation.problems.unreduced import UnreducedOrbits, UnreducedSteady
 from ..continuation.search import NEWTON_ALONE, Search, find_steady_state
 from ..errors import SolveError, on_all_ranks
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
@@ -223,7 +224,8 @@ def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings) -
     """The orbit of the unreduced model, in an odd number of steps."""
     with prepare_unreduced("periodic", model, load, frequency, settings=settings) as period:
         driven = period.at(frequency)
-        found = UnreducedSteady("periodic", driven)
+        orbits = UnreducedOrbits(period, ParameterRange("frequency", frequency, frequency))
+        found = UnreducedSteady("periodic", orbits, frequency)
         return Orbit(
             np.arange(period.steps) * driven.march.step,
             driven.states(found.state),

@@ -240,9 +240,10 @@ class _Run:
             if record is not None:
                 record.begin_unreduced(period, over)
             asked = replace(_with_room(what, period, self.asked), stability=False)
+            orbits = UnreducedOrbits(period, over)
             return follow_response(
-                UnreducedOrbits(period, over),
-                lambda: UnreducedSteady(what, over.at(period, over.start)).state,
+                orbits,
+                lambda: UnreducedSteady(what, orbits, over.start).state,
                 settings=asked,
                 recorder=record,
                 report=report,

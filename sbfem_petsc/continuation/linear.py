@@ -187,17 +187,12 @@ class KrylovBorder:
             return whole
         b = PETSc.Vec().createMPI((len(self.own(whole)), None), comm=self.comm)
         b.array, x = self.own(whole), b.duplicate()
-        matrix = PETSc.Mat().createPython([b.getSizes()] * 2, context=_Product(self), comm=self.comm)
+        matrix = PETSc.Mat().createPython([b.getSizes()] * 2, context=Product(self), comm=self.comm)
         matrix.setUp()
         ksp = PETSc.KSP().create(self.comm)
         ksp.setOptionsPrefix(PREFIX)
         ksp.setOperators(matrix)
-        ksp.setType(PETSc.KSP.Type.FGMRES)
-        ksp.setGMRESRestart(KEPT)
-        ksp.setTolerances(rtol=self.linear.tolerance, max_it=RESTARTS * KEPT)
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_Nearby(self))
+        pc = preconditioned(ksp, KEPT, self.linear.tolerance, self)
         try:
             with solving("continuation"), scripted(matrix, pc):
                 configure(ksp)
@@ -212,23 +207,46 @@ class KrylovBorder:
             free(self.comm, ksp, pc, b, x, matrix)
 
 
-class _Product:
-    def __init__(self, border: KrylovBorder):
+def preconditioned(
+    ksp: PETSc.KSP, kept: int, tolerance: float, border: KrylovBorder | None = None
+) -> PETSc.PC:
+    """Let a solver be GMRES with the inverse nearby of a border, which its preconditioner has."""
+    ksp.setType(PETSc.KSP.Type.FGMRES)
+    ksp.setGMRESRestart(kept)
+    ksp.setTolerances(rtol=tolerance, max_it=RESTARTS * kept)
+    pc = ksp.getPC()
+    pc.setType(PETSc.PC.Type.PYTHON)
+    pc.setPythonContext(Nearby(border))
+    return pc
+
+
+class Product:
+    """A border's left side as a matrix of PETSc."""
+
+    def __init__(self, border: KrylovBorder | None = None):
         self.border = border
 
     def mult(self, matrix, x, y) -> None:
-        y.array = self.border.own(self.border.product(self.border.gathered(x)))
+        """y of x."""
+        border = self.border
+        assert border is not None
+        y.array = border.own(border.product(border.gathered(x)))
 
 
-class _Nearby:
-    def __init__(self, border: KrylovBorder):
+class Nearby:
+    """A border's inverse nearby as a preconditioner of PETSc."""
+
+    def __init__(self, border: KrylovBorder | None = None):
         self.border = border
 
     def setUp(self, pc) -> None:
-        pass
+        """Nothing."""
 
     def apply(self, pc, x, y) -> None:
-        y.array = self.border.own(self.border.nearby(self.border.gathered(x)))
+        """y of x."""
+        border = self.border
+        assert border is not None
+        y.array = border.own(border.nearby(border.gathered(x)))
 
 
 class Cyclic:

@@ -13,7 +13,7 @@ from meshing import Beam, VNotch
 from mpi4py import MPI
 from petsc4py import PETSc
 from sbfem_petsc.continuation import multipliers as of_motions
-from sbfem_petsc.continuation import shooting as fixed_points
+from sbfem_petsc.continuation import linear, shooting as fixed_points
 from sbfem_petsc.continuation.problems import curve_system, unreduced as unreduced_shooting
 from sbfem_petsc.system import dual_contact, krylov_step
 from tests.systems import two_masses
@@ -49,8 +49,8 @@ CALLS = [
     (fixed_points._Products, "mult", 3, lambda: shooting("matrix-free")),
     (fixed_points._Uncoupled, "apply", 3, lambda: shooting("matrix-free")),
     (unreduced_shooting.UnreducedSteady, "_function", 2, unreduced),
-    (unreduced_shooting._Products, "mult", 2, unreduced),
-    (unreduced_shooting._Resolvent, "apply", 2, unreduced),
+    (linear.Product, "mult", 2, unreduced),
+    (linear.Nearby, "apply", 2, unreduced),
     (curve_system.CurveSystem, "mult", 2, tones),
     (curve_system._Precondition, "apply", 2, tones),
     (of_motions._Monodromy, "mult", 1, multipliers),
@@ -98,8 +98,8 @@ Shooting _jacobian 1
 _Products mult 3
 _Uncoupled apply 3
 UnreducedSteady _function 2
-_Products mult 2
-_Resolvent apply 2
+Product mult 2
+Nearby apply 2
 CurveSystem mult 2
 _Precondition apply 2
 _Monodromy mult 1

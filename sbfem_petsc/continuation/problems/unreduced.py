@@ -12,7 +12,7 @@ import numpy as np
 from ...errors import SolveError, on_all_ranks
 from ...motion.unreduced.period import KRYLOV, UnreducedDriven, UnreducedMotion, UnreducedPeriod
 from ...petsc import PETSc, configure, finite, free, scripted, solving
-from ..linear import PREFIX, Krylov
+from ..linear import PREFIX, Krylov, Product, preconditioned
 from ..problem import BaseProblem, Point
 from ..shooting import snes_reason
 from .driven_orbits import LEAST, REST, SPAN, ParameterRange
@@ -168,7 +168,7 @@ class UnreducedLinear(Krylov):
 
 
 class UnreducedSteady:
-    """The periodic motion of a driven period by SNES.
+    """The periodic motion at a value of the parameter, from the linear response by SNES.
 
     Attributes
     ----------
@@ -185,28 +185,22 @@ class UnreducedSteady:
         If Newton's method or a linear solve does not converge.
     """
 
-    def __init__(self, owner: str, driven: UnreducedDriven):
-        self.driven, self.path, self.residuals = driven, "Newton", list[float]()
-        self._key: np.ndarray | None = None
-        comm = driven.period.comm
-        x = PETSc.Vec().createMPI((2 * driven.size, None), comm=comm)
+    def __init__(self, owner: str, orbits: UnreducedOrbits, value: float):
+        self.orbits, self.value, self.path, self.residuals = orbits, value, "Newton", list[float]()
+        self._kept: UnreducedState | None = None
+        driven, comm = orbits.driven(value), orbits.comm
+        x = PETSc.Vec().createMPI((orbits.period.unknowns, None), comm=comm)
         f = x.duplicate()
         x.array = guess = driven.linear_state
+        norm = orbits.norm(guess)
         snes = PETSc.SNES().create(comm)
         snes.setOptionsPrefix(PREFIX)
-        sizes = x.getSizes()
-        matrix = PETSc.Mat().createPython([sizes, sizes], context=_Products(driven), comm=comm)
+        matrix = PETSc.Mat().createPython([x.getSizes()] * 2, context=Product(), comm=comm)
         matrix.setUp()
         snes.setFunction(self._function, f)
         snes.setJacobian(self._jacobian, matrix)
         ksp = snes.getKSP()
-        ksp.setType(PETSc.KSP.Type.FGMRES)
-        ksp.setGMRESRestart(KRYLOV)
-        ksp.setTolerances(rtol=LINEAR, max_it=3 * KRYLOV)
-        pc = ksp.getPC()
-        pc.setType(PETSc.PC.Type.PYTHON)
-        pc.setPythonContext(_Resolvent(driven))
-        norm = driven.period.total(float(guess @ guess)) ** 0.5
+        pc = preconditioned(ksp, KRYLOV, LINEAR)
         snes.setTolerances(
             rtol=RELATIVE, atol=finite(ROUND_OFF * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
         )
@@ -239,43 +233,18 @@ class UnreducedSteady:
         finally:
             free(comm, snes, ksp, pc, x, f, matrix)
 
-    def _motion(self, array: np.ndarray) -> UnreducedMotion:
-        same = self._key is not None and np.array_equal(self._key, array)
-        comm = self.driven.period.comm
-        if self.driven.period.total(float(same)) < comm.size:
-            self._key, self._kept = array.copy(), self.driven.run(array)
+    def _at(self, array: np.ndarray) -> UnreducedState:
+        same = self._kept is not None and np.array_equal(self._kept.state, array)
+        if self._kept is None or self.orbits.sum(float(same)) < self.orbits.comm.size:
+            self._kept = self.orbits.at(np.append(array, self.value))
         return self._kept
 
     def _function(self, snes, x, f) -> None:
-        array = x.array_r.copy()
-        f.array = self._motion(array).end - array
+        f.array = self._at(x.array_r).residual
 
     def _jacobian(self, snes, x, matrix, preconditioner) -> None:
-        matrix.getPythonContext().sets = self._motion(x.array_r.copy()).sets
+        linear = self._at(x.array_r).linear()
+        border = linear.bordered(self.orbits.value(np.zeros(linear.rows + 1))[1])
+        for item in (matrix, snes.getKSP().getPC()):
+            item.getPythonContext().border = border
         matrix.assemble()
-
-
-class _Products:
-    """Phi - 1 as products: one linearised period each."""
-
-    sets: np.ndarray
-
-    def __init__(self, driven: UnreducedDriven):
-        self.driven = driven
-
-    def mult(self, matrix, x, y) -> None:
-        vector = x.array_r.copy()
-        y.array = self.driven.carried(vector, self.sets) - vector
-
-
-class _Resolvent:
-    """Preconditioner: the motion without contact in the lowest modes."""
-
-    def __init__(self, driven: UnreducedDriven):
-        self.driven = driven
-
-    def setUp(self, pc) -> None:
-        pass
-
-    def apply(self, pc, x, y) -> None:
-        y.array = self.driven.linear_resolvent(x.array_r)
