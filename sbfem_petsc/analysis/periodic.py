@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..checks import instance, shown
+from ..checks import instance
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
 from ..continuation.problems.driven_orbits import ParameterRange
 from ..continuation.problems.segments import at_segments, segmented_stability, shoot_segments
@@ -20,7 +19,7 @@ from ..errors import SolveError, on_all_ranks
 from ..motion.contact_work import MOST, contact_work, times_more, warn_of_contact_work
 from ..motion.loading import communicator
 from ..motion.period_map import FixedPoint, Period
-from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare
+from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare, require_unreduced
 from ..motion.unreduced.period import prepare_unreduced
 from ..parallel import collective
 from ..reduction.reduced_model import ReducedModel
@@ -130,8 +129,10 @@ def periodic(
                 )
         if reduction is None:
             segmented = segments if segments > 1 else None
-            asked = {"guess": guess, "tolerance": tolerance, "search": search, "segments": segmented}
-            _check_unreduced(model, {**asked, "stability": stability or None}, jacobian)
+            asked: dict[str, Any] = {"guess": guess, "tolerance": tolerance, "search": search}
+            asked["segments"] = segmented
+            asked["jacobian"] = None if jacobian in ("auto", "matrix-free") else jacobian
+            require_unreduced("periodic", model, {**asked, "stability": stability or None})
     if reduction is None:
         assert isinstance(model, Model)
         return _unreduced(model, load, frequency, settings)
@@ -235,17 +236,3 @@ def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings) -
             found.path,
             products=period.products,
         )
-
-
-def _check_unreduced(model: Any, asked: Mapping[str, Any], jacobian: str) -> None:
-    """What shooting on the unreduced model cannot do."""
-    if not isinstance(model, Model):
-        raise ValueError("periodic: reduction = None needs the model itself, not a reduced one")
-    given = {**asked, "jacobian": None if jacobian in ("auto", "matrix-free") else jacobian}
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(
-                f"periodic: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction = "
-                "None, is shot at from its linear response, without a matrix, in the steps given, and has no "
-                "multipliers: leave it out"
-            )

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from ..capacity import FEW, require_memory, room
-from ..checks import instance, shown
+from ..checks import instance
 from ..continuation.branch import Branch
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..continuation.orbit import Orbit
@@ -25,7 +25,7 @@ from ..continuation.shooting import shoot
 from ..motion.contact_work import MOST, StepsTooLong
 from ..motion.loading import amplitudes_only, communicator
 from ..motion.period_map import Period
-from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare
+from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare, require_unreduced
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..parallel import collective
 from ..petsc import MPI
@@ -228,7 +228,11 @@ class _Run:
         """Of the unreduced model."""
         what = over.owner
         with collective(self.comm):
-            self._check_unreduced(over, stability)
+            # damping and gaps are in the model's matrices
+            given = {"parameter": over.name} if over.name in ("damping", "gap") else {}
+            require_unreduced(
+                what, self.model, {**given, "guess": self.guess, "stability": stability or None}
+            )
         assert isinstance(self.model, Model)
         settings = replace(self.settings, periods=self.settings.periods or 1)
         begins = over.frequency or over.start
@@ -248,26 +252,6 @@ class _Run:
                 recorder=record,
                 report=report,
             )
-
-    def _check_unreduced(self, over: ParameterRange, stability: bool | None) -> None:
-        """What curves of the unreduced model have not."""
-        what = over.owner
-        if not isinstance(self.model, Model):
-            raise ValueError(f"{what}: reduction = None needs the model itself, not a reduced one")
-        if over.name not in ("frequency", "load"):
-            raise ValueError(
-                f"{what}: parameter = {over.name!r} is for the reduced model; the unreduced one, reduction = "
-                "None, is followed over the frequency or the load, for its damping and its gaps are in its "
-                "matrices: give a model of others"
-            )
-        for name, value in (("guess", self.guess), ("stability", stability or None)):
-            if value is not None:
-                raise ValueError(
-                    f"{what}: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction "
-                    "= None, is followed from its linear response, and has no multipliers: what the steps do "
-                    "not resolve turns its sign in each and keeps its size, and would be the largest; leave "
-                    "it out"
-                )
 
 
 def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndarray:

@@ -90,7 +90,7 @@ class Krylov:
 
     rows: int
     size = 1.0
-    comm = MPI.COMM_SELF
+    comm: MPI.Comm = MPI.COMM_SELF
     tolerance = TOLERANCE
 
     def products(self, vector: np.ndarray) -> np.ndarray:

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from ..capacity import require_compiler, require_memory
 from ..checks import shown
@@ -163,6 +164,22 @@ def check_reduction(owner: str, reduction: object) -> None:
             f"{owner}: reduction = {shown(reduction)} must be 'modes' or None; a reduced model is given in "
             "the place of the model"
         )
+
+
+def require_unreduced(owner: str, model: object, given: Mapping[str, Any]) -> None:
+    """Raise ValueError unless it is a model itself, and nothing is given that motions of the unreduced one do
+    not have: arguments by their names, None where they are left out.
+    """
+    if not isinstance(model, Model):
+        raise ValueError(f"{owner}: reduction = None needs the model itself, not a reduced one")
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f"{owner}: {name} = {shown(value)} is for the reduced model; the unreduced one, reduction = "
+                "None, is shot at from its linear response, without a matrix, in the steps given, with its "
+                "own damping and gaps, and has no multipliers (what the steps do not resolve keeps its size "
+                "and would be the largest): leave it out"
+            )
 
 
 def check_guess(owner: str, guess: Orbit, reduced: ReducedModel) -> None:
