@@ -186,23 +186,25 @@ def _enter(folder: str, name: str) -> None:
 
 def _begin(folder: str) -> None:
     """Begin an index in a folder without anything else."""
-    if not os.path.lexists(os.path.join(folder, INDEX)):
-        others = sorted(set(os.listdir(folder)) - {INDEX})
-        if others:
-            raise ValueError(
-                f"output folder {folder!r} holds {others[0]!r}, which this program has not made there; "
-                f"{_NOT_OURS}"
-            )
+    others = sorted(set(os.listdir(folder)) - {INDEX})
+    # looked for behind the others: whoever else begins here makes it before all else
+    if others and not os.path.lexists(os.path.join(folder, INDEX)):
+        raise ValueError(
+            f"output folder {folder!r} holds {others[0]!r}, which this program has not made there; "
+            f"{_NOT_OURS}"
+        )
     os.close(open_regular(os.path.join(folder, INDEX), os.O_WRONLY | os.O_CREAT))
 
 
 class HeldFolder:
-    """An output folder that one process works in, until `close`.
+    """An output folder that one process works in, until `close`, or several that share it.
 
     Parameters
     ----------
     path : str
         An existing folder.
+    shared : bool
+        Others that share it may work in it too; nothing of theirs is removed.
 
     Raises
     ------
@@ -211,23 +213,23 @@ class HeldFolder:
         has been touched.
     """
 
-    def __init__(self, path: str):
+    def __init__(self, path: str, shared: bool = False):
         self.path = path
         _begin(path)
         self._handle: int | None = open_regular(os.path.join(path, INDEX), os.O_RDWR)
         try:
-            self._lock()
+            self._lock(fcntl.LOCK_SH if shared else fcntl.LOCK_EX)
             leftovers = list(self._leftovers())
         except BaseException:
             self.close()
             raise
-        for place in leftovers:
+        for place in () if shared else leftovers:
             shutil.rmtree(place, ignore_errors=True)
 
-    def _lock(self) -> None:
+    def _lock(self, kind: int) -> None:
         assert self._handle is not None
         try:
-            fcntl.flock(self._handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(self._handle, kind | fcntl.LOCK_NB)
         except BlockingIOError:
             raise ValueError(
                 f"another process is at work in {self.path!r}; wait for it, or name another folder with "
@@ -238,9 +240,9 @@ class HeldFolder:
 
     def _leftovers(self, below: str = "") -> Iterator[str]:
         """What killed processes have left of files that they were making, after a look at everything."""
-        names = listed(self.path)
         with os.scandir(os.path.join(self.path, below)) as entries:
             found = sorted(entries, key=lambda entry: entry.name)
+        names = listed(self.path)  # behind the look: others list what they make before they make it
         for entry in found:
             name = os.path.join(below, entry.name)
             unfinished = UNFINISHED.fullmatch(entry.name)

@@ -14,6 +14,8 @@ from ..study.case.case import Case, read_case
 from .terminal import tell
 
 Options = argparse.Namespace
+# Exit code of a sweep that has come to its end, but for some of its rows.
+FAILED_ROWS = 3
 
 
 def _say(options: Options, comm: Any, text: str) -> None:
@@ -102,7 +104,8 @@ def sweep(options: Options, comm: Any) -> int:
     case = _case(options, comm)
     output = options.output or os.path.join("output", f"{_stem(options.case)}_sweep")
     with watch_for(comm, options.quiet) as watch:
-        found = run_sweep(case, output=output, comm=comm, replace=options.replace, watch=watch)
+        keep = {"output": output, "replace": options.replace, "rows": options.rows}
+        found = run_sweep(case, **keep, comm=comm, watch=watch)
     failed = [reason for reason in found.reasons if reason]
     if options.json:
         _answer(comm, found.facts())
@@ -110,7 +113,7 @@ def sweep(options: Options, comm: Any) -> int:
         _say(options, comm, f"{found!r}\nresults are in {os.path.abspath(output)}")
     if failed and comm.rank == 0:
         tell(f"error: {len(failed)} of {len(found.reasons)} rows failed; the first: {failed[0]}", sys.stderr)
-    return 1 if failed else 0
+    return FAILED_ROWS if failed else 0
 
 
 def plot(options: Options, comm: Any) -> int:

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from typing import Any, NoReturn
 
 import sbfem_petsc as sb
 
 from ..command_line import PREFIXES
+from ..study.case.sweep import MOST
 from ..study.starter import KINDS
 
 EXIT_CODES = """exit codes:
   0    all is well
-  1    an analysis or a row of a sweep failed; summary.json or sweep.csv say why, the others are kept
+  1    the run failed, or an analysis of it; summary.json says why, the others are kept
   2    input that makes no sense: command line, case file, results file, folder
+  3    rows of a sweep failed; sweep.csv says why, the others are kept
   130  interrupted (Ctrl-C); the same command goes on where it was
   143  ended by a signal; the same command goes on where it was"""
 
@@ -108,6 +111,14 @@ def make_parser() -> argparse.ArgumentParser:
         )
         made.add_argument("--json", action="store_true", help="print the summary in JSON on standard output")
 
+    sweep.add_argument(
+        "--rows",
+        metavar="A:B",
+        type=_rows,
+        help="rows from A to before B alone, numbered from 0, beside processes that compute others into the "
+        "same folder; a last call without it finishes what is missing and writes the table",
+    )
+
     plot = command("plot", "draw the pictures of a run or sweep again")
     report = command("report", "write a self-contained HTML report of a run or sweep")
     info = command("info", "say what a results file holds")
@@ -131,6 +142,14 @@ def make_parser() -> argparse.ArgumentParser:
     doctor = command("doctor", "say versions and what is missing, with remedies")
     doctor.add_argument("--json", action="store_true", help="answer in JSON on standard output")
     return parser
+
+
+def _rows(text: str) -> tuple[int, int]:
+    """Numbers of the first row and behind the last; either may be left out."""
+    found = re.fullmatch(r"(\d{0,9}):(\d{0,9})", text)
+    if found is None:
+        raise argparse.ArgumentTypeError(f"{text!r} must be A:B, two numbers of rows from 0, such as 0:25")
+    return int(found[1] or 0), int(found[2] or MOST)
 
 
 def split(arguments: list[str]) -> tuple[list[str], list[str]]:

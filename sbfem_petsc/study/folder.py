@@ -28,6 +28,8 @@ class Folder:
         What is done with the case.
     replace : bool
         Give up what another case or version left in the folder.
+    shared : bool
+        Other processes may be at work in it for the same case.
 
     Raises
     ------
@@ -36,18 +38,18 @@ class Folder:
         it.
     """
 
-    def __init__(self, path: str, case: Case, what: str, replace: bool = False):
+    def __init__(self, path: str, case: Case, what: str, replace: bool = False, *, shared: bool = False):
         self.path = path
-        self.held = HeldFolder(path)
+        self.held = HeldFolder(path, shared)
         self.state_file = os.path.join(path, f"{what}.json")
         self.parts = os.path.join(path, PARTS if what == "run" else "rows")
         try:
-            self.state = self._begin(case, what, replace)
+            self.state = self._begin(case, what, replace, shared)
         except BaseException:
             self.close()
             raise
 
-    def _begin(self, case: Case, what: str, replace: bool) -> dict[str, Any]:
+    def _begin(self, case: Case, what: str, replace: bool, shared: bool) -> dict[str, Any]:
         mine = {
             "format_version": FORMAT_VERSION,
             "version": sb.__version__,
@@ -83,7 +85,8 @@ class Folder:
                     )
             make_folder(self.parts)
             return former
-        self.held.clear()
+        if not shared:
+            self.held.clear()
         make_folder(self.parts)
         mine["done"] = {}
         write_json(self.state_file, mine)

@@ -4,6 +4,8 @@ seen.
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import io
 import json
 import mmap
@@ -46,6 +48,34 @@ class Row:
     units: dict[str, str] = field(default_factory=dict)
 
 
+@contextlib.contextmanager
+def held(path: str, what: str) -> Iterator[None]:
+    """Keep a file of rows to this process, until the end or until it ends, however it does.
+
+    Parameters
+    ----------
+    path : str
+    what : str
+        Which rows, for messages.
+
+    Raises
+    ------
+    ValueError
+        If another process has it.
+    """
+    claim(path, "rows of the sweep")
+    handle = open_regular(path, os.O_RDWR | os.O_CREAT)
+    try:
+        with contextlib.suppress(OSError):  # a file system without locks
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise ValueError(f"{what} are computed by another process; wait for its end") from None
+        yield
+    finally:
+        os.close(handle)
+
+
 def append(path: str, row: Row) -> None:
     """Add a row to a file; it is on the disk when this returns.
 
@@ -86,9 +116,12 @@ def every(folder: str) -> Iterator[Row]:
     """All whole rows in a folder's files, as often as they were written."""
     for name in sorted(os.listdir(folder)):
         if name.endswith(".rows"):
-            path = os.path.join(folder, name)
-            for payload in _payloads(path):
-                yield _unpacked(path, payload)
+            yield from of_file(os.path.join(folder, name))
+
+
+def of_file(path: str) -> Iterator[Row]:
+    """All whole rows in a file."""
+    return (_unpacked(path, payload) for payload in _payloads(path))
 
 
 def _payloads(path: str) -> Iterator[bytes]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import os
 import time
@@ -50,6 +51,7 @@ def sweep(
     noise: Mapping[str, float] | None = None,
     ranks_per_row: int = 1,
     histories: bool = False,
+    rows: tuple[int, int] | None = None,
     comm: Any = None,
     replace: bool = False,
     watch: Watch | None = None,
@@ -79,6 +81,10 @@ def sweep(
         Ranks that compute a row together.
     histories : bool
         Keep the motion of the points too.
+    rows : (int, int), optional
+        Number of the first row, from 0, and that behind the last: these are computed alone, into an
+        `output` that other processes may compute other rows into. A last call without it finishes what is
+        missing and writes the table.
     comm : mpi4py communicator, optional
         Default: MPI.COMM_WORLD.
     replace : bool
@@ -89,7 +95,7 @@ def sweep(
     Returns
     -------
     Sweep
-        On all ranks.
+        On all ranks; of `rows` those alone.
 
     Raises
     ------
@@ -108,28 +114,17 @@ def sweep(
             "ranks_per_row": integer("sweep", "ranks_per_row", ranks_per_row, least=1),
             "histories": flag("sweep", "histories", histories),
         }
-        flag("sweep", "replace", replace)
         if output is not None:
             path("sweep", "output", output)
         if watch is not None:
             instance("sweep", "watch", watch, Watch, "a Watch")
-        if not isinstance(case, Case):
-            path("sweep", "case", case)
-        checked = case if isinstance(case, Case) else read_case(case)
-        if parameters is None:
-            given = [name for name, value in table.items() if value != DEFAULTS.get(name)]
-            if given:
-                raise ValueError(
-                    f"sweep: {given[0]} = {shown(table[given[0]])} is of no use without parameters, for the "
-                    "case's own [sweep] table is followed; write it there, or give parameters"
-                )
-        else:
-            table["parameters"] = _table("parameters", parameters)
-            checked = checked.with_data(
-                {**checked.data, "sweep": {k: v for k, v in table.items() if v is not None}}
+        checked = _swept(case, _table("parameters", parameters), table)
+        part = _part(rows, len(paths.rows(checked.tables.sweep)), output)
+        if flag("sweep", "replace", replace) and rows is not None:
+            raise ValueError(
+                "sweep: replace = True is not for some of the rows, beside which others may be computed; "
+                "call it once without rows"
             )
-        if checked.tables.sweep is None:
-            raise checked.problem(("sweep",), "is missing; add [sweep.parameters] with the keys that vary")
         together_on = checked.tables.sweep.ranks_per_row
         if comm.size % together_on:
             raise checked.problem(
@@ -142,14 +137,51 @@ def sweep(
         folder: Folder | None = None
         with collective(comm):
             if comm.rank == 0:
-                folder = Folder(folder_path, checked, "sweep", replace)
+                folder = Folder(folder_path, checked, "sweep", replace, shared=part is not None)
         try:
-            return _Sweeping(checked, folder_path, comm, told).all()
+            return _Sweeping(checked, folder_path, comm, told, part).all()
         finally:
             if folder is not None:
                 folder.close()
             if not alone(comm):
                 comm.Barrier()  # nobody's folder goes while others read it
+
+
+def _swept(case: Any, parameters: dict[str, Any] | None, table: dict[str, Any]) -> Any:
+    """The case with its sweep, that of the call if there are parameters."""
+    if not isinstance(case, Case):
+        path("sweep", "case", case)
+    checked = case if isinstance(case, Case) else read_case(case)
+    if parameters is not None:
+        own = {**table, "parameters": parameters}
+        return checked.with_data({**checked.data, "sweep": {k: v for k, v in own.items() if v is not None}})
+    given = [name for name, value in table.items() if value != DEFAULTS.get(name)]
+    if given:
+        raise ValueError(
+            f"sweep: {given[0]} = {shown(table[given[0]])} is of no use without parameters, for the "
+            "case's own [sweep] table is followed; write it there, or give parameters"
+        )
+    if checked.tables.sweep is None:
+        raise checked.problem(("sweep",), "is missing; add [sweep.parameters] with the keys that vary")
+    return checked
+
+
+def _part(rows: Any, count: int, output: Any) -> range | None:
+    """The rows of a call that computes some of them."""
+    if rows is None:
+        return None
+    if not isinstance(rows, (list, tuple)) or len(rows) != 2:
+        what = "two numbers: of the first row, and behind the last"
+        raise TypeError(f"sweep: rows = {shown(rows)} must be {what}")
+    first, behind = (integer("sweep", f"rows[{k}]", value, least=0) for k, value in enumerate(rows))
+    if not first < min(behind, count):
+        raise ValueError(
+            f"sweep: rows = {shown(rows)} holds none of the {count:,d} rows, numbered from 0; give a first "
+            "row and a larger number behind the last"
+        )
+    if output is None:
+        raise ValueError("sweep: rows needs the folder that others compute into too; give output")
+    return range(first, min(behind, count))
 
 
 def _table(name: str, value: Any) -> dict[str, Any] | None:
@@ -168,28 +200,51 @@ class _Sweeping:
         Ranks that compute a row together with this one.
     """
 
-    def __init__(self, case: Case, path: str, comm: Any, watch: Watch):
+    def __init__(self, case: Case, path: str, comm: Any, watch: Watch, part: range | None):
         assert case.tables.sweep is not None
         self.case, self.comm, self.watch, self.table = case, comm, watch, case.tables.sweep
         self.folder, self.path = os.path.join(path, "rows"), path
         self.inputs = paths.rows(self.table)
+        self.part, self.numbers = part, part or range(len(self.inputs))
         self.names = self.table.analyses or list(case.tables.analyses)
         self.group = comm.Split(comm.rank // self.table.ranks_per_row, comm.rank)
         self.costs = Costs()
-        self.file = os.path.join(self.folder, f"{comm.rank // self.table.ranks_per_row:05d}.rows")
+        group = comm.rank // self.table.ranks_per_row
+        self.named = f"rows {self.numbers.start} to {self.numbers.stop - 1}"
+        begin = "" if part is None else f"{part.start:07d}-{part.stop:07d}-"
+        self.file = os.path.join(self.folder, f"{begin}{group:05d}.rows")
         self.healthy: dict[str, Any] = {}
 
     def all(self) -> Sweep:
         """Compute what is missing and put the table together."""
+        with contextlib.ExitStack() as stack:
+            with collective(self.comm):
+                if self.group.rank == 0:
+                    stack.enter_context(row_files.held(self.file, self.named))
+            self._compute()
+        table: Sweep | None = None
+        with collective(self.comm):
+            if self.comm.rank == 0:
+                found = row_files.read(self.folder)
+                chosen = {n: found[k] for n, k in enumerate(self.numbers) if k in found}
+                table = together(self.case, [self.inputs[k] for k in self.numbers], chosen)
+                if self.part is None:
+                    write(table, self.case, self.path)
+        result: Sweep = self.comm.bcast(table)
+        return result
+
+    def _compute(self) -> None:
+        """Rows that are not finished."""
         comm = self.comm
         done: list[int] = []
         with collective(comm):
             if comm.rank == 0:
                 done = [k for k, row in row_files.read(self.folder).items() if not row.reason]
-        finished = set(comm.bcast(done))
-        total = len(self.inputs)
+        finished = set(comm.bcast(done)) & set(self.numbers)
+        total = len(self.numbers)
         self._require_disk(total - len(finished))
-        self.watch.stage(f"{total} rows, {len(finished)} of them finished before")
+        part = "" if self.part is None else f" ({self.named})"
+        self.watch.stage(f"{total} rows{part}, {len(finished)} of them finished before")
         alike = self._alike(finished)
         try:
             with Shares(comm, self.group, [len(numbers) for numbers in alike]) as shares:
@@ -199,13 +254,6 @@ class _Sweeping:
             if not alone(comm):
                 self.group.Free()
         comm.Barrier()
-        table: Sweep | None = None
-        with collective(comm):
-            if comm.rank == 0:
-                table = together(self.case, self.inputs, row_files.read(self.folder))
-                write(table, self.case, self.path)
-        result: Sweep = comm.bcast(table)
-        return result
 
     def _require_disk(self, rows: int) -> None:
         """Refuse rows that would not fit on the disk: of each its figures, and motions where they are kept.
@@ -229,9 +277,9 @@ class _Sweeping:
     def _alike(self, finished: set[int]) -> list[list[int]]:
         """Rows that are not finished, those of one structure together."""
         found: dict[tuple, list[int]] = {}
-        for k, row in enumerate(self.inputs):
+        for k in self.numbers:
             if k not in finished:
-                found.setdefault(paths.structural(row), []).append(k)
+                found.setdefault(paths.structural(self.inputs[k]), []).append(k)
         return list(found.values())
 
     def _structure(self, numbers: list[int], shares: Shares, place: int, total: int) -> None:

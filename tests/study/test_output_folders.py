@@ -390,6 +390,6 @@ def test_failed_rows_are_tried_again(tmp_path, monkeypatch):
 
     monkeypatch.setattr(Structure, "solve", failing)
     done = sbfem("sweep", path, "--output", out, "--json", "--quiet")
-    assert done.code == 1 and done.answer["failed"] == 1 and asked == [1.0, 2.0]
+    assert done.code == 3 and done.answer["failed"] == 1 and asked == [1.0, 2.0]
     done = sbfem("sweep", path, "--output", out, "--json", "--quiet")
     assert done.code == 0 and done.answer["failed"] == 0 and asked == [1.0, 2.0, 2.0]

@@ -3,7 +3,9 @@
 import csv
 import itertools
 import json
+import re
 import signal
+import time
 
 import numpy as np
 import pytest
@@ -22,7 +24,7 @@ from sbfem_petsc.study.shares import Costs
 from sbfem_petsc.study.structure import Structure
 from sbfem_petsc.study.sweep_file import read_sweep
 from tests.parallel import on_ranks
-from tests.study.small_case import CASE, SWEEP, sbfem, stopped_sweep, written
+from tests.study.small_case import CASE, SWEEP, WAITING, sbfem, started, stopped_sweep, written
 
 DEPTHS, FORCES = [0.002, 0.004], [100.0, 200.0, 300.0]
 
@@ -305,7 +307,7 @@ def test_failed_rows(tmp_path):
         + '\n[sweep]\nanalyses = ["frequencies"]\n[sweep.parameters]\n"geometry.notches[0].x" = [0.05, 0.2]\n'
     )
     done = sbfem("sweep", written(tmp_path, text), "--output", tmp_path / "out", "--quiet")
-    assert done.code == 1 and "1 of 2 rows failed" in done.err
+    assert done.code == 3 and "1 of 2 rows failed" in done.err
     found = read_sweep(tmp_path / "out")
     assert found.reasons[0] == "" and "geometry.notches[0]" in found.reasons[1] and "0.2" in found.reasons[1]
     values = found.values["frequencies/frequencies"]
@@ -347,3 +349,92 @@ def test_another_sweep_is_refused(folder, tmp_path):
     other = written(tmp_path, CASE + SWEEP.replace("count = 3", "count = 4"))
     done = sbfem("sweep", other, "--output", folder / "out")
     assert done.code == 2 and "sweep of another case" in done.err
+
+
+# 200 rows on eight structures.
+MANY = (
+    CASE[: CASE.index("[analyses.frequencies]")]
+    + CASE[CASE.index("[analyses.push]") : CASE.index("[analyses.burst]")].replace("modes = 12", "modes = 6")
+    + """
+[sweep.parameters]
+"geometry.notches[0].depth" = { start = 0.002, stop = 0.006, count = 8 }
+"loads.push.fy" = { start = 100.0, stop = 300.0, count = 25 }
+"""
+)
+
+
+def values(folder) -> tuple[list[dict[str, str]], list[str]]:
+    """The table without the times, and the reasons."""
+    with open(folder / "sweep.csv", newline="") as file:
+        found = list(csv.DictReader(file))
+    return [{k: v for k, v in row.items() if k != "seconds"} for row in found], [r["reason"] for r in found]
+
+
+@pytest.mark.long
+def test_rows_by_eight_processes(tmp_path):
+    """Two of them are killed within their rows; a last call finishes those and writes the table that one
+    process makes, to the last digit. While one is at work the last call waits to be made again.
+    """
+    path, one, out = written(tmp_path, MANY), tmp_path / "one", tmp_path / "out"
+    assert sbfem("sweep", path, "--output", one, "--quiet").code == 0
+    killed, processes = (2, 5), []
+    for k in range(8):
+        program = ("-c", WAITING) if k in killed else ("-m", "sbfem_petsc")
+        command = ("sweep", path, "--output", out, "--rows", f"{25 * k}:{25 * k + 25}", "--quiet")
+        processes.append(started(*command, program=program))
+    try:
+        for k in killed:
+            file, limit = out / "rows" / f"{25 * k:07d}-{25 * k + 25:07d}-00000.rows", time.monotonic() + 300
+            while not (file.is_file() and len(list(rows.of_file(str(file)))) == 2):
+                assert processes[k].poll() is None and time.monotonic() < limit
+                time.sleep(0.05)
+        early = sbfem("sweep", path, "--output", out, "--quiet")
+        assert early.code == 2 and "another process is at work" in early.err
+        again = sbfem("sweep", path, "--output", out, "--rows", "50:75", "--quiet")
+        assert again.code == 2 and "rows 50 to 74 are computed by another process" in again.err
+        for k in killed:
+            processes[k].kill()
+        codes = [process.communicate(timeout=600) and process.returncode for process in processes]
+    finally:
+        for process in processes:
+            process.kill()
+    assert codes == [-9 if k in killed else 0 for k in range(8)]
+    assert len(rows.read(str(out / "rows"))) == 6 * 25 + 2 * 2 and not (out / "sweep.csv").exists()
+    last = sbfem("sweep", path, "--output", out)
+    assert last.code == 0 and "154 of them finished before" in last.err
+    assert len(list(rows.every(str(out / "rows")))) == 200
+    assert values(out) == values(one) and values(out)[1] == 200 * [""]
+
+
+def test_some_of_the_rows(tmp_path):
+    """They alone are computed, and counted; the others are left to a call without a range."""
+    path, out = written(tmp_path, CASE + SWEEP), tmp_path / "out"
+    done = sbfem("sweep", path, "--output", out, "--rows", "4:", "--json", "--quiet")
+    assert (
+        done.code == 0
+        and done.answer["rows"] == 2
+        and done.answer["inputs"]["loads.push.fy"] == [200.0, 300.0]
+    )
+    assert sorted(rows.read(str(out / "rows"))) == [4, 5] and not (out / "sweep.csv").exists()
+    part = sb.sweep(path, output=out, rows=(3, 5))
+    assert len(part) == 2 and part.failed == 0
+    assert len(list(rows.every(str(out / "rows")))) == 3  # one of the two was there
+    whole = sb.sweep(path, output=out)
+    assert len(whole) == 6 and len(list(rows.every(str(out / "rows")))) == 6
+    np.testing.assert_array_equal(whole.values["steady/amplitude/A"][3:5], part.values["steady/amplitude/A"])
+
+
+@pytest.mark.parametrize(
+    "options, sentence",
+    [
+        (("--rows", "6:9"), "holds none of the 6 rows"),
+        (("--rows", "3:3"), "holds none of the 6 rows"),
+        (("--rows", "3"), "must be A:B, two numbers of rows from 0"),
+        (("--rows", "-1:3"), "must be A:B|expected one argument"),
+        (("--rows", "0:3", "--replace"), "call it once without rows"),
+    ],
+)
+def test_rows_that_are_none(options, sentence, tmp_path):
+    done = sbfem("sweep", written(tmp_path, CASE + SWEEP), "--output", tmp_path / "out", *options, "--quiet")
+    assert done.code == 2 and re.search(sentence, done.err), done.err
+    assert not (tmp_path / "out").exists()
