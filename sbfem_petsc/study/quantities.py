@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..record.record import Record
-
-# Instants up to which a history stands in the summary itself; beyond, the summary says where it is.
-LONGEST_IN_SUMMARY = 100_000
+from ..record.record import LONGEST, Record
+from ..record.record import plain as json_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,27 +95,20 @@ def plain(tree: Any, where: str = "") -> Any:
         Path of the tree in the results file, for histories too long to stand in the summary.
     """
     if isinstance(tree, dict):
-        return {
-            key: plain(value, f"{where}/{key}")
-            for key, value in tree.items()
-            if not (isinstance(value, Quantity) and value.detail)
-            and not (
-                isinstance(value, dict)
-                and value
-                and all(isinstance(v, Quantity) and v.detail for v in value.values())
-            )
-        }
+        kept = {key: value for key, value in tree.items() if not _detailed(value)}
+        return {key: plain(value, f"{where}/{key}") for key, value in kept.items()}
     if isinstance(tree, list):
         return [plain(value, where) for value in tree]
     value = tree.value if isinstance(tree, Quantity) else tree
-    if isinstance(value, np.ndarray) and value.ndim and len(value) > LONGEST_IN_SUMMARY:
-        return {"dataset": where, "shape": list(value.shape)}
-    if isinstance(value, complex) or (isinstance(value, np.ndarray) and np.iscomplexobj(value)):
-        return {"magnitude": plain(np.abs(value)), "phase": plain(np.angle(value))}
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
     if dataclasses.is_dataclass(value):
         raise TypeError(f"{value!r} is no quantity")
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
+    if isinstance(value, np.ndarray) and value.ndim and len(value) > LONGEST:
+        return {"dataset": where, "shape": list(value.shape)}
+    return json_of(value)
+
+
+def _detailed(entry: Any) -> bool:
+    """Whether a quantity, or all of a table of them, is a detail."""
+    if isinstance(entry, dict) and entry:
+        return all(isinstance(value, Quantity) and value.detail for value in entry.values())
+    return isinstance(entry, Quantity) and entry.detail

@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -120,31 +120,43 @@ def sweep(
             instance("sweep", "watch", watch, Watch, "a Watch")
         checked = _swept(case, _table("parameters", parameters), table)
         part = _part(rows, len(paths.rows(checked.tables.sweep)), output)
-        if flag("sweep", "replace", replace) and rows is not None:
-            raise ValueError(
-                "sweep: replace = True is not for some of the rows, beside which others may be computed; "
-                "call it once without rows"
-            )
-        together_on = checked.tables.sweep.ranks_per_row
-        if comm.size % together_on:
-            raise checked.problem(
-                ("sweep", "ranks_per_row"),
-                f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
-            )
+        _check_start(checked, comm, flag("sweep", "replace", replace) and part is not None)
     with spare_folder() as spare, watch or watch_for(comm) as told:
-        place = comm.bcast(spare) if output is None else os.fspath(output)
-        folder_path = check_output_folder(place, comm)
-        folder: Folder | None = None
-        with collective(comm):
-            if comm.rank == 0:
-                folder = Folder(folder_path, checked, "sweep", replace, shared=part is not None)
-        try:
-            return _Sweeping(checked, folder_path, comm, told, part).all()
-        finally:
-            if folder is not None:
-                folder.close()
-            if not alone(comm):
-                comm.Barrier()  # nobody's folder goes while others read it
+        folder = comm.bcast(spare) if output is None else os.fspath(output)
+        with _held(checked, check_output_folder(folder, comm), replace, comm, part is not None) as place:
+            return _Sweeping(checked, place, comm, told, part).all()
+
+
+def _check_start(case: Case, comm: Any, replaces_others: bool) -> None:
+    """Refuse what would remove others' rows, and ranks that make no groups."""
+    if replaces_others:
+        raise ValueError(
+            "sweep: replace = True is not for some of the rows, beside which others may be computed; "
+            "call it once without rows"
+        )
+    assert case.tables.sweep is not None
+    together_on = case.tables.sweep.ranks_per_row
+    if comm.size % together_on:
+        raise case.problem(
+            ("sweep", "ranks_per_row"),
+            f"= {together_on} does not divide the {comm.size} ranks; start a multiple of it",
+        )
+
+
+@contextlib.contextmanager
+def _held(case: Case, path: str, replace: bool, comm: Any, shared: bool) -> Iterator[str]:
+    """The folder of a sweep while it is under way. Collective."""
+    folder: Folder | None = None
+    with collective(comm):
+        if comm.rank == 0:
+            folder = Folder(path, case, "sweep", replace, shared=shared)
+    try:
+        yield path
+    finally:
+        if folder is not None:
+            folder.close()
+        if not alone(comm):
+            comm.Barrier()  # nobody's folder goes while others read it
 
 
 def _swept(case: Any, parameters: dict[str, Any] | None, table: dict[str, Any]) -> Any:
