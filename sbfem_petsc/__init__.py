@@ -89,8 +89,6 @@ _HOME = {
     "reduce_matrices": "reduction.matrices",
     "save": "record.files",
     "read": "record.files",
-    "save_branch": "results.branches",
-    "read_branch": "results.branches",
     "save_result": "results.nonlinear",
     "read_result": "results.nonlinear",
     "write_animation": "results.animation",

@@ -185,7 +185,7 @@ def force_of(name):
 def keep(comm, folder, name, damping, curve, halves):
     """HDF5 of a curve and of the motions of twice the period found from it."""
     plain = f"{name.replace(' ', '')}_damping_{damping:g}"
-    sb.on_root(comm, lambda: sb.save_branch(curve, os.path.join(folder, f"curve_{plain}.h5")))
+    sb.on_root(comm, lambda: sb.save(os.path.join(folder, f"curve_{plain}.h5"), curve))
     for number, orbit in enumerate(halves):
         file = os.path.join(folder, f"doubled_{plain}_{number}.h5")
         sb.on_root(comm, partial(sb.save, file, orbit))

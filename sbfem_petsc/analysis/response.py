@@ -16,6 +16,7 @@ import numpy as np
 from ..capacity import FEW, require_memory, room
 from ..checks import instance
 from ..continuation.branch import Branch
+from ..continuation.branch_file import BranchFile
 from ..continuation.branch_following import HARMONICS, BranchSettings, follow_response, linear_branch
 from ..continuation.orbit import Orbit
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
@@ -30,7 +31,6 @@ from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..parallel import collective
 from ..petsc import MPI
 from ..progress import progress_bar
-from ..recording.branch_file import BranchFile
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -93,7 +93,7 @@ def frequency_response(
     reduction : "modes" or None
         None: motions of the unreduced model, as `periodic` finds them.
     file : str, optional
-        HDF5 file that is kept up to date (`read_branch`).
+        Journal that is kept up to date (`read` reads it, also meanwhile), with FILE.state beside it.
     resume : bool
         Go on from `file` if it exists, with the same model, loads and settings.
     progress : callable, "auto" or None

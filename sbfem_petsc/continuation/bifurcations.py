@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from ..record.record import Record, described, quantity
 from . import extrapolation
 from .events import find_zero, fold
 from .follow import Line
@@ -17,43 +16,33 @@ from .unit_circle import outside
 RESOLVED = 1e-2
 
 
-@dataclass(frozen=True, eq=False)
-class Bifurcation:
+@described
+class Bifurcation(Record):
     """A point where the number of unstable multipliers changes, or where the branch turns back.
 
-    Attributes
-    ----------
-    kind : {"fold", "period doubling", "Neimark-Sacker", "branch point", "grazing"}
-        "grazing": a pair begins or ceases to touch, and the multiplier is inside the unit circle on one side
-        and outside on the other, however near.
-    value : float
-        Frequency (Hz) or load factor, extrapolated from the steps to none of their error.
-    multiplier : complex
-        The one that passes the unit circle.
-    state : (2 m,) array
-        x(0).
-    direction : (2 m,) complex array
-        Its Floquet direction.
-    after : int
-        Index of the point of the branch behind it.
-    own_value : float
-        Where it is in the branch's own steps, whose are its state, multiplier and direction.
-    error : float
-        Uncertainty of `value`, by motions in twice and four times the steps; nan where these tell nothing and
-        `value` is `own_value`.
-    row : int or None
-        Contact row that begins or ceases to touch, where a grazing point knows it.
+    Of kind "grazing" a pair begins or ceases to touch, and the multiplier is inside the unit circle on one
+    side and outside on the other, however near.
     """
 
-    kind: str
-    value: float
-    multiplier: complex
-    state: np.ndarray
-    direction: np.ndarray
-    after: int
-    own_value: float
-    error: float
-    row: int | None = None
+    kind: str = quantity(
+        text="what it is", one_of=("fold", "period doubling", "Neimark-Sacker", "branch point", "grazing")
+    )
+    value: float = quantity(
+        "Hz or 1", "the branch's parameter, extrapolated from the steps to none of their error"
+    )
+    multiplier: complex = quantity("1", "the one that passes the unit circle", finite=False)
+    state: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "state", detail=True)
+    direction: np.ndarray = quantity("m sqrt(kg)/s", "Floquet direction", "state", kinds="fc", detail=True)
+    after: int = quantity("1", "index of the point of the branch behind it", least=0, detail=True)
+    own_value: float = quantity(
+        "Hz or 1", "where it is in the branch's own steps, whose are its state, multiplier and direction"
+    )
+    error: float = quantity(
+        "Hz or 1",
+        "uncertainty of the value, by twice and four times the steps; nan where these tell nothing",
+        finite=False,
+    )
+    row: int | None = quantity("1", "contact row that begins or ceases to touch", default=None, least=0)
 
     def __repr__(self) -> str:
         return (

@@ -4,78 +4,142 @@ from __future__ import annotations
 
 import functools
 import math
+import warnings
 from dataclasses import dataclass, field
+from typing import Any, ClassVar
 
 import numpy as np
 
-from ..checks import index_of, names_of
+from meshing.warnings import IncompleteBranch
+
+from ..capacity import available_memory
+from ..checks import index_of
+from ..errors import caller_level
+from ..motion.excitation import Excitation
 from ..motion.period_map import FixedPoint, Period
 from ..motion.states import Point
+from ..record.record import Record, derived, described, quantity
+from ..recording.excitations import LINES, WAVES
 from ..reduction.reduced_model import ReducedModel
 from ..system.plausibility import furthest_of_lines
-from ..writing import write_table
 from .bifurcations import Bifurcation
 from .orbit import FLOOR, Orbit, Orbits, axis_number, make_orbit, multiplier_error, verdict_of
 from .problems.driven_orbits import ParameterRange
 
 
-@dataclass(frozen=True, eq=False)
-class Branch(Orbits):
+@described
+class Branch(Orbits, Record):
     """A branch of periodic motions, point by point in order of arc length.
 
-    Attributes
-    ----------
-    parameter : {"frequency", "load", "damping", "gap"}
-    value : (n,) array
-        Forcing frequency (Hz), or factor on the oscillating loads, all damping ratios or all gaps.
-    states : (n, 2 m) array
-        (Omega q, q') at t = 0; (n, 0) for an unreduced model.
-    point_harmonics : (n, points, 2, 21) complex array
-        Harmonics 0 to 20 of the displacement of all named points, m.
-    point_amplitudes : (n, points) array
-        Half the peak-to-peak of u_y, m.
-    point_subharmonics : (n, points, 2, periods) complex array
-        Amplitudes at j f / periods.
-    contact_peak : (n,) array
-        Largest contact resultant over the period, N.
-    multipliers : (n, k) complex array
-        By falling modulus; k = 0 for a linear response and an unreduced model.
-    multiplier_error : (n,) array
-        Uncertainty of the largest modulus (see `Orbit`), measured where the verdict may depend on it, nan
-        elsewhere; inf where twice the steps have no motion.
-    iterations : (n,) int array
-        Newton iterations.
-    bifurcations : tuple of Bifurcation
-    reason : str
-        Why the curve ends.
-    complete : bool
-        Whether it reached the end of the range, or has closed; a branch may also leave where it began.
-    periods : int
-    names : tuple of str
-        Of the points.
-    map : Period or None
-        That whose fixed points these are; None for an unreduced model.
-    fixed_frequency : float or None
-        Hz, if it is not the parameter.
+    `map` is the period map whose fixed points these are, None for an unreduced model, whose states and
+    multipliers are empty. The uncertainty of the largest modulus (see `Orbit`) is measured where the verdict
+    may depend on it, nan elsewhere; inf where twice the steps have no motion. A branch is complete where it
+    reached the end of the range, or has closed; it may also leave where it began.
     """
 
-    parameter: str
-    value: np.ndarray
-    states: np.ndarray
-    point_harmonics: np.ndarray
-    point_amplitudes: np.ndarray
-    point_subharmonics: np.ndarray
-    contact_peak: np.ndarray
-    multipliers: np.ndarray
-    multiplier_error: np.ndarray
-    iterations: np.ndarray
-    bifurcations: tuple[Bifurcation, ...]
-    reason: str
-    complete: bool
-    periods: int
+    labels: ClassVar = {"place": "names"}
+    coordinates: ClassVar = ("value", "frequency", "stable")
+
+    parameter: str = quantity(text="what it is over", one_of=("frequency", "load", "damping", "gap"))
+    value: np.ndarray = quantity(
+        "Hz or 1",
+        "forcing frequency, or factor on the oscillating loads, all damping ratios or all gaps",
+        "point",
+        least=0.0,
+        unit_of=lambda branch: "Hz" if branch.parameter == "frequency" else "1",
+    )
+    states: np.ndarray = quantity("m sqrt(kg)/s", "(Omega q, q') at t = 0", "point state", detail=True)
+    point_harmonics: np.ndarray = quantity(
+        "m",
+        "harmonics 0 to 20 of the displacement",
+        "point place xy harmonic",
+        called="harmonics",
+        kinds="c",
+        detail=True,
+    )
+    point_amplitudes: np.ndarray = quantity(
+        "m", "half the peak-to-peak of u_y", "point place", called="amplitude"
+    )
+    point_subharmonics: np.ndarray = quantity(
+        "m",
+        "amplitudes at j f / periods",
+        "point place xy subharmonic",
+        called="subharmonics",
+        kinds="c",
+        detail=True,
+    )
+    contact_peak: np.ndarray = quantity("N", "largest contact resultant over the period", "point")
+    multipliers: np.ndarray = quantity(
+        "1", "Floquet multipliers, by falling modulus", "point multiplier", kinds="c", detail=True
+    )
+    multiplier_error: np.ndarray = quantity(
+        "1", "uncertainty of their largest modulus", "point", finite=False, detail=True
+    )
+    iterations: np.ndarray = quantity("1", "Newton iterations", "point", kinds="iu", detail=True)
+    bifurcations: tuple[Bifurcation, ...] = quantity(text="in order", part="Bifurcation")
+    reason: str = quantity(text="why the curve ends")
+    complete: bool = quantity("1", "whether it reached the end of the range, or has closed", row=True)
+    periods: int = quantity("1", "forcing periods in the period of the motion", least=1)
     names: tuple[str, ...]
     map: Period | None = field(repr=False)
-    fixed_frequency: float | None = None
+    fixed_frequency: float | None = quantity("Hz", "if it is not the parameter", default=None, least=0.0)
+
+    @derived(text="the reduced model", part="ReducedModel", back=True, detail=True)
+    def reduced_model(self) -> ReducedModel | None:
+        """None for an unreduced one."""
+        return self.reduced
+
+    @derived(text="the loads", part="Excitation", back=True, detail=True)
+    def excitation(self) -> Excitation | None:
+        """None for an unreduced model."""
+        return None if self.map is None else self.map.excitation
+
+    @derived("1", "time steps a period of the motion", back=True, detail=True, least=1)
+    def steps(self) -> int | None:
+        """None for an unreduced model."""
+        return None if self.map is None else self.map.steps
+
+    @classmethod
+    def _revived(cls, found: dict[str, Any]) -> Branch:
+        """From a file: the map anew from the reduced model and the loads."""
+        parts = reduced, excitation, steps = (found.pop(n) for n in ("reduced_model", "excitation", "steps"))
+        contact = found.pop("contact")
+        if reduced is None:
+            return cls(**found)
+        if any(part is None for part in parts):
+            raise ValueError("the loads or the steps are missing")
+        if WAVES * steps * min(len(excitation.orders), LINES) > available_memory():
+            raise ValueError(f"{steps} steps a period need more memory than is free")
+        return cls(**found | {"map": Period(reduced, excitation, steps, contact)})
+
+    def check(self) -> None:
+        """Raise ValueError unless points, model and loads belong together."""
+        size = 0 if self.reduced is None else 2 * len(self.reduced.omega)
+        if (
+            not len(self.value)
+            or self.states.shape[1] != size
+            or (self.parameter == "frequency") != (self.fixed_frequency is None)
+        ):
+            raise ValueError(f"it is over {self.parameter!r} and has {len(self.value)} points")
+        if self.map is not None and self.map.excitation.periods != self.periods:
+            raise ValueError(f"{self.periods} periods are not those of its loads")
+        if any(item.after > len(self.value) or len(item.state) != size for item in self.bifurcations):
+            raise ValueError("its bifurcations are not those of its points")
+
+    def _told(self, path: str) -> None:
+        """Warn of a branch that has not reached the end of its range."""
+        if self.complete:
+            return
+        why = f"its run has ended: {self.reason}"
+        if self.reason == "unfinished":
+            why = "resume=True continues it"
+        elif self.reason.endswith(" points"):
+            why = f"it was given {self.reason}; resume=True with more of them continues it"
+        warnings.warn(
+            f"branch file {path!r} is incomplete: it ends at {self.value[-1]:.8g}; {why}",
+            IncompleteBranch,
+            stacklevel=caller_level(),
+        )
 
     @property
     def period(self) -> Period:
@@ -103,7 +167,7 @@ class Branch(Orbits):
         """Named points."""
         return self.names
 
-    @property
+    @derived("1", "whether it is computed with contact", back=True, detail=True)
     def contact(self) -> bool:
         """Whether it is computed with contact."""
         return self.map is None or self.map.pairs > 0
@@ -115,12 +179,17 @@ class Branch(Orbits):
             self.parameter, float(self.value[0]), float(self.value[-1]), self.fixed_frequency
         )
 
-    @property
+    @derived("Hz", "forcing frequency", "point")
     def frequency(self) -> np.ndarray:
         """(n,): forcing frequency, Hz."""
         return self.value if self.parameter == "frequency" else np.full(len(self.value), self.fixed_frequency)
 
-    @property
+    @derived("m", "moduli of harmonics 0 to 3 of u_y", "point place order", stored=False)
+    def harmonic(self) -> np.ndarray:
+        """(n, points, 4): for tables."""
+        return np.abs(self.point_harmonics[:, :, 1, :4])
+
+    @derived("1", "whether small disturbances die out", "point", kinds="b")
     def stable(self) -> np.ndarray:
         """(n,) bool, True throughout where stability was not asked for: no multiplier is outside the unit
         circle. Where their uncertainty does not allow that verdict (`undecided`) it is what they say.
@@ -129,7 +198,7 @@ class Branch(Orbits):
             return np.ones(len(self.value), dtype=bool)
         return np.abs(self.multipliers[:, 0]) <= 1.0 + FLOOR
 
-    @property
+    @derived("1", "whether the uncertainty leaves that open", "point", kinds="b")
     def undecided(self) -> np.ndarray:
         """(n,) bool: where the multipliers' uncertainty does not allow a verdict."""
         if not self.multipliers.shape[1]:
@@ -155,32 +224,6 @@ class Branch(Orbits):
     def peak(self, point: Point) -> Peak:
         """The curve's highest resonance at a point."""
         return find_peak(self.value, self.amplitude(point))
-
-    def to_csv(self, path: str, points: tuple[str, ...] | None = None) -> None:
-        """Write parameter, verdict, contact and the amplitudes and first harmonics of points (default: all)
-        as comma-separated values.
-
-        The file takes its name when it is whole.
-
-        Raises
-        ------
-        TypeError, ValueError, KeyError
-            If it cannot be written, or for an unknown point.
-        """
-        if self.parameter == "frequency":
-            columns = {"frequency_Hz": self.value, "load_factor": np.ones(len(self.value))}
-        else:
-            columns = {f"{self.parameter}_factor": self.value, "frequency_Hz": self.frequency}
-        columns |= {
-            "stable": self.stable.astype(int),
-            "undecided": self.undecided.astype(int),
-            "contact_peak_N": self.contact_peak,
-        }
-        for point in self.points if points is None else names_of("to_csv", "points", points):
-            columns[f"amplitude_{point}_m"] = self.amplitude(point)
-            for k in (1, 2, 3):
-                columns[f"harmonic{k}_y_{point}_m"] = np.abs(self.harmonics(point)[:, k])
-        write_table(path, columns)
 
     def orbit(self, k: int) -> Orbit:
         """The k-th point as an `Orbit`, integrated again from its state."""

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 from scipy.linalg import block_diag
 
+from ..record.record import Record, described, quantity
 from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
@@ -34,29 +35,24 @@ _BETWEEN = 0.381966
 RESONANCE = 1e-9
 
 
-@dataclass(frozen=True, eq=False)
-class Excitation:
+@described
+class Excitation(Record):
     """Load amplitudes with a common period T = `periods` / f: s(t) = Re sum_k amplitude_k exp(i k 2 pi t /
-    T).
-
-    Attributes
-    ----------
-    orders : (k,) int array
-        Multiples of 1 / T, 0 for the constant part.
-    amplitudes : (k, loads) complex array
-    periods : int
-        Forcing periods 1 / f in the common period.
-    jumps : Jumps or None
-        Those of loads whose lines never end: the amplitudes hold their first lines.
-    further : Excitation or None
-        Lines that hardly move the modes, but belong to the loads themselves; without those of jumps.
+    T). Of loads whose lines never end the amplitudes hold the first lines.
     """
 
-    orders: np.ndarray
-    amplitudes: np.ndarray
-    periods: int
-    jumps: Jumps | None = None
-    further: Excitation | None = None
+    orders: np.ndarray = quantity(
+        "1", "multiples of 1 / T, 0 for the constant part", "order", kinds="iu", least=0
+    )
+    amplitudes: np.ndarray = quantity("unit of the load", "one-sided amplitudes", "order load", kinds="c")
+    periods: int = quantity("1", "forcing periods 1 / f in the common period", least=1)
+    jumps: Jumps | None = quantity(text="those of loads whose lines never end", part="Jumps", default=None)
+    further: Excitation | None = quantity(
+        text="lines that hardly move the modes, but belong to the loads themselves; without those of jumps",
+        part="Excitation",
+        dims="order:further_order jump:further_jump",
+        default=None,
+    )
 
     @classmethod
     def of_file(cls, periods: int, *, jumps=None, further=None, **lines) -> Excitation:
@@ -230,20 +226,14 @@ class Excitation:
         return amplitude, amplitude / dynamic * (2.0 * omega - 2j * r.damping * r.omega) * unit
 
 
-@dataclass(frozen=True, eq=False)
-class Jumps:
+@described
+class Jumps(Record):
     """Jumps of loads as saw teeth: each falls evenly by what it jumps, so that its mean is zero, and has all
     its lines in closed form.
-
-    Attributes
-    ----------
-    instants : (j,) array
-        As shares of the common period.
-    sizes : (j, loads) array
     """
 
-    instants: np.ndarray
-    sizes: np.ndarray
+    instants: np.ndarray = quantity("1", "shares of the common period", "jump", least=0.0)
+    sizes: np.ndarray = quantity("unit of the load", "of the jumps", "jump load")
 
     def repeated(self, times: int) -> Jumps:
         """The same jumps in `times` the period."""

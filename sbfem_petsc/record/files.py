@@ -34,7 +34,7 @@ from .record import Record
 SCHEMA = 3
 WHAT = "result file"
 # What reads a journal, by what it says it keeps.
-KEPT = {"history": "motion.history_file"}
+KEPT = {"history": "motion.history_file", "branch": "continuation.branch_file"}
 # What compression gains at most.
 DEFLATE = 1032
 # What reading of what is not there, or is something else, ends in.

@@ -329,7 +329,7 @@ class Record:
             if entry.about.part and getattr(self, name) is not None:
                 yield name, entry.about, getattr(self, name)
 
-    def row(self) -> dict[str, tuple[Any, str]]:
+    def sweep_row(self) -> dict[str, tuple[Any, str]]:
         """What a row of a sweep keeps: values and units by "quantity" or "quantity/name"."""
         return {
             f"{q.name}/{name}" if name else q.name: (item, q.unit)

@@ -4,7 +4,6 @@ motions.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -12,7 +11,6 @@ import h5py
 
 from ..analysis.backbone import Backbone
 from ..checks import shown
-from ..continuation.branch import Branch
 from ..continuation.line_file import FORM, VERSION, WHAT
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
 from ..continuation.problems.free import FreeSystem
@@ -20,14 +18,12 @@ from ..continuation.problems.free_stability import KINDS as FREE_KINDS
 from ..continuation.problems.free_stability import FreeEvent
 from ..continuation.problems.locus import KINDS, PARAMETERS, Locus
 from ..continuation.problems.tones import QuasiPeriodic
-from ..recording import branch_file
 from ..recording.backbones import write_backbone
-from ..recording.hdf5 import new_hdf5, opened, put
+from ..recording.hdf5 import new_hdf5, opened
 from ..recording.loci import write_locus
 from ..recording.reduced_models import read_reduced_model
 from ..recording.sound import number, numbers, text, truth, whole
 from ..recording.tori import write_torus, write_torus_branch
-from .branches import read_branch, save_branch
 from .tori import torus_branch_in, torus_in
 
 # Kinds of which a file may hold several.
@@ -41,7 +37,7 @@ def save_result(result: Any, path: str) -> None:
 
     Parameters
     ----------
-    result : Branch, Backbone, Locus, QuasiPeriodic or QuasiPeriodicBranch
+    result : Backbone, Locus, QuasiPeriodic or QuasiPeriodicBranch
         Or a sequence of Locus.
     path : str
 
@@ -50,8 +46,6 @@ def save_result(result: Any, path: str) -> None:
     TypeError, ValueError
         If it cannot be written.
     """
-    if isinstance(result, Branch):
-        return save_branch(result, path)
     items = list(result) if isinstance(result, (list, tuple)) else [result]
     several = isinstance(result, (list, tuple))
     fits = [
@@ -61,7 +55,7 @@ def save_result(result: Any, path: str) -> None:
     ]
     if not fits:
         raise TypeError(
-            f"save_result: result = {shown(result)} must be a Branch, Backbone, Locus, QuasiPeriodic or "
+            f"save_result: result = {shown(result)} must be a Backbone, Locus, QuasiPeriodic or "
             "QuasiPeriodicBranch, or several Locus"
         )
     kind = fits[0]
@@ -78,45 +72,31 @@ def save_result(result: Any, path: str) -> None:
 
 
 def read_result(path: str) -> Any:
-    """Read what `save_result` or `save_branch` wrote.
+    """Read what `save_result` wrote.
 
     Returns
     -------
-    Branch, Backbone, Locus, QuasiPeriodic, QuasiPeriodicBranch, or a tuple
+    Backbone, Locus, QuasiPeriodic, QuasiPeriodicBranch, or a tuple
 
     Raises
     ------
     TypeError, ValueError
         If the file is missing, truncated, damaged or of another kind.
-
-    Warns
-    -----
-    IncompleteBranch
-        See `read_branch`.
     """
-    forms = {FORM: VERSION, branch_file.FORM: branch_file.VERSION}
-    with opened(path, WHAT, forms) as file:
-        form = file.attrs["format"]
-        if form == FORM:
-            kind, several = text(file, "kind"), truth(file, "several")
-            if kind not in _KINDS or (several and kind not in LISTED):
-                raise ValueError(f"kind = {kind!r} is none of {', '.join(_KINDS)}")
-            read = _KINDS[kind][2]
-            if kind not in LISTED:
-                return read(file)
-            found = tuple(read(file["items"][name]) for name in sorted(file["items"]))
-            if not several and len(found) != 1:
-                raise ValueError(f"it has {len(found)} items instead of one")
-            return found if several else found[0]
-    return read_branch(os.fspath(path))
+    with opened(path, WHAT, {FORM: VERSION}) as file:
+        kind, several = text(file, "kind"), truth(file, "several")
+        if kind not in _KINDS or (several and kind not in LISTED):
+            raise ValueError(f"kind = {kind!r} is none of {', '.join(_KINDS)}")
+        read = _KINDS[kind][2]
+        if kind not in LISTED:
+            return read(file)
+        found = tuple(read(file["items"][name]) for name in sorted(file["items"]))
+        if not several and len(found) != 1:
+            raise ValueError(f"it has {len(found)} items instead of one")
+        return found if several else found[0]
 
 
 # ---------------------------------------------------------------------- each kind
-def _put_all(group: h5py.Group, table: dict[str, tuple[str, str]], result: Any) -> None:
-    for name, (unit, meaning) in table.items():
-        put(group, name, getattr(result, name), unit, meaning)
-
-
 def _backbone_in(group: h5py.Group) -> Backbone:
     reduced = read_reduced_model(group["reduced_model"])
     modes, points = len(reduced.omega), len(reduced.points.names)

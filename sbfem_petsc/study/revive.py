@@ -174,7 +174,8 @@ def _recorded(home: str, name: str) -> Any:
     """A result that an analysis left in a file of its own; None if there is none."""
     readers = {
         "history.journal": sb.read,
-        "curve.h5": sb.read_branch,
+        "curve.journal": sb.read,
+        "curve.h5": sb.read,
         "orbit.h5": sb.read,
         "result.h5": _result,
     }

@@ -8,7 +8,6 @@ from meshing import Beam
 from meshing.warnings import BranchWarning, IncompleteBranch
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
-from sbfem_petsc.results.branches import read_branch
 from sbfem_petsc.signals.sampling import sampled
 
 TURN = 2.0 * np.pi
@@ -136,7 +135,7 @@ def test_pulse_trains_in_a_file(tmp_path):
     with pytest.warns(BranchWarning):
         curve = sb.load_response(stop(), load, 0.13, 0.5, points=3, stability=False, file=file)
     with pytest.warns(IncompleteBranch):
-        found = read_branch(file)
+        found = sb.read(file)
     assert found.period.excitation.jumps is not None and found.period.excitation.further is not None
     one, other = found.orbit(1), curve.orbit(1)
     np.testing.assert_allclose(one.states.amplitudes, other.states.amplitudes, rtol=0.0, atol=1e-13)

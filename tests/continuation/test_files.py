@@ -103,8 +103,8 @@ def test_another_run_is_refused(tmp_path):
         sb.locus(curve(), point, 0.9, 1.2, file=path, resume=True)
     with pytest.raises(ValueError, match="was written with parameter = load, not damping"):
         sb.locus(curve(), point, 0.9, 1.1, parameter="damping", file=path, resume=True)
-    sb.save_result(sb.read_result(path), path)
-    with pytest.raises(ValueError, match="is no file of a run; name another file"):
+    sb.save(path, sb.read_result(path))
+    with pytest.raises(ValueError, match="is an HDF5 file of another kind, not sbfem-petsc result"):
         sb.locus(curve(), point, 0.9, 1.1, file=path, resume=True)
     with pytest.raises(ValueError, match="locus: resume = True needs the file"):
         sb.locus(curve(), point, 0.9, 1.1, resume=True)

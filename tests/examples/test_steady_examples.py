@@ -122,7 +122,7 @@ def test_frequency_response(tmp_path):
     assert rows["0.005", "300"]["unstable_Hz"] == "" and float(
         rows["0.005", "300"]["peak_Hz"]
     ) == pytest.approx(14153.5, abs=0.5)
-    curve = sb.read_branch(str(tmp_path / "curve_300N_damping_0.002.h5"))
+    curve = sb.read(str(tmp_path / "curve_300N_damping_0.002.h5"))
     assert curve.complete and [item.kind for item in curve.bifurcations] == 2 * ["Neimark-Sacker"]
     assert 0 < (~curve.stable).sum() < 15 and column(
         tmp_path / "curve_300N_damping_0.002.csv", "frequency_Hz"

@@ -400,8 +400,6 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
         lambda: {"model": model(), "load": PUSH, "band": 5000.0},
     ],
     "reduce_matrices": [lambda: {**matrices(), "modes": 2, "contact_laws": None}],
-    "save_branch": [lambda: {"branch": branch(), "path": "saved.h5"}],
-    "read_branch": [lambda: {"path": "given/branch.h5"}],
     "save_result": [lambda: {"result": quasi_periodic(), "path": "saved.h5"}],
     "read_result": [lambda: {"path": "given/result.h5"}],
     "write_animation": [
@@ -872,7 +870,7 @@ def write_files() -> None:
         file.write("time,value\n0,0\n1,1\n2,0\n")
     sb.transient(oscillator(), 20.0, 0.01, 1e-3, file="given/history.h5")
     sb.save("given/orbit.h5", orbit())
-    sb.save_branch(branch(), "given/branch.h5")
+    sb.save("given/branch.h5", branch())
     sb.save_result(quasi_periodic(), "given/result.h5")
     mesh().save("given/mesh.h5")
     sb.save("given/results.h5", modal())

@@ -79,7 +79,7 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, Any]]:
     push, burst = sb.PointForce("A", fy=10.0), sb.PointForce("A", fy=sb.Harmonic(10.0, 500.0))
     given = oscillator()
     time = np.linspace(0.0, 0.1, 1001)[:-1]
-    reading = (sb.read, sb.read, sb.read_branch, sb.read, sb.read)
+    reading = (sb.read, sb.read, sb.read, sb.read, sb.read)
 
     def matrices(**changes: Any) -> sb.ReducedModel:
         return sb.reduce_matrices(**{**given, **changes})

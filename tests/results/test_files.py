@@ -112,9 +112,9 @@ def test_summary_row_and_page(solved):
     closing = solved[3]["closing"]
     told = json.loads(json.dumps(closing.summary(), allow_nan=False))
     assert told["displacement"]["A"] == closing.displacement("A").tolist() and "field" not in told
-    value, unit = closing.row()["contact_resultant"]
+    value, unit = closing.sweep_row()["contact_resultant"]
     assert (value, unit) == (closing.contact_resultant, "N")
-    assert set(closing.row()) >= {"displacement/A", "stress_intensity/crack1"}
+    assert set(closing.sweep_row()) >= {"displacement/A", "stress_intensity/crack1"}
     page = closing._repr_html_()
     assert "contact forces, compression positive" in page and "<td>N</td>" in page
 

@@ -32,7 +32,7 @@ MADE = {
 }
 
 
-RECORDS = ("loci", "locus", "basins", "swept response", "swept responses", "orbit")
+RECORDS = ("loci", "locus", "basins", "swept response", "swept responses", "orbit", "branch")
 
 
 def same(found, expected, name):

@@ -16,7 +16,6 @@ from meshing import Beam, VNotch
 from sbfem_petsc.record.body import Body
 from sbfem_petsc.record.record import entries, record_class
 from sbfem_petsc.recording import hdf5
-from sbfem_petsc.results.branches import read_branch
 from tests.fuzz import examples
 
 # Data that are told to a reader and nothing is computed from, or may be nan.
@@ -55,7 +54,7 @@ RESULTS = {
 }
 
 
-RECORDS = ("loci", "basins", "swept", "results", "orbit", "history", "unreduced")
+RECORDS = ("loci", "basins", "swept", "results", "orbit", "history", "unreduced", "branch")
 
 
 @pytest.fixture(scope="module")
@@ -74,7 +73,7 @@ def files(tmp_path_factory):
         orbit = sb.periodic(model, push, 700.0, modes=4, steps=64)
         sb.save(folder / "orbit.h5", orbit)
         branch = sb.frequency_response(model, push, 700.0, 702.0, modes=4, steps=64, points=4)
-        sb.save_branch(branch, folder / "branch.h5")
+        sb.save(folder / "branch.h5", branch)
         for name, make in RESULTS.items():
             path = folder / f"{name}.h5"
             sb.save(path, make()) if name in RECORDS else sb.save_result(make(), path)
@@ -83,7 +82,7 @@ def files(tmp_path_factory):
         "history": (folder / "history.h5", sb.read),
         "unreduced": (folder / "unreduced.h5", sb.read),
         "orbit": (folder / "orbit.h5", sb.read),
-        "branch": (folder / "branch.h5", read_branch),
+        "branch": (folder / "branch.h5", sb.read),
         "results": (folder / "results.h5", sb.read),
         **{name: (folder / f"{name}.h5", sb.read if name in RECORDS else sb.read_result) for name in RESULTS},
     }

@@ -135,7 +135,7 @@ def test_ended_and_continued(kind, ranks, number, undisturbed, tmp_path):
     finally:
         kill_all(process)
     assert process.returncode != 0
-    read = sb.read_branch if kind == "branch" else sb.read
+    read = sb.read if kind == "branch" else sb.read
     with pytest.warns(sb.IncompleteHistory) if kind != "branch" else pytest.MonkeyPatch.context():
         part = read(file)
     assert not part.complete
@@ -220,7 +220,7 @@ def files(tmp_path_factory):
     assert sbfem("run", path, "--output", folder / "run", "--quiet").code == 0
     return {
         "history": (folder / "h.h5", sb.read),
-        "branch": (folder / "b.h5", sb.read_branch),
+        "branch": (folder / "b.h5", sb.read),
         "sweep": (folder / "sweep" / "sweep.h5", read_sweep),
         "run": (folder / "run" / "results.h5", read_run),
     }
@@ -247,7 +247,7 @@ def test_flipped_bits_and_cut_ends(kind, files, tmp_path):
     path, read = files[kind]
     data, copy, generator = path.read_bytes(), tmp_path / path.name, np.random.default_rng(1)
     copy.write_bytes(data)
-    if kind == "history":
+    if kind in ("history", "branch"):
         shutil.copy(f"{path}.state", f"{copy}.state")
     whole = read(copy)
     for place in generator.integers(len(data), size=60):

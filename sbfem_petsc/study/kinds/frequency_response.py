@@ -21,7 +21,7 @@ class Curve(Kind):
     """A kind whose result is a response curve."""
 
     reduced: bool = item(True, text="false: the unreduced model")
-    running = "curve.h5"
+    running = "curve.journal"
     captions = {"curve": "response curve"}
 
     def contradictions(self) -> Iterator[tuple[str, str]]:
@@ -101,7 +101,7 @@ class Curve(Kind):
     def save(self, result: Any, part: Callable[[str], str]) -> None:
         """A curve without contact is not kept while it runs."""
         if not os.path.isfile(part(self.running)):
-            sb.save_branch(result, part(self.running))
+            sb.save(part("curve.h5"), result)
 
     @classmethod
     def tables(cls, tree: Tree) -> Iterator[tuple[tuple[str, ...], list[tuple[Any, ...]]]]:

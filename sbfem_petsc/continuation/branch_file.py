@@ -1,0 +1,248 @@
+"""The journal of a branch under way: its points as they are found, and the branch so far beside them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from ..motion.period_map import Period
+from ..motion.unreduced.period import UnreducedPeriod
+from ..parallel import collective, on_root
+from ..petsc import MPI
+from ..record.files import from_image, image
+from ..record.journal import Journal, Kept
+from ..reduction.comparison import adopted, close, difference, in_rows
+from ..reduction.reduced_model import ReducedModel
+from .branch import Branch
+from .follow import Line
+from .problem import Point
+from .problems.driven_orbits import ParameterRange
+
+WHAT = "branch file"
+# Seconds between two updates of the branch beside its points.
+PAUSE = 2.0
+# Marks a run whose branch has come to its end, which is not followed again.
+FINISHED = "finished"
+
+
+class BranchFile:
+    """The file of a branch under way; a `branch_following.BranchRecorder` and a context manager. Rank 0
+    writes.
+
+    A frame holds points, and from which one on they take the place of former ones; the state beside the
+    journal is the branch that was made of them, at most two seconds ago.
+
+    Parameters
+    ----------
+    comm : Comm
+    path : str
+    resume : bool
+        Continue the file if it exists; False: replace it.
+
+    Attributes
+    ----------
+    former : (states (n, k), values (n,), float, str) or None
+        Points of the run that is resumed, the length of its next step and why it ended.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If the file is of another kind, is damaged, is being written by another run or cannot be written.
+    """
+
+    def __init__(self, comm: MPI.Comm, path: Any, *, resume: bool = False):
+        self.comm = comm
+        self.former: tuple[np.ndarray, np.ndarray, float, str] | None = None
+        self._journal: Journal | None = None
+        self._head: dict[str, Any] = {}
+        self._told: list[Point] = []
+        self._finished, self._begun, self._written = False, -1, -np.inf
+        try:
+            with collective(comm):
+                if comm.rank == 0:
+                    self._journal = Journal(path, WHAT, resume=resume)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> BranchFile:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the file up to others."""
+        if self._journal is not None:
+            self._journal.close()
+            self._journal = None
+
+    def begin(
+        self, period: Period, over: ParameterRange, any_steps: bool = False
+    ) -> tuple[ReducedModel, int]:
+        """Note what is followed, and read the points of a former run under the same conditions. Collective.
+
+        Parameters
+        ----------
+        period : Period
+        over : ParameterRange
+        any_steps : bool
+            Go on in the steps of the former run, whatever they are.
+
+        Returns
+        -------
+        ReducedModel, int
+            The one to go on with: the file's own, whose modes its states are in; and the steps.
+
+        Raises
+        ------
+        ValueError
+            If the file was written for another model, load or range.
+        """
+        conditions = {**_conditions(period, over), "contact": period.pairs > 0}
+        head = self._begin(conditions, period.reduced, any_steps)
+        stored = self.comm.bcast(on_root(self.comm, lambda: head and from_image(head["model"])))
+        steps = self.comm.bcast(head and head["steps"])
+        reduced = in_rows(period.reduced if stored is None else adopted(stored, period.reduced))
+        if self.comm.rank == 0:
+            self._head["model"] = image(reduced)
+        return reduced, steps or period.steps
+
+    def begin_unreduced(self, period: UnreducedPeriod, over: ParameterRange) -> None:
+        """The same of motions of an unreduced model, on as many ranks as the run that is gone on with began
+        with. Collective.
+        """
+        march = period.march(over.frequency or over.start)
+        self._begin(
+            {
+                **_conditions(period, over),
+                "contact": period.contact,
+                "ranks": self.comm.size,
+                "fingerprint": march.fingerprint(),
+            },
+            None,
+            False,
+        )
+
+    def _begin(
+        self, conditions: dict[str, Any], reduced: ReducedModel | None, any_steps: bool
+    ) -> dict[str, Any] | None:
+        """Compare with a former run, and take up its points; its head, on rank 0."""
+        self._head, head, found = {"kept": "branch", **conditions}, None, None
+        with collective(self.comm):
+            if self._journal is not None and self._journal.former is not None:
+                former = self._journal.former
+                head = former.head
+                self._require_same(head, reduced, any_steps)
+                points = _points(former)
+                finished = bool(former.state) and former.state["reason"] == FINISHED
+                found = (points if points[0].size else None), finished, head["steps"]
+        found = self.comm.bcast(found)
+        if found is not None:
+            self.former, self._finished, self._begun = found
+        return head
+
+    def _require_same(self, stored: Mapping[str, Any], reduced: ReducedModel | None, any_steps: bool) -> None:
+        path = self._journal.path if self._journal is not None else ""
+        if stored.get("kept") != "branch" or ("model" in stored) != (reduced is not None):
+            raise ValueError(f"{WHAT} {path!r} is of another kind of run; name another file")
+        if reduced is not None and (other := difference(from_image(stored["model"]), reduced)):
+            raise ValueError(
+                f"{WHAT} {path!r} was written for another model ({other}); resume with that model, or name "
+                "another file"
+            )
+        for name, value in self._head.items():
+            if (any_steps and name == "steps") or (name in stored and close(stored[name], value)):
+                continue
+            if np.ndim(value):
+                raise ValueError(
+                    f"{WHAT} {path!r} was written for other {name}; resume with the same {name}, or name "
+                    "another file"
+                )
+            raise ValueError(
+                f"{WHAT} {path!r} was written with {name} = {stored.get(name)}, not {value}; resume with the "
+                "same value, or name another file"
+            )
+
+    def update(self, branch: Callable[[], Branch], line: Line, last: bool = False) -> None:
+        """Keep the points of a line that are new, and at most every two seconds but for the last time the
+        branch made of them; a finished one stays as it is. Collective.
+        """
+        if self._finished:
+            return
+        problem: Any = line.problem  # of driven orbits
+        steps = problem.period.steps
+        if steps != self._begun or self.former is None and not self._told:
+            self._anew(steps)
+        elif not self._told:  # what was read is kept already
+            self._told = line.points[: len(self.former[1])] if self.former is not None else []
+            with collective(self.comm):
+                if self._journal is not None and self._journal.former is not None:
+                    self._journal.begin({}, len(self._journal.former.ends) - 1)
+        first = next(
+            (k for k, (one, other) in enumerate(zip(self._told, line.points)) if one is not other),
+            min(len(self._told), len(line.points)),
+        )
+        new = np.array([problem.whole(point.u) for point in line.points[first:]])
+        due = self.comm.bcast(last or time.monotonic() - self._written > PAUSE)
+        found = branch() if due else None
+        with collective(self.comm):
+            if self._journal is not None:
+                facts = {"first": first, "length": line.length, "reason": line.reason}
+                self._journal.append({**facts, "unknowns": new})
+                if found is not None:
+                    asked = found.map is None or found.multipliers.shape[1] > 0
+                    ended = last and found.complete and asked
+                    reason = FINISHED if ended else line.reason
+                    self._journal.checkpoint({"reason": reason, "result": image(found)})
+                    self._written = time.monotonic()
+        self._told = list(line.points)
+
+    def _anew(self, steps: int) -> None:
+        """Begin the journal, again where the steps have changed."""
+        self._begun, self._told = steps, []
+        with collective(self.comm):
+            if self._journal is not None:
+                self._journal.former = None
+                self._journal.begin({**self._head, "steps": steps})
+        self._written = -np.inf
+
+
+def _conditions(period: Period | UnreducedPeriod, over: ParameterRange) -> dict[str, Any]:
+    """What a run must have been begun with to be gone on with."""
+    return {
+        "parameter": over.name,
+        "start": over.start,
+        "stop": over.stop,
+        "steps": period.steps,
+        "periods": period.excitation.periods,
+        "fixed_frequency": over.frequency or 0.0,
+        "loads": period.excitation.amplitudes,
+    }
+
+
+def _points(kept: Kept) -> tuple[np.ndarray, np.ndarray, float, str]:
+    """States and values of all points, the length of the next step, and why the line ended."""
+    points, length, reason = np.zeros((0, 1)), 0.0, ""
+    for frame in kept.frames():
+        new, first = frame["unknowns"], frame["first"]
+        parts = [part for part in (points[:first], new) if part.size]
+        points = np.concatenate(parts) if parts else points
+        length, reason = float(frame["length"]), str(frame["reason"])
+    return points[:, :-1], points[:, -1], length, reason
+
+
+def result_of(kept: Kept, in_memory: bool = True) -> Branch:
+    """The branch of a journal, as far as it had come two seconds before its end at most.
+
+    Raises
+    ------
+    ValueError
+        If there is none yet.
+    """
+    if "result" not in kept.state:
+        raise ValueError(f"{WHAT} {kept.path!r} holds no branch yet")
+    return from_image(kept.state["result"])
