@@ -266,10 +266,14 @@ def _take(step, loads, place, before, after, room):
     for i in range(pairs):
         after.gap[i] = (1.0 - end) * free_gap[done, i] + end * free_gap[done + 1, i]
     add_rows(left, every, room.thin, rank, (pairs, pairs), after.gap)
-    least, most, pulled = step.laws.least[FREE], step.laws.most[FREE], False
+    laws, pulled = step.laws, False
     for i in range(pairs):
         after.rows[i] = before.rows[i]
-        pulled |= (before.rows[i] != FREE) | (after.gap[i] < least[i]) | (after.gap[i] > most[i])
+        pulled |= (
+            (before.rows[i] != FREE)
+            | (after.gap[i] < laws.least[FREE, i])
+            | (after.gap[i] > laws.most[FREE, i])
+        )
     for j in range(m):
         pull[j] = 0.0
     if not pulled:

@@ -189,16 +189,15 @@ def _exchange(flexibility, gap, held, factor, force, single):
     rows are left out that neither touch nor are apart, which would come and go for ever.
     """
     (laws, state), members, free = held, factor.members, factor.free
-    least, most = laws.least[FREE], laws.most[FREE]
     infeasible, last = 0, -1
     for i in range(gap.size):
-        if state[i] != FREE or not (free[i] < least[i] or free[i] > most[i]):
+        if state[i] != FREE or not (free[i] < laws.least[FREE, i] or free[i] > laws.most[FREE, i]):
             continue
         if single and _by_rounding(flexibility, gap, laws, factor, i):
             continue
         infeasible, last = infeasible + 1, i
         if not single:
-            state[i] = PRESSED if free[i] < least[i] else PULLED
+            state[i] = PRESSED if free[i] < laws.least[FREE, i] else PULLED
     for k in range(members[gap.size]):
         row, now = members[k], state[members[k]]
         if force[row] < laws.least[now, row] or force[row] > laws.most[now, row]:
@@ -206,7 +205,9 @@ def _exchange(flexibility, gap, held, factor, force, single):
             if not single:
                 state[row] = FREE
     if single and last >= 0:
-        state[last] = FREE if state[last] != FREE else PRESSED if free[last] < least[last] else PULLED
+        state[last] = (
+            FREE if state[last] != FREE else PRESSED if free[last] < laws.least[FREE, last] else PULLED
+        )
     return infeasible
 
 
