@@ -111,10 +111,7 @@ def _drawn(results: Sweep) -> xml.Element:
             from ..plot.maps import draw_sweep
 
             draw_sweep(results, os.path.join(folder, PICTURES))
-        page = _sweep(results, folder)
-        if lack is not None:
-            _add(page.find("body"), "p", lack, class_="failed")
-        return page
+        return _sweep(results, folder, lack)
 
 
 def _add(parent: xml.Element, tag: str, text: str = "", **attributes: str) -> xml.Element:
@@ -230,12 +227,14 @@ def number(value: float) -> str:
     return f"{mantissa} × 10{raised}" if mantissa != "1" else f"10{raised}"
 
 
-def _sweep(results: Sweep, folder: str) -> xml.Element:
+def _sweep(results: Sweep, folder: str, lack: str | None) -> xml.Element:
     facts = (
         f"{len(results)} rows, {results.failed} failed; sbfem-petsc {sb.__version__}, written "
         f"{time.strftime('%Y-%m-%d')}"
     )
     page, body = _page(f"Sweep of {os.path.basename(results.case_file)}", facts)
+    if lack is not None:
+        _add(body, "p", lack, class_="failed")
     parameters = [
         (
             name,
