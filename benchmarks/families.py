@@ -23,7 +23,7 @@ import json, time, warnings
 import numpy as np
 warnings.simplefilter("ignore")
 import sbfem_petsc as sb
-from tests.systems import two_masses
+from tests.systems import one_mass, two_masses
 TURN = 2.0 * np.pi
 """
 END = """
@@ -59,14 +59,13 @@ def work():
 """,
     "backbones": """
 def work():
-    return len(sb.backbone(two_masses(0.0), 1, 0.1, 5.0).energy)
+    return len(sb.backbone(one_mass(0.1, 0.0), 1, 1e-3, 1.0, steps=512).energy)
 """,
-    "tori": f"""
-curve = {CURVE}
-motion = sb.switch_branch(curve, {OWN}, samples=11)
+    "tori": """
+curve = sb.frequency_response(two_masses(0.02, compliance=0.1), [0.1], 0.0962, 0.0959, steps=128, points=40)
+motion = sb.switch_branch(curve, curve.bifurcations[0], samples=7)
 def work():
-    stop = motion.frequency * 1.005 if hasattr(motion, "frequency") else 0.0965
-    return len(sb.quasi_periodic_response(motion, stop, points=4, stability=False).motions)
+    return len(sb.quasi_periodic_response(motion, 0.095, points=4, stability=False).motions)
 """,
     "unreduced": """
 from tests.numbers.unreduced import body

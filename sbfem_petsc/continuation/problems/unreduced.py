@@ -139,7 +139,7 @@ class UnreducedState:
         """(n, points, 2), m: displacements of the named points, from t = 0 on; (n,), N: the contact
         resultant.
         """
-        return np.roll(self.motion.places, 1, axis=0), np.roll(self.motion.resultant, 1)
+        return self.driven.seen(self.state)
 
 
 class UnreducedLinear(Krylov):

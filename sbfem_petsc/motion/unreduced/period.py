@@ -11,6 +11,7 @@ that Phi - 1 is about -2 there and not about 0.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -37,6 +38,8 @@ from .steps import KEPT_RESPONSES, UnreducedSteps
 MODES = 40
 # Step lengths that are kept prepared: a motion's, and that beside it by which its rate is found.
 PREPARED = 2
+# Is told the steps, and the forces and gaps at the end of one.
+Watch = Callable[[UnreducedSteps, np.ndarray, np.ndarray], None]
 # GMRES keeps two vectors (u, v) an iteration of so many at most; few take more than a quarter of them.
 KRYLOV = 100
 
@@ -50,19 +53,10 @@ class UnreducedMotion(NamedTuple):
         x(T), this rank's part.
     sets : (steps, c) bool array
         Rows that touch in each step.
-    places : (steps, points, 2) array
-        Displacements of the named points at the ends of the steps, m.
-    resultant : (steps,) array
-        Sum of the contact forces, N.
-    rows : list of tuple
-        All that is kept of an instant of an orbit, if it was asked for.
     """
 
     end: np.ndarray
     sets: np.ndarray
-    places: np.ndarray
-    resultant: np.ndarray
-    rows: list[tuple]
 
 
 class UnreducedPeriod:
@@ -157,25 +151,34 @@ class UnreducedDriven:
         return self.period.march(self.frequency)
 
     @stage("Steps")
-    def run(self, state: np.ndarray, fields: KeptFields | None = None) -> UnreducedMotion:
-        """One period from x(0) = (weight u, v), this rank's part; with `fields` also all that is kept of
-        the instants of an orbit. Collective.
+    def run(self, state: np.ndarray, watch: Watch | None = None) -> UnreducedMotion:
+        """One period from x(0) = (weight u, v), this rank's part; `watch` is called after each step.
+        Collective.
         """
         march, steps = self.march, self.period.steps
-        sets, resultant = np.zeros((steps, march.pairs), dtype=bool), np.zeros(steps)
-        places, rows = np.zeros((steps, len(march.model.points), 2)), []
+        sets = np.zeros((steps, march.pairs), dtype=bool)
         self._set(march, state)
         march.contact.open()
         for k in range(steps):
             force, gap = march.advance(self.amplitudes[k] + self.amplitudes[k + 1], self.amplitudes[k + 1])
-            sets[k], resultant[k] = march.laws.acting(force), force.sum()
-            places[k], speeds = march.at_points()
-            if fields is not None:
-                rows.append((places[k], speeds, *march.padded(force, gap), march.intensities()))
-                if fields.wanted:
-                    fields.add(march.owned(), march.amplitudes)
+            sets[k] = march.laws.acting(force)
+            if watch is not None:
+                watch(march, force, gap)
         march.settle()
-        return UnreducedMotion(self._state(march), sets, places, resultant, rows)
+        return UnreducedMotion(self._state(march), sets)
+
+    def seen(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(n, points, 2), m: displacements of the named points over the period from a state, from t = 0 on;
+        (n,), N: the contact resultant. Collective.
+        """
+        places, resultant = [], []
+
+        def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
+            places.append(march.at_points()[0])
+            resultant.append(force.sum())
+
+        self.run(state, watch)
+        return np.roll(np.array(places), 1, axis=0), np.roll(np.array(resultant), 1)
 
     @stage("Steps")
     def carried(self, vector: np.ndarray, sets: np.ndarray) -> np.ndarray:
@@ -234,9 +237,17 @@ class UnreducedDriven:
         """The instants of the period from a state, from t = 0 on. Collective."""
         march, count = self.march, self.period.steps
         fields = KeptFields(march.model, self.period.loads.units, count)
+        rows: list[tuple] = []
+
+        def watch(march: UnreducedSteps, force: np.ndarray, gap: np.ndarray) -> None:
+            rows.append((*march.at_points(), *march.padded(force, gap), march.intensities()))
+            if fields.wanted:
+                fields.add(march.owned(), march.amplitudes)
+
+        self.run(state, watch)
         # the last instant is the first one: the rows begin after it
         places, speeds, forces, gaps, intensities = (
-            np.roll(np.array(part), 1, axis=0) for part in zip(*self.run(state, fields).rows)
+            np.roll(np.array(part), 1, axis=0) for part in zip(*rows)
         )
         # the mean of the accelerations of the two steps beside an instant
         slopes = (np.roll(speeds, -1, axis=0) - np.roll(speeds, 1, axis=0)) / (2.0 * march.step)
