@@ -47,6 +47,8 @@ STEPS, MODES = 1024, 20
 DECADE = 8
 # Without damping all multipliers have modulus one; what the steps and their eigenvalues add to it.
 UNCERTAIN = 1e-5
+# A point is next to each turn in energy, relative.
+NEXT = 2e-3
 HARMONICS = 20
 
 
@@ -91,7 +93,7 @@ class Backbone(Orbits):
         Energies on either side of interactions with higher modes that were passed over, J: all on whose
         tongue the state would change by more than 1e-3 of itself.
     events : tuple of FreeEvent
-        Turns in energy, which are among the points, and where the branch becomes stable or unstable.
+        Turns in energy, located between the points, and where the branch becomes stable or unstable.
     damped : bool
     reason : str
         Why the branch ends.
@@ -242,8 +244,8 @@ def backbone(
         record = None
         if file is not None:
             record = stack.enter_context(LineFile(comm, file, write_backbone_alone, resume=resume))
-            told = {"mode": mode, "steps": steps, "damped": damping, "interactions": interactions}
-            told |= {"start": start, "stop": stop, "refine": refine, "stability": stability}
+            told = {"mode": mode, "start": start, "stop": stop, "steps": steps, "damped": damping}
+            told |= {"interactions": interactions, "refine": refine, "stability": stability}
             reduction, _ = record.begin(reduction, told, np.array([start, stop]))
         system = FreeSystem(reduction, mode - 1, steps)
         rows = _Rows(system, refine, stability, damping, interactions)
@@ -368,6 +370,7 @@ class _Rows:
         self.system, self.refine, self.stability = system, refine, stability
         self.damped, self.interactions = damped, interactions
         self.rows: list[tuple[np.ndarray, ...]] = []
+        self.first = np.zeros(0)
 
     def add(self, point: Point, place: int | None = None) -> None:
         """Note a point, at the end or before another one."""
@@ -414,9 +417,11 @@ class _Rows:
         refine_points(line, lambda: np.log(line.values) / decades, self._bend, self.add)
         if self._passes:
             Interactions(line).divide(self.add)
-        for place, point in reversed(turns(line)):
-            self.add(point, place)
-            line.points.insert(place, point)
+        for before, point in reversed(turns(line)):
+            nearest = min(abs(line.points[k].value - point.value) for k in (before, before + 1))
+            if nearest > NEXT * point.value:
+                self.add(point, before + 1)
+                line.points.insert(before + 1, point)
 
     @property
     def _passes(self) -> bool:

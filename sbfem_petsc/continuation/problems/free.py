@@ -302,8 +302,10 @@ def _goes_along(point: Point) -> bool:
 class FreeState(OrbitState):
     """A motion over one period, periodic or not."""
 
+    problem: FreeMotions  # type: ignore[assignment]
+
     def __init__(self, problem: FreeMotions, u: np.ndarray):
-        self.problem, self.u, self.system = problem, u, problem.system  # type: ignore[assignment]
+        self.problem, self.u, self.system = problem, u, problem.system
         self.frequency, self.excitation = math.exp(u[-2]), float(u[-1])
         FixedPoint.__init__(self, u[:-2], self.driven, self.driven.run(u[:-2]))
         self.closing, self.phase = self.residual, self.system.modes + self.system.mode

@@ -26,8 +26,8 @@ OFF, TURN, ALIKE = 1e-2, 0.25, 0.5
 # Extent of an interaction, as a change of the state, from which on it is one; energies on either side of it
 # are to be as near to each other as this.
 EXTENT, NEAR = 1e-3, 1.2
-# Times that a stretch with an interaction is halved at most.
-HALVINGS = 4
+# Times that a stretch with an interaction is divided at most, and where.
+HALVINGS, FRACTIONS = 4, (0.5, 0.4, 0.6)
 
 
 class FreeEvent(NamedTuple):
@@ -45,7 +45,7 @@ class FreeEvent(NamedTuple):
     multiplier : complex
         The one of largest modulus next to it.
     after : int
-        Index of the point of the branch behind it, of a fold the fold itself.
+        Index of the point of the branch behind it.
     """
 
     kind: str
@@ -69,9 +69,9 @@ def free_multipliers(state: FreeState, *, damped: bool) -> np.ndarray:
 
 
 def turns(line: Line) -> list[tuple[int, Point]]:
-    """Points at which the branch turns in energy between its points, with the places where they belong."""
-    found = [fold(line, k) for k in range(1, len(line.points) - 1)]
-    return [(item[0] + 1, item[1]) for item in found if item is not None and item[1] not in line.points]
+    """Where the branch turns in energy: numbers of the points before, and the points there."""
+    found = (fold(line, k) for k in range(1, len(line.points) - 1))
+    return [item for item in found if item is not None]
 
 
 def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent, ...]:
@@ -84,13 +84,13 @@ def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent
     def excess(point: Point) -> float:
         return abs(largest(point)) - 1.0 - UNCERTAIN
 
-    values = line.values
-    folds = {k for k in range(1, len(values) - 1) if _turns(values, k)}
+    folds = {before + 1: here for before, here in turns(line)}
     stability = stability and len(line.points[0].state.spectrum[0]) + damped > 0
     for k, point in enumerate(line.points):
         if k in folds:
-            value = largest(point) if stability else complex(math.nan)
-            result.append(FreeEvent(KINDS[0], point.value, point.state.frequency, value, k))
+            here = folds[k]
+            value = largest(here) if stability else complex(math.nan)
+            result.append(FreeEvent(KINDS[0], here.value, here.state.frequency, value, k))
         if k == 0 or not stability or point.leapt:
             continue
         ends = excess(line.points[k - 1]), excess(point)
@@ -98,7 +98,7 @@ def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent
             continue
         here, *sides = find_zero(line, k - 1, excess, ends)
         value = largest(max(sides, key=excess))
-        if abs(value - 1.0) > OF_TURN or not folds & {k - 2, k - 1, k, k + 1}:
+        if abs(value - 1.0) > OF_TURN or not folds.keys() & {k - 2, k - 1, k, k + 1}:
             result.append(FreeEvent(_kind(value), here.value, here.state.frequency, value, k))
     return tuple(result)
 
@@ -106,10 +106,6 @@ def free_events(line: Line, *, damped: bool, stability: bool) -> tuple[FreeEvent
 def _kind(value: complex) -> str:
     angle = abs(math.atan2(value.imag, value.real))
     return KINDS[3] if angle < REAL else KINDS[1] if angle > math.pi - REAL else KINDS[2]
-
-
-def _turns(values: np.ndarray, k: int) -> bool:
-    return bool((values[k] - values[k - 1]) * (values[k + 1] - values[k]) < 0.0)
 
 
 # ---------------------------------------------------------------------- interactions
@@ -140,8 +136,13 @@ class Interactions:
         for _ in range(HALVINGS):
             values, count = self.line.values, len(self.line.points)
             for k in reversed(self._found()):
-                if not 1.0 / NEAR < values[k + 1] / values[k] < NEAR:
-                    insert(self.line, k, 0.5, add)
+                if 1.0 / NEAR < values[k + 1] / values[k] < NEAR:
+                    continue
+                for fraction in FRACTIONS:  # where one is on the tongue itself another one is not
+                    known = len(self.line.points)
+                    insert(self.line, k, fraction, add)
+                    if len(self.line.points) > known:
+                        break
             if len(self.line.points) == count:
                 break
 
@@ -173,10 +174,11 @@ class Interactions:
         way = metric.way(one, other)
         for n in np.flatnonzero(passed):
             share = turns_one[n] / (turns_one[n] - follows[n])
-            point, vector = (one, vectors_one[:, n]) if share < 0.5 else (other, vectors_other[:, matched[n]])
-            away = min(share, 1.0 - share) * metric.length(way)
-            if away * math.sqrt(_part(point, vector, metric.unit(way))) > EXTENT:
-                return True
+            ends = ((one, vectors_one[:, n], share), (other, vectors_other[:, matched[n]], 1.0 - share))
+            for point, vector, away in ends:
+                part = _part(point, vector, metric.unit(way))
+                if away * metric.length(way) * math.sqrt(part) > EXTENT:
+                    return True
         return False
 
     def _pairs(self, point: Point) -> tuple[np.ndarray, np.ndarray]:

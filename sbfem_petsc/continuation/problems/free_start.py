@@ -19,8 +19,8 @@ FALL, SLOWEST, LEAVE_OUT = 3.0, 1.01, 1e-4
 NEAR_TIP = 1e-3
 # Gaps between which the mode moves freely, relative to its own opening: rounding does not touch them.
 AJAR = 1.001
-# How the branch is followed: lengths of steps, and points at most on the way to its first energy.
-PACE = Settings(points=400, first=0.05, largest=0.4, smallest=1e-6)
+# How the branch is followed: lengths and turns of steps, and points at most on the way to its first energy.
+PACE = Settings(points=400, first=0.05, largest=0.4, smallest=1e-6, turn=0.25)
 
 
 def first_motion(system: FreeSystem, energy: float) -> Point:
