@@ -17,7 +17,8 @@ from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, 
 from ..contact.marching import (
     StepHistory,
     StepLoads,
-    StepState,
+    StepPart,
+    begun,
     march,
     step_constants,
 )
@@ -214,7 +215,7 @@ class _Length:
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
         self.constants = step_constants(
-            [self.coefficients],
+            [StepPart(step, self.coefficients, np.zeros(period.modes))],
             (period.left, period.right),
             period.residual_flexibility,
             period.laws,
@@ -299,8 +300,8 @@ class DrivenPeriod:
         if settled >= 0:
             reached = march(
                 self.constants,
-                StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
-                StepState(q, v, force, rows),
+                StepLoads(np.zeros((0, m)), self.free_gap),
+                begun(self.constants, q, v, force, rows),
                 StepHistory(states[1:], velocities[1:], forces[1:], work),
             ).steps
         if reached < steps:
