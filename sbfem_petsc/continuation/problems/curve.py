@@ -385,7 +385,8 @@ class Curves(InvariantCurves):
         See `Problem`.
     """
 
-    closed, gain = 1e-10, 0.1
+    # steps that miss more lead across kinks
+    closed, patience, gain = 1e-10, 3, 0.1
     isolated = "invariant curves are not isolated at {:.8g}"
     advice = "the tone locks, or more samples or steps are needed"
 
