@@ -88,10 +88,10 @@ def put(
         if array.size:
             data[...] = array
     else:
-        rows = max(1, CHUNK // max(1, array[0].nbytes))
-        data = group.create_dataset(
-            name, data=array, chunks=(min(rows, len(array)), *array.shape[1:]), fletcher32=True
-        )
+        # of equal chunks, for the last one is filled up
+        pieces = -(-len(array) // max(1, CHUNK // max(1, array[0].nbytes)))
+        rows = -(-len(array) // pieces)
+        data = group.create_dataset(name, data=array, chunks=(rows, *array.shape[1:]), fletcher32=True)
     data.attrs["units"], data.attrs["long_name"] = text_of(unit), text_of(about.text)
     if logical:
         data.attrs["dtype"] = text_of("bool")
@@ -124,8 +124,10 @@ def _scale(group: h5py.Group, dim: str, length: int) -> h5py.Dataset:
 
 def bare(data: h5py.Dataset) -> bool:
     """Whether a data set is an axis alone, without numbers."""
+    if data.id.get_storage_size():
+        return False
     name = data.attrs.get("NAME")
-    return isinstance(name, bytes) and name.startswith(BARE[:20]) and data.id.get_storage_size() == 0
+    return isinstance(name, bytes) and name.startswith(BARE[:20])
 
 
 def text_of(words: str) -> np.ndarray:

@@ -138,7 +138,7 @@ def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int
         raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
     array = data[()]
     array = np.asarray(array)
-    if text(data.attrs.get("dtype", "")) == "bool":
+    if array.dtype == np.int8 and "b" in entry.kinds and text(data.attrs.get("dtype", "")) == "bool":
         if not np.isin(array, (0, 1)).all():
             raise ValueError(f"{name!r} has values that are neither true nor false")
         array = array.astype(bool)

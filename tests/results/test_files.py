@@ -19,8 +19,9 @@ from sbfem_petsc.record.gather import whole
 from sbfem_petsc.record.layout import bare
 from sbfem_petsc.record.record import entries
 from sbfem_petsc.writing import check_output_folder
+from tests.fuzz import examples
 from tests.results.results_case import LOADS, on_ranks
-from tests.results.same import same
+from tests.results.same import inverted, same
 
 
 @pytest.fixture(scope="module")
@@ -226,3 +227,29 @@ def test_rows_by_their_numbers():
     found = whole(MPI.COMM_SELF, numbers, values)
     np.testing.assert_array_equal(found[numbers], values)
     assert found.shape == (7, 2) and (found[[2, 5]] == 0.0).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["orbit", "branch", "locus", "basins", "swept_response", "history"])
+def test_inverted_bytes(kind, tmp_path):
+    """Every 61st byte of a file of each kind: told of, or without effect."""
+    path = tmp_path / "result.h5"
+    sb.save(path, getattr(examples, kind)())
+    told, without, silent = inverted(path, sb.read, every=61)
+    assert silent == [] and told > 0
+
+
+@pytest.mark.long
+def test_inverted_bytes_of_chunks(tmp_path):
+    """Of what is too large for a header, beside statics and modes."""
+    history = sb.transient(examples.oscillator(), 20.0, 200.0, 1e-2)
+    sb.save(tmp_path / "result.h5", history)
+    told, without, silent = inverted(tmp_path / "result.h5", sb.read, every=1201)
+    assert silent == [] and told > 0
+
+
+@pytest.mark.long
+def test_inverted_bytes_of_statics_and_modes(saved, tmp_path):
+    shutil.copy(saved, tmp_path / "result.h5")
+    told, without, silent = inverted(tmp_path / "result.h5", sb.read, every=61)
+    assert silent == [] and told > 0
