@@ -27,6 +27,7 @@ import subprocess
 import sys
 import time
 import warnings
+from typing import Any
 
 ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")}
 os.environ.update(ONE_THREAD)
@@ -76,8 +77,8 @@ def beam(opening: float) -> sb.ReducedModel:
     return sb.reduce(model, sb.PointForce("A", fy=1.0), modes=30)
 
 
-QUICK = {"refine": False, "stability": False}
-CASES = {
+QUICK: dict[str, Any] = {"refine": False, "stability": False}
+CASES: dict[str, tuple[Any, int, float, float, dict[str, Any]]] = {
     "one mass": (lambda: one_mass(0.0), 1, 4e-4, 1.0, {}),
     "one mass, downwards": (lambda: one_mass(0.0), 1, 1.0, 1e-4, {"steps": 2048}),
     "one mass, damped": (lambda: one_mass(0.01), 1, 4e-4, 1.0, {"damping": True}),

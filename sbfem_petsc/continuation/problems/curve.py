@@ -393,7 +393,7 @@ class Curves(InvariantCurves):
     def __init__(
         self, own: OwnTone, u: np.ndarray, finer: Sequence[OwnTone] = (), begins: np.ndarray | None = None
     ):
-        self.own, self.finer_maps, self.begins = own, tuple(finer), begins
+        self.tone, self.finer_maps, self.begins = own, tuple(finer), begins
         self.period, self.samples, self.comm = own.period, own.samples, own.comm
         states, _, value = self.split(u)
         self.unit = max(float(np.linalg.norm(states - self.period.rest)), 1e-300)
@@ -408,7 +408,7 @@ class Curves(InvariantCurves):
 
     def at_sample(self, value: float) -> Callable[[int], DrivenPeriod]:
         """See `InvariantCurves`: the same for all."""
-        driven = self.own.driven(value)
+        driven = self.tone.driven(value)
         return lambda i: driven
 
     def off_phase(self, u: np.ndarray) -> float:
@@ -474,7 +474,7 @@ class Curves(InvariantCurves):
         """See `Problem`."""
         known, samples = 1 + int(memory[0]), (len(u) - 2) // (2 * self.period.modes)
         finer = [item for item in self.finer_maps if item.samples > samples]
-        problem = Curves(replace(self.own, samples=samples), u, finer)
+        problem = Curves(replace(self.tone, samples=samples), u, finer)
         point = beginning(Point(problem, u, problem.at(u), value), memory[1:known] if known > 1 else None)
         point.state.told = memory[known:]
         return point
@@ -483,7 +483,7 @@ class Curves(InvariantCurves):
 def beginning(point: Point, begins: np.ndarray | None) -> Point:
     """A curve from which a branch goes on, in its own phase; `begins` is a direction in which it does."""
     old = point.problem
-    problem = Curves(old.own, point.u, old.finer_maps, begins)
+    problem = Curves(old.tone, point.u, old.finer_maps, begins)
     problem.shares = SHARES
     return replace(point, problem=problem, state=point.state.in_phase_of(problem))
 
@@ -575,7 +575,7 @@ def first_curve(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[n
 
 def strays(point: Point, periods: int, dense: int = 2001) -> float:
     """Largest distance from a curve, in its swings, of a history that begins between two samples."""
-    state, own = point.state, point.problem.own
+    state, own = point.state, point.problem.tone
     driven, farthest = own.driven(state.value), 0.0
     known = resampled(state.states, dense)
     here: Any = filtered(state.states, shift(own.samples, 0.5 / own.samples))[0]

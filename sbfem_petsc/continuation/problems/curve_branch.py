@@ -245,5 +245,5 @@ class _Branch:
         """The branch as it is."""
         line, values = self.line, self.line.values
         complete = bool(values[-1] == self.stop) or line.reason == CLOSED
-        own, reason = line.points[0].problem.own, line.reason or "unfinished"
+        own, reason = line.points[0].problem.tone, line.reason or "unfinished"
         return QuasiPeriodicBranch(own.parameter, values, tuple(self.motions), reason, complete)

@@ -236,7 +236,7 @@ def _moved(period: Period, motion: PeriodMotion, part: slice) -> np.ndarray:
 
 def own_motion(point: Point, stability: bool) -> QuasiPeriodic:
     """The motion of an invariant curve with a tone of its own, a point of `Curves`. Collective."""
-    state, own = point.state, point.problem.own
+    state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
     linear = ((own.period.excitation.scaled(driven.factor), driven.amplitudes),)
     lines, peak = tone_lines(own.period, state.motions, state.rotation, linear, own.comm)
@@ -260,7 +260,7 @@ def attracts(motion: QuasiPeriodic) -> bool:
 
 def told_motion(point: Point) -> QuasiPeriodic:
     """The same of what is told of it already (`CurveState.told`)."""
-    state, own = point.state, point.problem.own
+    state, own = point.state, point.problem.tone
     driven = own.driven(state.value)
     sizes, first = state.told[:4].astype(int), 1.0 / driven.duration
     residuals, (peak, refuted), growth, lines = np.split(state.told[4:], np.cumsum(sizes)[:-1])
