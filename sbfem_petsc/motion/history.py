@@ -131,11 +131,7 @@ class Motion(Record):
         return self.states.stress_intensity(tip)
 
     def _furthest(self, least: float = 0.0) -> float:
-        """Largest displacement of a named point, m; less than `least` where that is known to be so, and 0 of
-        a history whose arrays are left in its file.
-        """
-        if isinstance(self.states.contact, np.memmap):
-            return 0.0
+        """Largest displacement of a named point, m; less than `least` where that is known to be so."""
         bound = self.states.bound()
         if bound < least:
             return bound

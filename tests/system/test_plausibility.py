@@ -3,6 +3,7 @@ that are not small.
 """
 
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -151,6 +152,35 @@ def test_displacements_of_every_result(result):
     assert len(said) == 1 and found._furthest() == pytest.approx(0.08 * 0.6, rel=0.05)
     assert said[0].split(":")[0] in dir(sb) and f"reach {found._furthest():.3g} m, " in said[0]
     assert told(lambda: result(model, first, 0.04 * 0.6), sb.LargeDisplacementWarning)[1] == []
+
+
+def test_histories_left_in_their_files(tmp_path):
+    """They are told of as those in memory are, whose rows are read one block after the other."""
+    model = cantilever(damping=0.3)
+    first = sb.modal(model, 1).frequencies[0]
+    load = sb.PointForce("A", fy=sb.Harmonic(0.08 * 0.6 / SOFTNESS, 0.05 * first))
+    path = str(tmp_path / "history.h5")
+    warnings.simplefilter("ignore")
+    found = sb.transient(model, load, 20.0 / first, modes=4, file=path, progress=None)
+    left = sb.read(path, in_memory=False)
+    assert left._furthest() == pytest.approx(found._furthest(), rel=1e-12)
+    assert found._furthest() == pytest.approx(
+        np.linalg.norm(found.displacement("A"), axis=1).max(), rel=1e-12
+    )
+
+
+def test_lines_of_bifurcations():
+    """The largest displacement told is that of steady states beside the line, at the loads of the line."""
+    system = two_masses(0.02, compliance=0.1)
+    curve = sb.frequency_response(system, [0.1], 0.092, 0.0932, steps=128, points=40)
+    line = sb.locus(curve, curve.bifurcations[0], 1.0, 1.3, points=3)
+    k = int(np.argmax(np.linalg.norm(line.states, axis=1)))
+    load = [sb.Harmonic(0.1 * float(line.value[k]), float(line.frequency[k]))]
+    start = replace(curve.orbit(0), state=line.states[k])
+    orbit = sb.periodic(system, load, float(line.frequency[k]), steps=128, guess=start)
+    assert line.largest_displacement == line._furthest() > 0.0
+    moves = max(np.linalg.norm(orbit.displacement(name), axis=1).max() for name in orbit.points)
+    assert line.largest_displacement == pytest.approx(moves, rel=1e-3)  # a fold: the root of 1e-6
 
 
 def test_no_point_moves_further_than_the_bound():

@@ -7,17 +7,21 @@ point is a line of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import ClassVar, Protocol
 
 import numpy as np
 
 from ...errors import SolveError
 from ...motion.family import Family
+from ...motion.period_map import FixedPoint
 from ...record.record import Record, described, quantity
 from ..events import fold
 from ..follow import CLOSED, Line, Settings, follow
 from ..newton import correct
+from ..orbit import make_orbit
 from ..problem import Lost, Metric, Point, Range
 from .locus_problem import LocusProblem, LocusStart
 
@@ -48,6 +52,18 @@ class Locus(Record):
     )
     reasons: tuple[str, str] = quantity(text="why either end is one", dims="end")
     periods: int = quantity("1", "forcing periods in the period of the motion", default=1, least=1)
+    largest_displacement: float = quantity(
+        "m",
+        "largest displacement of a named point in the motion whose state is the largest",
+        default=math.nan,
+        least=0.0,
+        finite=False,
+        repr=False,
+    )
+
+    def _furthest(self, least: float = 0.0) -> float:
+        """Largest displacement of a named point, m."""
+        return self.largest_displacement
 
     def __len__(self) -> int:
         return len(self.value)
@@ -122,6 +138,7 @@ def follow_locus(
         if not line.reason or line.reason.endswith(" points"):  # otherwise a former run has come to its end
             follow(line, Range(*limits, direction), pace, keep)
     result = _joined(family, start.kind, lines, located=True)
+    result = replace(result, largest_displacement=_largest_displacement(family, result))
     if recorder is not None:
         recorder.update(lambda: result, lines, last=True)
     if report is not None:
@@ -173,6 +190,14 @@ def _joined(family: Family, kind: str, lines: Sequence[Line], located: bool = Fa
         (reasons[0], reasons[1]),
         family.period.excitation.periods,
     )
+
+
+def _largest_displacement(family: Family, locus: Locus) -> float:
+    """Of named points in the motion whose state is the largest, m."""
+    k = int(np.argmax(np.linalg.norm(locus.states, axis=1)))
+    driven = family.at(float(locus.frequency[k]), float(locus.value[k]))
+    fixed = FixedPoint(locus.states[k], driven, driven.run(locus.states[k]), ())
+    return make_orbit(fixed, np.zeros(0), math.nan, "point of a locus")._furthest()
 
 
 def _reason(line: Line) -> str:
