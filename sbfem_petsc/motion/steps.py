@@ -57,7 +57,8 @@ def velocity_offsets(omega: np.ndarray, step: float, scheme: str) -> np.ndarray:
     which is -h^2 r' / 12 where x is small. Wherever steps change their length, velocities have to change from
     the one offset to the other. Otherwise the modes swing about the new one, displacements by O(h^2); and
     the forces, which must keep gaps from opening at the rate C y, go to and fro from step to step by O(h).
-    The rate of growth is that of the last step, so that what remains of both is of one order more.
+    The rate of growth is the smaller one of the last two whole steps, so that what remains of both is of one
+    order more.
 
     Average acceleration ("newmark") holds the modes' own forces at the mean too, so that the gaps of faces
     that stay closed have no such rate: nothing to change. Beyond OVER of a mode's period, where cot x goes
