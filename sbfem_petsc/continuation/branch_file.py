@@ -174,14 +174,7 @@ class BranchFile:
         if self._finished:
             return
         problem: Any = line.problem  # of driven orbits
-        steps = problem.period.steps
-        if steps != self._begun or self.former is None and not self._told:
-            self._anew(steps)
-        elif not self._told:  # what was read is kept already
-            self._told = line.points[: len(self.former[1])] if self.former is not None else []
-            with collective(self.comm):
-                if self._journal is not None and self._journal.former is not None:
-                    self._journal.begin({}, len(self._journal.former.ends) - 1)
+        self._go_on(line, problem.period.steps)
         first = next(
             (k for k, (one, other) in enumerate(zip(self._told, line.points)) if one is not other),
             min(len(self._told), len(line.points)),
@@ -200,6 +193,16 @@ class BranchFile:
                     self._journal.checkpoint({"reason": reason, "result": image(found)})
                     self._written = time.monotonic()
         self._told = list(line.points)
+
+    def _go_on(self, line: Line, steps: int) -> None:
+        """Begin the journal, or go on behind what was read, before the first update."""
+        if steps != self._begun or self.former is None and not self._told:
+            self._anew(steps)
+        elif not self._told:  # what was read is kept already
+            self._told = line.points[: len(self.former[1])] if self.former is not None else []
+            with collective(self.comm):
+                if self._journal is not None and self._journal.former is not None:
+                    self._journal.begin({}, len(self._journal.former.ends) - 1)
 
     def _anew(self, steps: int) -> None:
         """Begin the journal, again where the steps have changed."""

@@ -61,25 +61,14 @@ class Body(Record):
     @classmethod
     def of(cls, model: Any) -> Body | None:
         """Of a `Model`, on rank 0; None elsewhere. Collective."""
-        part = model.part
-        chains = [part.nodes[chain] for chain in part.chains]
-        numbers = np.array([model.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
-        parts = model.comm.gather(
-            (part.nodes, part.coordinates, part.elements, part.centres, part.closed, numbers, chains)
-        )
-        if parts is None:
+        mesh = _mesh(model)
+        if mesh is None:
             return None
-        nodes = np.zeros((1 + max(int(p[0].max(initial=-1)) for p in parts), 2))
-        for where, coordinates, *_ in parts:
-            nodes[where] = coordinates
-        order = np.argsort(np.concatenate([p[2] for p in parts]))
-        centres, closed, kinds = (np.concatenate([p[k] for p in parts])[order] for k in (3, 4, 5))
-        chains = [chain for p in parts for chain in p[6]]
-        chains = [chains[k] for k in order]
         pairs, cracks = model.pairs, model.cracks
         options = PETSc.Options().getAll()
         versions = {"petsc": PETSc.Sys, "slepc": SLEPc.Sys}
         return cls(
+            **mesh,
             thickness=model.thickness,
             damping=model.damping,
             rayleigh=np.array(model.rayleigh, dtype=float),
@@ -102,12 +91,6 @@ class Body(Record):
             pair_gap=pairs.gap,
             pair_crack=pairs.crack,
             pair_position=pairs.position,
-            nodes=nodes,
-            scaling_centres=centres,
-            closed=closed,
-            element_materials=kinds,
-            element_nodes_count=np.array([len(chain) for chain in chains], dtype=np.int64),
-            element_nodes=np.concatenate(chains),
             petsc_options=tuple(f"{name} {value or ''}".strip() for name, value in options.items()),
             versions=(
                 *(f"{name} {'.'.join(map(str, of.getVersion()))}" for name, of in versions.items()),
@@ -123,3 +106,30 @@ class Body(Record):
 def _exact(item: Any) -> str:
     """A dataclass with all digits of its numbers."""
     return f"{type(item).__name__}({', '.join(f'{f.name}={getattr(item, f.name)!r}' for f in fields(item))})"
+
+
+def _mesh(model: Any) -> dict[str, np.ndarray] | None:
+    """Nodes and S-elements of all ranks, on rank 0. Collective."""
+    part = model.part
+    chains = [part.nodes[chain] for chain in part.chains]
+    numbers = np.array([model.named_materials(int(k))[0] for k in part.materials], dtype=np.int64)
+    parts = model.comm.gather(
+        (part.nodes, part.coordinates, part.elements, part.centres, part.closed, numbers, chains)
+    )
+    if parts is None:
+        return None
+    nodes = np.zeros((1 + max(int(p[0].max(initial=-1)) for p in parts), 2))
+    for where, coordinates, *_ in parts:
+        nodes[where] = coordinates
+    order = np.argsort(np.concatenate([p[2] for p in parts]))
+    centres, closed, kinds = (np.concatenate([p[k] for p in parts])[order] for k in (3, 4, 5))
+    chains = [chain for p in parts for chain in p[6]]
+    chains = [chains[k] for k in order]
+    return {
+        "nodes": nodes,
+        "scaling_centres": centres,
+        "closed": closed,
+        "element_materials": kinds,
+        "element_nodes_count": np.array([len(chain) for chain in chains], dtype=np.int64),
+        "element_nodes": np.concatenate(chains),
+    }

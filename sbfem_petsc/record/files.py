@@ -62,12 +62,7 @@ def save(path: Any, result: Any) -> None:
     if several or isinstance(result, Mapping):
         parts = {f"{k:04d}": part for k, part in enumerate(result)} if several else dict(result)
     with collective(comm):
-        for name, part in parts.items():
-            if not isinstance(part, Record):
-                raise TypeError(f"save: result = {shown(part)} is no result that can be written")
-            named = isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name
-            if part is not result and not named:
-                raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
+        _check(result, parts)
     whole: dict[int, dict[str, Any]] = {}
     bodies: dict[int, Body | None] = {}
     for part in parts.values():
@@ -80,6 +75,16 @@ def save(path: Any, result: Any) -> None:
                     file.attrs["several"] = len(parts)
                 for name, part in parts.items():
                     write(file.create_group(name, track_order=True) if name else file, part, whole, seen=seen)
+
+
+def _check(result: Any, parts: Mapping[Any, Any]) -> None:
+    """Raise unless all parts are records, and have names where they need one."""
+    for name, part in parts.items():
+        if not isinstance(part, Record):
+            raise TypeError(f"save: result = {shown(part)} is no result that can be written")
+        named = isinstance(name, str) and name.strip(". ") and name.isprintable() and "/" not in name
+        if part is not result and not named:
+            raise ValueError(f"save: the name {name!r} of a result must be a text without '/'")
 
 
 def _gather(record: Record, whole: dict[int, dict[str, Any]], bodies: dict[int, Body | None]) -> None:

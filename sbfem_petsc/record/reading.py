@@ -131,19 +131,24 @@ def _tuple(items: Any) -> Any:
     return tuple(map(_tuple, items)) if isinstance(items, list) else items
 
 
-def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
-    """The numbers of a field: of its type, lengths that agree with the others', within its range."""
-    name, about = entry.name, entry.about
-    if not isinstance(data, h5py.Dataset) or data.ndim != len(dims):
-        raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
-    array = data[()]
-    array = np.asarray(array)
+def _decoded(data: h5py.Dataset, entry: Entry) -> np.ndarray:
+    """Numbers, truths or texts of a data set."""
+    array, name = np.asarray(data[()]), entry.name
     if array.dtype == np.int8 and "b" in entry.kinds and text(data.attrs.get("dtype", "")) == "bool":
         if not np.isin(array, (0, 1)).all():
             raise ValueError(f"{name!r} has values that are neither true nor false")
         array = array.astype(bool)
     if array.dtype.kind == "S":
         array = np.array([text(item) for item in array.ravel().tolist()], dtype=str).reshape(array.shape)
+    return array
+
+
+def sound(data: Any, entry: Entry, dims: tuple[str, ...], lengths: dict[str, int]) -> np.ndarray:
+    """The numbers of a field: of its type, lengths that agree with the others', within its range."""
+    name, about = entry.name, entry.about
+    if not isinstance(data, h5py.Dataset) or data.ndim != len(dims):
+        raise ValueError(f"{name!r} is no array over {', '.join(dims) or 'nothing'}")
+    array = _decoded(data, entry)
     shape = tuple(lengths.setdefault(dim, n) for dim, n in zip(dims, array.shape))
     if shape != array.shape or array.dtype.kind not in entry.kinds:
         wanted = " x ".join(f"{dim} ({n})" for dim, n in zip(dims, shape)) or "one"
