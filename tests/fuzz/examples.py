@@ -659,6 +659,7 @@ CALLS |= {
             "noise": None,
             "ranks_per_row": 1,
             "histories": False,
+            "rows": None,
             "comm": MPI.COMM_WORLD,
             "replace": True,
             "watch": None,
