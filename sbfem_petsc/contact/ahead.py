@@ -7,18 +7,16 @@ from __future__ import annotations
 import numpy as np
 
 from .law import RowLaws
-from .marching import StepHistory, StepLoads, StepPart, begun, march, step_constants
+from .marching import StepHistory, StepLoads, StepState, march, step_constants
 
 
 def compile_kernels() -> None:
     """Compile what `marching.march` needs; it is kept where `compiled.compiled` says."""
-    rows, laws = np.eye(2), RowLaws.unilateral(2)
-    part = StepPart(1.0, np.zeros((10, 2)), np.zeros(2))
-    step = step_constants([part], (rows, rows), rows, laws, np.zeros(2))
+    rows = np.eye(2)
     march(
-        step,
-        StepLoads(np.zeros((2, 2)), np.ones((2, 2))),
-        begun(step, np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=np.int8)),
+        step_constants([np.zeros((10, 2))], (rows, rows), rows, RowLaws.unilateral(2), np.zeros(2)),
+        StepLoads(np.zeros((2, 2)), np.ones((2, 2)), np.zeros(1, dtype=np.int8)),
+        StepState(np.zeros(2), np.zeros(2), np.zeros(2), np.zeros(2, dtype=np.int8)),
         StepHistory(np.empty((1, 2)), np.empty((1, 2)), np.empty((1, 2)), np.empty(1)),
     )
 

@@ -28,26 +28,15 @@ class Halving(NamedTuple):
     ----------
     tolerance : float
         Of the energy of the modes at the step's end; infinite: no step.
-    lent : float
-        Share of the same energy: where changes of the steps' length have added more to it in all, or taken
-        more from it, velocities are left as they are when a step is halved.
+    floor : float
+        Energy that is added to it, J.
     """
 
     tolerance: float
-    lent: float
+    floor: float
 
 
 NEVER = Halving(math.inf, 0.0)
-# A single change of the steps' length may lend so many times `Halving.lent`: it is taken back with the next.
-SINGLE = 10.0
-
-
-class StepPart(NamedTuple):
-    """A step of a length (s): its `coefficients` (10, m) and `offsets` (m,) of `StepConstants`."""
-
-    length: float
-    coefficients: np.ndarray
-    offsets: np.ndarray
 
 
 class StepConstants(NamedTuple):
@@ -59,11 +48,6 @@ class StepConstants(NamedTuple):
         aqq, aqv, bq, dq, cq, avq, avv, bv, dv, cv of each mode, of a step h, of h / 2, h / 4, ..
     left, right : (r, pairs), (r, m) arrays
         Rows of the factors of C = U V^T, gaps of the modes: U^T and V^T.
-    length : float
-        h, s.
-    offsets : (levels, m) array
-        What velocities are off in steps of each length where the modal forces of contact grow by one a
-        second, see `motion.steps.velocity_offsets`.
     flexibility : (levels, pairs, pairs) array
         W of each of these steps.
     residual : (pairs, pairs) array
@@ -75,8 +59,6 @@ class StepConstants(NamedTuple):
     """
 
     coefficients: np.ndarray
-    length: float
-    offsets: np.ndarray
     left: np.ndarray
     right: np.ndarray
     flexibility: np.ndarray
@@ -95,11 +77,13 @@ class StepLoads(NamedTuple):
         Modal forces of the loads; (0, m) where there are none.
     free_gap : (n + 1, pairs) array
         Initial gaps and the residual flexibility's share of the loads.
-        Both are linear in each step.
+    levels : (n,) int8 array
+        Of the steps, whose lengths are h / 2^level. Loads and gaps are linear in each.
     """
 
     external: np.ndarray
     free_gap: np.ndarray
+    levels: np.ndarray
 
 
 class StepState(NamedTuple):
@@ -113,22 +97,12 @@ class StepState(NamedTuple):
         Of contact, N.
     rows : (pairs,) int8 array
         States of the contact rows, see `law`.
-    growth : (2, pairs) array
-        Rates of the forces over the last step, N/s, of rows that were in one state at both its ends; and the
-        smaller of these and of those of the step before, zero where their signs differ.
-    offset : (m,) array
-        The `offsets` of the last step's length.
-    lent : (1,) array
-        What changes of the steps' length have added to the modes' energy in all, J.
     """
 
     q: np.ndarray
     v: np.ndarray
     force: np.ndarray
     rows: np.ndarray
-    growth: np.ndarray
-    offset: np.ndarray
-    lent: np.ndarray
 
 
 class StepHistory(NamedTuple):
@@ -139,14 +113,16 @@ class StepHistory(NamedTuple):
     states, velocities, forces : (n, m), (n, m), (n, pairs) arrays
         q, v and the contact forces after each step.
     work : (n,) array
-        Of the contact forces in each, J: mean force times change of the gap, of its parts one by one; and
-        what changes of the length of steps add.
+        Of the contact forces in each, J: mean force times change of the gap, of its parts one by one.
+    parts : (n 2^(levels - 1) + 1,) or (0,) int8 array
+        Levels of the steps as they were taken, whose number is told; not kept in an empty one.
     """
 
     states: np.ndarray
     velocities: np.ndarray
     forces: np.ndarray
     work: np.ndarray
+    parts: np.ndarray = np.empty(0, dtype=np.int8)
 
 
 class Marched(NamedTuple):
@@ -160,11 +136,14 @@ class Marched(NamedTuple):
         Of active sets, in all.
     unresolved : int
         Steps of the last level in which contact does more work than `Halving` allows.
+    taken : int
+        Steps and parts of steps.
     """
 
     steps: int
     exchanges: int
     unresolved: int
+    taken: int
 
 
 class _End(NamedTuple):
@@ -179,9 +158,7 @@ class _End(NamedTuple):
 
 
 class Room(NamedTuple):
-    """Room for steps: the factors of each level, both ends of a step, gaps in the thin space (r,), modal
-    values (m,), forces and rows at the begin of a whole step.
-    """
+    """Room for steps: the factors of each level, both ends of a step and gaps in the thin space (r,)."""
 
     inverses: np.ndarray
     members: np.ndarray
@@ -189,29 +166,23 @@ class Room(NamedTuple):
     before: _End
     after: _End
     thin: np.ndarray
-    modal: np.ndarray
-    force: np.ndarray
-    rows: np.ndarray
 
 
 def step_constants(
-    parts: Sequence[StepPart],
+    coefficients: Sequence[np.ndarray],
     factors: tuple[np.ndarray, np.ndarray],
     residual: np.ndarray,
     laws: RowLaws,
     omega: np.ndarray,
     halving: Halving = NEVER,
 ) -> StepConstants:
-    """`StepConstants` from a step and its halves, quarters .. and arrays in any layout: the factors U
-    (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R.
+    """`StepConstants` from coefficients (10, m) of a step and of its halves, quarters .. and arrays in any
+    layout: the factors U (pairs, r) and V (m, r), see `closed_sets.thin_factors`, and R.
     """
     left, right = factors
-    coefficients = [part.coefficients for part in parts]
     flexibility = [left @ ((right.T * each[4]) @ right) @ left.T + residual for each in coefficients]
     return StepConstants(
         coefficients=np.ascontiguousarray(coefficients),
-        length=parts[0].length,
-        offsets=np.ascontiguousarray([part.offsets for part in parts]),
         left=np.ascontiguousarray(left.T),
         right=np.ascontiguousarray(right.T),
         flexibility=np.ascontiguousarray(flexibility),
@@ -232,22 +203,13 @@ def empty_room(step: StepConstants) -> Room:
         return _End(q, v, pull, force, gap, np.empty(pairs, dtype=np.int8))
 
     members = np.full((levels, pairs + 1), -1)
-    inverses, factor = np.empty((levels, pairs, pairs)), empty_factor(pairs)
-    former = np.empty(pairs), np.empty(pairs, dtype=np.int8)
-    return Room(inverses, members, factor, end(), end(), np.empty(rank), np.empty(modes), *former)
-
-
-def begun(
-    step: StepConstants, q: np.ndarray, v: np.ndarray, force: np.ndarray, rows: np.ndarray
-) -> StepState:
-    """A state to which no steps have led."""
-    return StepState(q, v, force, rows, np.zeros((2, len(force))), step.offsets[0].copy(), np.zeros(1))
+    return Room(np.empty((levels, pairs, pairs)), members, empty_factor(pairs), end(), end(), np.empty(rank))
 
 
 def march(step: StepConstants, loads: StepLoads, state: StepState, history: StepHistory) -> Marched:
     """Advance a reduced model over several steps; the state and the history are written in place."""
     external = loads.external if loads.external.any() else loads.external[:0]
-    loads = StepLoads(np.ascontiguousarray(external), np.ascontiguousarray(loads.free_gap))
+    loads = StepLoads(*map(np.ascontiguousarray, (external, *loads[1:])))
     return Marched(*_march(step, loads, state, history, empty_room(step)))
 
 
@@ -279,7 +241,7 @@ def _take(step, loads, place, before, after, room):
     """
     level, done, begin, end = place
     coefficients, left, right = step.coefficients[level], step.left, step.right
-    external, free_gap = loads
+    external, free_gap, _ = loads
     q, v, pull = after.q, after.v, after.pull
     rank, pairs = left.shape
     m, every = q.size, room.factor.every
@@ -352,96 +314,43 @@ def _energy(stiffness, end):
     return 0.5 * total
 
 
-@inner_loops
-def _change_length(step, state, offset, most, end, room):
-    """From steps of one length to those of another, whose offsets are given: the velocities are changed, and
-    with them the modes' energy, by what is returned. Where that is more than a share of the energy, forces
-    ring, and nothing is changed until the whole step is done.
-    """
-    rank, pairs = step.left.shape
-    m, changes, lent = end.q.size, False, 0.0
-    for i in range(pairs):
-        changes |= state.growth[1, i] != 0.0
-    if changes:
-        for j in range(m):
-            room.modal[j] = 0.0
-        products(step.left, state.growth[1], rank, (pairs, pairs), room.thin)
-        add_rows(step.right, room.factor.every, room.thin, rank, (m, m), room.modal)
-        for j in range(m):
-            room.modal[j] *= offset[j] - state.offset[j]
-            lent += room.modal[j] * (end.v[j] + 0.5 * room.modal[j])
-        if abs(lent) > most * _energy(step.stiffness, end):
-            lent = 0.0
-            for i in range(pairs):
-                state.growth[1, i] = 0.0
-        else:
-            for j in range(m):
-                end.v[j] += room.modal[j]
-            state.lent[0] += lent
-    for j in range(m):
-        state.offset[j] = offset[j]
-    return lent
-
-
-@inner_loops
-def _grow(step, state, end, room):
-    """Rates of the forces over a whole step."""
-    for i in range(end.force.size):
-        acted = end.rows[i] != FREE and end.rows[i] == room.rows[i]
-        rate, former = (end.force[i] - room.force[i]) / step.length if acted else 0.0, state.growth[0, i]
-        state.growth[0, i] = rate
-        if rate * former <= 0.0:
-            state.growth[1, i] = 0.0
-        else:
-            state.growth[1, i] = rate if abs(rate) < abs(former) else former
-        room.force[i], room.rows[i] = end.force[i], end.rows[i]
-
-
 @compiled_loops
 def _march(step, loads, state, history, room):
-    states, velocities, forces, works = history
-    halving, last = step.halving, step.coefficients.shape[0] - 1
+    states, velocities, forces, works, parts = history
+    halving, levels = step.halving, loads.levels
     steps, m = states.shape
-    pairs, whole = state.force.size, 1 << last
-    exchanges = unresolved = 0
+    pairs, last = state.force.size, step.coefficients.shape[0] - 1
+    exchanges = unresolved = taken = 0
     _begin(step, loads, state, room)
     before, after = room.before, room.after
-    lent = _change_length(step, state, step.offsets[0], SINGLE * halving.lent, before, room)
-    for i in range(pairs):
-        room.force[i], room.rows[i] = before.force[i], before.rows[i]
     for done in range(steps):
-        works[done], lent = lent, 0.0
-        level, place = 0, 0
+        works[done] = 0.0
+        first = np.int64(levels[done])
+        level, place, whole = first, 0, 1 << (last - first)
         while place < whole:
-            size = whole >> level
+            size = 1 << (last - level)
             exchange = _take(
                 step, loads, (level, done, place / whole, (place + size) / whole), before, after, room
             )
             if exchange < 0:
-                return done, exchanges, unresolved
+                return done, exchanges, unresolved, taken
             exchanges += exchange
             if exchange > 0:  # where no row changes sides there is no work
                 work = _work(before, after)
-                if abs(work) > halving.tolerance * _energy(step.stiffness, after):
+                if abs(work) > halving.tolerance * (_energy(step.stiffness, after) + halving.floor):
                     if level < last:
-                        most = math.inf
-                        if level == 0:
-                            spent = abs(state.lent[0]) > halving.lent * _energy(step.stiffness, before)
-                            most = 0.0 if spent else SINGLE * halving.lent
                         level += 1
-                        works[done] += _change_length(step, state, step.offsets[level], most, before, room)
                         continue
                     unresolved += 1
                 works[done] += work
             before, after = after, before
             place += size
-            taken = level
+            if parts.size > 0:
+                parts[taken] = level
+            taken += 1
             # a second half is done, and with it what it is a half of
-            while level > 0 and place % (whole >> (level - 1)) == 0:
+            while level > first and place % (1 << (last - level + 1)) == 0:
                 level -= 1
-            if level < taken:
-                works[done] += _change_length(step, state, step.offsets[level], math.inf, before, room)
-        _grow(step, state, before, room)
         for j in range(m):
             states[done, j] = before.q[j]
             velocities[done, j] = before.v[j]
@@ -451,4 +360,4 @@ def _march(step, loads, state, history, room):
         state.q[j], state.v[j] = before.q[j], before.v[j]
     for i in range(pairs):
         state.force[i], state.rows[i] = before.force[i], before.rows[i]
-    return steps, exchanges, unresolved
+    return steps, exchanges, unresolved, taken

@@ -13,8 +13,8 @@ from .marching import (
     StepConstants,
     StepHistory,
     StepLoads,
+    StepState,
     _march,
-    begun,
     empty_room,
 )
 from .pivoting import add_rows, caught, contact_forces, products
@@ -101,14 +101,14 @@ def settle(
         StepHistory(np.empty((steps, m)), np.empty((steps, m)), np.empty((steps, pairs)), np.empty(steps)),
         empty_room(step),
     )
-    moving = begun(step, *state, np.zeros(pairs), np.zeros(pairs, dtype=np.int8))
-    loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap))
+    moving = StepState(*state, np.zeros(pairs), np.zeros(pairs, dtype=np.int8))
+    loads = StepLoads(np.zeros((0, m)), np.ascontiguousarray(free_gap), np.zeros(steps, dtype=np.int8))
     return _settle(step, loads, moving, known, patience, room)
 
 
 @compiled_loops
 def _settle(step, loads, state, known, patience, room):
-    q, v, force, rows, growth, _, _ = state
+    q, v, force, rows = state
     recent, gap, thin, factor = room.recent, room.steps.before.gap, room.steps.thin, room.steps.factor
     steps, pairs, m = loads.free_gap.shape[0] - 1, gap.size, q.size
     rank, kept = thin.size, recent.shape[0]
@@ -135,7 +135,7 @@ def _settle(step, loads, state, known, patience, room):
         touches = False
         for i in range(pairs):
             gap[i] = loads.free_gap[0, i]
-            force[i] = growth[0, i] = growth[1, i] = 0.0
+            force[i] = 0.0
         products(step.right, q, rank, (m, m), thin)
         add_rows(step.left, factor.every, thin, rank, (pairs, pairs), gap)
         for i in range(pairs):
@@ -145,7 +145,7 @@ def _settle(step, loads, state, known, patience, room):
             factor.members[pairs] = -1
             if contact_forces(step.residual, gap, step.laws, rows, factor, force) < 0:
                 return -3, done, 0
-        reached, _, _ = _march(step, loads, state, room.history, room.steps)
+        reached, _, _, _ = _march(step, loads, state, room.history, room.steps)
         if reached < steps:
             return -3, done, 0
     return -2, patience.limit, 0

@@ -17,9 +17,8 @@ WORK_LIMIT = 0.01
 
 @described
 class Energy(Record):
-    """Energies and work since the start. Contact works in the steps in which pairs close or open, or that
-    have another length than the one before, alone: there it is the integrator's error, summed over the parts
-    of halved steps.
+    """Energies and work since the start. Contact works in the steps in which pairs close or open alone, where
+    it is the integrator's error, summed over the parts of halved steps.
     """
 
     kinetic: np.ndarray = quantity("J", "kinetic energy", "time")
@@ -72,7 +71,7 @@ class Ledger:
         """(5, n): kinetic, strain, external, damping, contact after each step of a length (s); `amplitudes`
         (n + 1, loads) begins with the step before.
         """
-        states, velocities, forces, contact = history
+        states, velocities, forces, contact, _ = history
         # of the loads and rows of contact that act meanwhile: mostly few of them
         loaded, touched = (amplitudes != 0.0).any(axis=0), (forces != 0.0).any(axis=0)
         drive, moved, stored, loss, rate = self._instants(

@@ -17,8 +17,7 @@ from ..contact.closed_sets import ClosedSets, exact_contacts, located_contacts, 
 from ..contact.marching import (
     StepHistory,
     StepLoads,
-    StepPart,
-    begun,
+    StepState,
     march,
     step_constants,
 )
@@ -215,7 +214,7 @@ class _Length:
         self._reduced, self._step, self._steps = r, step, period.steps
         self.coefficients = step_coefficients(r.omega, r.damping, step, "exact")
         self.constants = step_constants(
-            [StepPart(step, self.coefficients, np.zeros(period.modes))],
+            [self.coefficients],
             (period.left, period.right),
             period.residual_flexibility,
             period.laws,
@@ -300,8 +299,8 @@ class DrivenPeriod:
         if settled >= 0:
             reached = march(
                 self.constants,
-                StepLoads(np.zeros((0, m)), self.free_gap),
-                begun(self.constants, q, v, force, rows),
+                StepLoads(np.zeros((0, m)), self.free_gap, np.zeros(steps, dtype=np.int8)),
+                StepState(q, v, force, rows),
                 StepHistory(states[1:], velocities[1:], forces[1:], work),
             ).steps
         if reached < steps:

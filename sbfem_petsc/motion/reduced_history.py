@@ -13,7 +13,7 @@ from ..contact.marching import (
     StepConstants,
     StepHistory,
     StepLoads,
-    begun,
+    StepState,
     march,
     step_constants,
 )
@@ -26,7 +26,7 @@ from .history import History
 from .integration import Column, Recorder, Rows, Steps
 from .rest import at_rest
 from .states import ModalStates
-from .steps import HALVING, lengths, step_parts
+from .steps import HALVING, halved_coefficients, lengths
 
 CHUNK = 4096
 
@@ -65,12 +65,12 @@ class ReducedIntegrator:
         self.levels = lengths(r.contact_laws.first(self.rows))
         self.constants = _constants(r, steps, steps.step, self.levels)
         self.amplitude = self.drive(np.zeros(1))[0]
-        self.state = begun(self.constants, *_start(r, self.amplitude, steps.contact, initial))
+        self.q, self.v, self.force, self.contact = _start(r, self.amplitude, steps.contact, initial)
         self.ledger = Ledger(r, smooth=steps.scheme != "newmark")
         self.exchanges = self.unresolved = 0
         # written anew in each chunk, for fresh memory takes longer than what is computed in it: states,
         # velocities and contact forces; modal forces and free gaps, which begin a step earlier
-        modes, most = len(r.omega), min(CHUNK, steps.count) + 1
+        modes, most = len(self.q), min(CHUNK, steps.count) + 1
         self._room = [np.empty((most, size)) for size in (modes, modes, self.rows, modes, self.rows)]
         self._work = np.empty(most)
         self.columns = reduced_columns(r)
@@ -78,7 +78,7 @@ class ReducedIntegrator:
 
     def begin(self, record: Recorder, signals: Sequence[Signal]) -> None:
         """Tell a recorder what the history will hold. Collective."""
-        norms = (np.linalg.norm(self.reduced.omega * self.state.q), np.linalg.norm(self.state.v))
+        norms = (np.linalg.norm(self.reduced.omega * self.q), np.linalg.norm(self.v))
         told = {"initial": self.begun, "initial_norms": np.array(norms if self.begun == "modal" else ())}
         record.begin(self.columns, {**self.steps.settings, **told, "chunk": self.chunk}, signals)
 
@@ -86,12 +86,13 @@ class ReducedIntegrator:
         """Of load amplitudes (n + 1, loads); by `dot`, for `@` of one column is slow."""
         r, n = self.reduced, self.rows
         external, gaps = (room[: len(amplitudes)] for room in self._room[3:])
+        levels = np.zeros(len(amplitudes) - 1, dtype=np.int8)
         if not amplitudes.any():
             gaps[:] = r.initial_gap[:n]
-            return StepLoads(external[:0], gaps)
+            return StepLoads(external[:0], gaps, levels)
         np.dot(amplitudes, r.gap.loads[:n].T, out=gaps)
         gaps += r.initial_gap[:n]
-        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps)
+        return StepLoads(np.dot(amplitudes, r.load_modes.T, out=external), gaps, levels)
 
     def _padded(self, forces: np.ndarray) -> np.ndarray:
         """(n, c): zero forces where contact is switched off."""
@@ -99,13 +100,12 @@ class ReducedIntegrator:
 
     def first(self) -> Rows:
         """The row of t = 0."""
-        q, v = self.state.q.copy(), self.state.v.copy()
-        force = self._padded(self.state.force[None].copy())
-        energies = self.ledger.start(q, v, self.amplitude, force[0])
+        force = self._padded(self.force[None].copy())
+        energies = self.ledger.start(self.q, self.v, self.amplitude, force[0])
         values = (
             np.zeros(1),
-            q[None],
-            v[None],
+            self.q[None].copy(),
+            self.v[None].copy(),
             self.amplitude[None],
             force,
             energies.T,
@@ -145,7 +145,7 @@ class ReducedIntegrator:
             )
             self.amplitude = piece.amplitudes[-1]
             if piece.complete and (energy := self._jump(amplitude[rows.stop])) is not None:
-                forces[rows.stop - 1], energies[:, rows.stop - 1] = self.state.force, energy
+                forces[rows.stop - 1], energies[:, rows.stop - 1] = self.force, energy
         forces = self._padded(forces)
         guard(energies, self.ledger, time)
         kept = slice(-(done + 1) % decimation, None, decimation)
@@ -154,7 +154,7 @@ class ReducedIntegrator:
 
     def _march(self, piece: Piece, history: StepHistory) -> Marched:
         """Take the steps of a piece; a part of a step, of its own length, is tried whole first."""
-        state, loads = self.state, self._driven(piece.amplitudes)
+        state, loads = StepState(self.q, self.v, self.force, self.contact), self._driven(piece.amplitudes)
         if piece.length == self.steps.step:
             return march(self.constants, loads, state, history)
         before, counts = [part.copy() for part in state], (1, self.levels)
@@ -173,12 +173,11 @@ class ReducedIntegrator:
         """
         if (amplitude == self.amplitude).all():
             return None
-        state, self.amplitude, before = self.state, amplitude, self.state.force.copy()
+        self.amplitude, before = amplitude, self.force.copy()
         if self.rows:
-            found = _contact_at(self.reduced, state.q, amplitude)
-            state.growth[:, found.state != state.rows] = 0.0
-            state.force[:], state.rows[:] = found.force, found.state
-        return self.ledger.jump(state.q, state.v, amplitude, *self._padded(np.array([before, state.force])))
+            found = _contact_at(self.reduced, self.q, amplitude)
+            self.force[:], self.contact[:] = found.force, found.state
+        return self.ledger.jump(self.q, self.v, amplitude, *self._padded(np.array([before, self.force])))
 
     def checkpoint(self) -> np.ndarray:
         """State, states of the rows and the energies' account; the number of exchanges comes first."""
@@ -186,17 +185,22 @@ class ReducedIntegrator:
         parts = [
             [self.exchanges, self.unresolved, ledger.supplied],
             ledger.work,
+            self.q,
+            self.v,
+            self.force,
+            self.contact,
         ]
-        return np.concatenate([*parts, *(part.ravel() for part in (*self.state, *ledger.last))]).astype(float)
+        return np.concatenate([*parts, *(part.ravel() for part in ledger.last)]).astype(float)
 
     def restore(self, checkpoint: np.ndarray) -> None:
         """Go on from a checkpoint."""
-        loads = self.reduced.load_modes.shape[1]
-        sizes = (3, 3, *(part.size for part in self.state), loads, loads, 2, 1, loads)
-        head, work, *state, drive, moved, stored, loss, rates = np.split(checkpoint, np.cumsum(sizes)[:-1])
+        modes, loads = len(self.q), self.reduced.load_modes.shape[1]
+        sizes = (3, 3, modes, modes, self.rows, self.rows, loads, loads, 2, 1, loads)
+        head, work, q, v, force, contact, drive, moved, stored, loss, rates = np.split(
+            checkpoint, np.cumsum(sizes)[:-1]
+        )
         self.exchanges, self.unresolved = int(head[0]), int(head[1])
-        for part, former in zip(self.state, state):
-            part[:] = former.reshape(part.shape)
+        self.q[:], self.v[:], self.force[:], self.contact[:] = q, v, force, contact
         self.ledger.supplied, self.ledger.work = float(head[2]), work.copy()
         self.ledger.last = (drive[None], moved[None], stored[None], loss, rates[None])
 
@@ -241,8 +245,8 @@ def _constants(r: ReducedModel, steps: Steps, length: float, count: int) -> Step
     rows = len(r.initial_gap) if steps.contact else 0
     laws, residual = r.contact_laws.first(rows), r.gap.contact[:rows, :rows]
     factors = r.thin_gaps if steps.contact else thin_factors(r.gap.modes[:rows])
-    parts = step_parts(r.omega, r.damping, length, steps.scheme, count)
-    return step_constants(parts, factors, residual, laws, r.omega, HALVING)
+    coefficients = halved_coefficients(r.omega, r.damping, length, steps.scheme, count)
+    return step_constants(coefficients, factors, residual, laws, r.omega, HALVING)
 
 
 def _start(r: ReducedModel, amplitude: np.ndarray, contact: bool, initial):

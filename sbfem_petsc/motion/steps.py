@@ -8,7 +8,7 @@ import numpy as np
 from scipy import linalg
 
 from ..contact.law import RowLaws
-from ..contact.marching import Halving, StepPart
+from ..contact.marching import Halving
 
 # Most terms of the power series of phi_2 for |z| < 1, and what |z|^(n - 2) is to stay below that n of them
 # leave out no more than rounding of its imaginary part.
@@ -18,14 +18,10 @@ ROUND_OFF = [0.01 * np.finfo(float).eps * math.factorial(n + 1) for n in range(T
 
 # Steps are halved where contact does more work than this share of the modes' energy. The works are of either
 # sign: over 20,000 default steps of an undamped beam with a closed crack their sum is 4e-4 of the energy.
-# What changes of the steps' length lend to the modes they take back, where forces grow smoothly; where they
-# ring, rates of growth are noise, on which a history would feed if the sum had no bound.
-HALVING = Halving(1e-6, 2.5e-5)
+HALVING = Halving(1e-6, 0.0)
 # Halvings of a step at most. Work falls by four with each: this is what a step with a work as large as the
 # energy itself needs.
 DEEPEST = 10
-# Of a mode's period: the longest steps for which `velocity_offsets` knows it.
-OVER = 0.85
 
 
 def lengths(laws: RowLaws) -> int:
@@ -33,45 +29,11 @@ def lengths(laws: RowLaws) -> int:
     return 1 if laws.fixed.all() else DEEPEST + 1
 
 
-def step_parts(
+def halved_coefficients(
     omega: np.ndarray, damping: np.ndarray, step: float, scheme: str, count: int
-) -> list[StepPart]:
-    """A step, its half, its quarter, .."""
-    return [
-        StepPart(part, step_coefficients(omega, damping, part, scheme), velocity_offsets(omega, part, scheme))
-        for part in step / 2.0 ** np.arange(count)
-    ]
-
-
-def velocity_offsets(omega: np.ndarray, step: float, scheme: str) -> np.ndarray:
-    """(m,) what velocities are off, in steps of a length, where the modal forces of contact grow by one a
-    second; s^2.
-
-    With contact forces held at the mean of a step's ends in the place of their linear growth r' the state
-    gains (cq - dq, cv - dv) h r' in each step, so that steady growth comes with an offset y of the state,
-    y = D y + (cq - dq, cv - dv) h r', where D is the step's free motion. It is a velocity alone, for the
-    scheme runs backwards as it runs forwards (damping adds a displacement of higher order):
-
-        y = -(1 - x cot x) r' / omega^2,  x = omega h / 2,
-
-    which is -h^2 r' / 12 where x is small. Wherever steps change their length, velocities have to change from
-    the one offset to the other. Otherwise the modes swing about the new one, displacements by O(h^2); and
-    the forces, which must keep gaps from opening at the rate C y, go to and fro from step to step by O(h).
-    The rate of growth is the smaller one of the last two whole steps, so that what remains of both is of one
-    order more.
-
-    Average acceleration ("newmark") holds the modes' own forces at the mean too, so that the gaps of faces
-    that stay closed have no such rate: nothing to change. Beyond OVER of a mode's period, where cot x goes
-    to infinity, 1 - x cot x is taken for one.
-    """
-    if scheme != "exact":
-        return np.zeros_like(omega)
-    x = 0.5 * step * omega
-    small, over = x < 0.02, x > OVER * np.pi
-    within = np.where(small | over, 1.0, x)
-    cotangent = np.where(over, 0.0, within / np.tan(within))
-    share = np.where(small, 1.0 / 3.0 + x**2 / 45.0, (1.0 - cotangent) / np.where(small, 1.0, x) ** 2)
-    return -0.25 * step**2 * share
+) -> list[np.ndarray]:
+    """`step_coefficients` of a step, of its half, of its quarter, .."""
+    return [step_coefficients(omega, damping, step / 2.0**level, scheme) for level in range(count)]
 
 
 def step_coefficients(omega: np.ndarray, damping: np.ndarray, step: float, scheme: str) -> np.ndarray:
