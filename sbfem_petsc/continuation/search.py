@@ -145,7 +145,7 @@ class _Attempts:
     # ---------------------------------------------------------------- a history
     def settle_first(self) -> FixedPoint | None:
         """Where a history settles soon."""
-        most = 0.1 * self.search.work / (self.period.steps * self.period.modes)
+        most = int(0.1 * self.search.work / (self.period.steps * self.period.modes))
         shot, _, _, repeat = self._history(self.period, self.frequency, self.guess, most)
         return shot
 

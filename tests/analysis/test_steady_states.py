@@ -137,16 +137,19 @@ def test_resonance_with_hardly_any_damping():
     assert given == pytest.approx(np.mean(2.0 * 1e-4 * 0.1 * velocity**2), rel=1e-2)
 
 
-def test_what_a_search_in_vain_says():
-    """The residual, what was tried, and how far it came, in one message."""
+@pytest.mark.parametrize("periods", [5, 54])
+def test_what_a_search_in_vain_says(periods):
+    """The residual, what was tried, and how far it came, in one message. A tenth of 54 periods, which the
+    first history may have, is no whole number: that history never ended.
+    """
     reduction, frequency = bilinear(1e-4)
-    search = Search(settling=(1, 3), work=2560.0, dampings=(1.5,), neighbours=(1e-3,), attempt=2)
+    search = Search(settling=(1, 3), work=512.0 * periods, dampings=(1.5,), neighbours=(1e-3,), attempt=2)
     with pytest.raises(
         sb.SolveError,
         match=r"did not converge \(.*\): x\(T\) - x\(0\) is at .* Tried in vain as well: more damping, "
         r"without a "
         r"motion at up to 1.5 times the given one; continuation from .* Hz \(no motion there\); a history "
-        r"of 5 periods, after which x\(T\) - x\(0\) is at",
+        rf"of {periods} periods, after which x\(T\) - x\(0\) is at",
     ):
         sb.periodic(reduction, 1.0, frequency, search=search)
 
@@ -159,10 +162,10 @@ def test_a_history_of_two_periods(monkeypatch):
     reduction, frequency = bilinear(0.03)
     found = steady.shoot
 
-    def of_two_periods(period, *rest, **more):
-        if period.excitation.periods == 1:
+    def of_two_periods(driven, *rest, **more):
+        if driven.period.excitation.periods == 1:
             raise sb.SolveError("none of one period")
-        return found(period, *rest, **more)
+        return found(driven, *rest, **more)
 
     monkeypatch.setattr(steady, "shoot", of_two_periods)
     orbit = sb.periodic(reduction, 1.0, 2.0 * frequency, steps=1024)
