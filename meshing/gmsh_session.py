@@ -19,6 +19,16 @@ _OPTIONS = (
 _ALONE = threading.RLock()  # gmsh has one state for all threads
 
 
+def initialize(gmsh: Any) -> None:
+    """Start gmsh.
+
+    Without interruptible=False it takes SIGINT for good; with configuration files the result would depend on
+    the user's home; the PETSc inside its library would read options, and with them load code, from files in
+    the working directory and the home.
+    """
+    gmsh.initialize(["gmsh", "-v", "0", "-skip_petscrc"], readConfigFiles=False, interruptible=False)
+
+
 @contextmanager
 def gmsh_session(name: str) -> Iterator[Any]:
     """A gmsh model of our own, removed afterwards; gmsh itself is ended only if it was started here.
@@ -43,10 +53,8 @@ def gmsh_session(name: str) -> Iterator[Any]:
 def _session(gmsh: Any, name: str) -> Iterator[Any]:
     started = not gmsh.isInitialized()
     if started:
-        # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would
-        # depend on the user's home.
         with _own_signals():
-            gmsh.initialize([], readConfigFiles=False, interruptible=False)
+            initialize(gmsh)
     previous = None if started else gmsh.model.getCurrent()
     options = {name: gmsh.option.getNumber(name) for name in _OPTIONS}
     gmsh.option.setNumber("General.Terminal", 0)

@@ -22,6 +22,8 @@ from mpi4py import MPI
 EXACT = 2**53
 # Objects inside one another, and all of them, that are looked at.
 DEEPEST, LARGEST = 60, 10**6
+# Packages whose classes are the same on all ranks.
+SAME = ("builtins", "functools", "numpy", "scipy", "numba", "meshing", __package__)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,8 +54,9 @@ class Fingerprint:
 def fingerprint(value: Any) -> Fingerprint:
     """The fingerprint of an argument.
 
-    Functions count with their code, its constants and names, their defaults, closures and the plain global
-    values that they read; objects with their attributes. Classes whose content is shared out over the ranks
+    Functions count with their code, its constants and names, their defaults, attributes, closures and the
+    global values that they read by name (not by `globals()`, nor those of another module); objects with their
+    attributes, those that can be called with the code and the values of their classes. Classes whose content is shared out over the ranks
     say what they are by a method `_fingerprint`.
     """
     collected = _Collected()
@@ -151,7 +154,7 @@ class _Collected:
     def _add_function(self, function: types.FunctionType) -> None:
         self.word("function", function.__qualname__)
         self._add_code(function.__code__)
-        self.add((function.__defaults__, function.__kwdefaults__))
+        self.add((function.__defaults__, function.__kwdefaults__, function.__dict__))
         for cell in function.__closure__ or ():
             try:
                 self.add(cell.cell_contents)
@@ -186,6 +189,20 @@ class _Collected:
         else:
             with contextlib.suppress(Exception):  # whatever a foreign class does when it is copied
                 self.structure.update(pickle.dumps(value, protocol=4))
+        if callable(value):
+            for base in kind.__mro__:
+                if base.__module__.partition(".")[0] not in SAME:
+                    self._add_class(base)
+
+    def _add_class(self, kind: type) -> None:
+        """What is defined in a class: functions, also behind decorators, and plain values."""
+        for name, item in sorted(vars(kind).items()):
+            inside = getattr(item, "fget", getattr(item, "__func__", item))
+            if isinstance(inside, types.FunctionType) or not (
+                name.startswith("__") or hasattr(item, "__get__")
+            ):
+                self.word(name)
+                self.add(inside)
 
 
 def _slots(kind: type) -> tuple[str, ...]:

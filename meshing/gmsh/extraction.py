@@ -29,6 +29,7 @@ from meshing.gmsh.discretise import mesh_surfaces
 from meshing.gmsh.files import CAD, IGES, SCRIPTS
 from meshing.gmsh.script_log import check_whole, refused, step_read
 from meshing.gmsh.size_guard import Guard
+from meshing.gmsh_session import initialize
 
 _NAMES_TRIED = 1000  # tags beyond the highest group's at which a name may be left of a group that is empty
 _TELLS_FILES = 4  # verbosity from which on gmsh tells what it reads
@@ -38,9 +39,7 @@ def load() -> None:
     """Load gmsh's library, while this process may still do so."""
     import gmsh
 
-    # Without interruptible=False gmsh takes SIGINT for good; with configuration files the result would depend
-    # on the user's home.
-    gmsh.initialize([], readConfigFiles=False, interruptible=False)
+    initialize(gmsh)
 
 
 def extract(

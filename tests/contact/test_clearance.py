@@ -145,7 +145,8 @@ def test_backbone():
     """Frequency over energy in closed form, from where the mass moves freely."""
     errors = []
     for steps in (256, 512):
-        found = sb.backbone(one_row(stiffness=1.0), 1, 0.02, 0.5, steps=steps)
+        # the error goes up and down between the points, with where switches stand in their steps
+        found = sb.backbone(one_row(stiffness=1.0), 1, 0.02, 0.5, steps=steps, largest_step=0.004)
         assert found.complete and found.energy[0] < 0.5 * HALF**2 < found.energy[-1]
         exact = [
             free_frequency(e, 1.0) if e > 0.5 * HALF**2 else 0.5 / math.pi for e in found.energy.tolist()

@@ -52,6 +52,36 @@ def test_no_options_file_is_read(program, tmp_path):
     assert "own_option" in said, said
 
 
+MESHES = {
+    "gmsh alone": "import gmsh; gmsh.initialize([], readConfigFiles=False); gmsh.finalize()",
+    "beam": "from meshing import Beam; Beam(1.0, 0.1).mesh(order=2)",
+    "file": "from meshing import Beam, read_gmsh; Beam(1.0, 0.1).write('b.geo_unrolled');"
+    "read_gmsh('b.geo_unrolled', order=2)",
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", MESHES)
+def test_no_options_file_is_read_by_the_petsc_inside_gmsh(program, tmp_path):
+    """-info writes a file: when gmsh is started by itself it does."""
+    home, here, spare = (tmp_path / name for name in ("home", "here", "spare"))
+    for place in (home, here, spare):
+        place.mkdir()
+    for place in (home / ".petscrc", here / ".petscrc", here / "petscrc"):
+        place.write_text(f"-info {spare}/told\n")
+    environment = {**os.environ, "HOME": str(home), "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", MESHES[program]],
+        cwd=here,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    assert bool(os.listdir(spare)) == (program == "gmsh alone")
+
+
 LIBRARIES = {
     "numba": (
         ".numba_config.yaml",

@@ -55,6 +55,43 @@ class Called:
         return self.size * t
 
 
+def of_a_class(size):
+    """An object whose class says the size, as it may on ranks that read different files."""
+
+    class Sized:
+        share = size
+
+        def __call__(self, t):
+            return self.share * t
+
+    return Sized()
+
+
+def of_a_code(doubled):
+    """An object whose class' code says the size."""
+    if doubled:
+
+        class Sized:
+            def __call__(self, t):
+                return 2.0 * t
+
+    else:
+
+        class Sized:
+            def __call__(self, t):
+                return 1.0 * t
+
+    return Sized()
+
+
+def with_attribute(size):
+    def found(t):
+        return found.size * t
+
+    found.size = size
+    return found
+
+
 class Slotted:
     __slots__ = ("size",)
 
@@ -79,6 +116,9 @@ DIFFERENT = {
     "functions by name": (math.sin, math.cos),
     "NumPy's functions": (np.sin, np.cos),
     "objects that are called": (Called(1.0), Called(2.0)),
+    "values of their classes": (of_a_class(1.0), of_a_class(2.0)),
+    "code of their classes": (of_a_code(False), of_a_code(True)),
+    "attributes of functions": (with_attribute(1.0), with_attribute(2.0)),
     "their methods": (Called(1.0).__call__, Called(2.0).__call__),
     "slots": (Slotted(1.0), Slotted(2.0)),
     "splines": (CubicSpline([0, 1, 2], [0, 1, 4]), CubicSpline([0, 1, 2], [0, 1, 5])),
@@ -113,6 +153,7 @@ def test_a_global_value_that_is_read(monkeypatch):
 SAME = {
     "functions made again": (within(1.0), within(1.0)),
     "objects made again": (Called(1.0), Called(1.0)),
+    "objects of classes made again": (of_a_class(1.0), of_a_class(1.0)),
     "integers and floats": (2, 2.0),
     "NumPy's numbers": (np.int64(2), 2),
     "truths": (np.bool_(True), True),

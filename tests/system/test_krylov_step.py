@@ -84,7 +84,8 @@ def test_bands():
     with sb.Model(Plate([(0, 0), (1, 0), (1, 1), (0, 1)]).mesh(order=2), ALUMINIUM, clamped=None) as body:
         found = sb.modal(body, band=(0.0, 2500.0))
         expected = sb.modal(body, len(found.frequencies))
-        assert found.residuals.max() < 1e-6
+        assert found.residuals.max() < 1e-5  # which modes are held to; of rigid ones it is round-off
+        assert found.residuals[3:].max() < 1e-10
         # of the auxiliary unknowns not the same ones are left out
         np.testing.assert_allclose(found.frequencies[3:], expected.frequencies[3:], rtol=1e-7)
 
