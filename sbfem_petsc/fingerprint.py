@@ -56,8 +56,8 @@ def fingerprint(value: Any) -> Fingerprint:
 
     Functions count with their code, its constants and names, their defaults, attributes, closures and the
     global values that they read by name (not by `globals()`, nor those of another module); objects with their
-    attributes, those that can be called with the code and the values of their classes. Classes whose content is shared out over the ranks
-    say what they are by a method `_fingerprint`.
+    attributes, those that can be called with the code and the values of their classes. Classes whose content
+    is shared out over the ranks say what they are by a method `_fingerprint`.
     """
     collected = _Collected()
     collected.add(value)

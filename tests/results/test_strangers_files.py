@@ -138,7 +138,7 @@ def nan_inside(name):
     """The first number is no number."""
 
     def change(file):
-        values = file[name][()]
+        values = np.array(file[name][()])
         values.reshape(-1)[:1] = np.nan
         file[name][...] = values
 
