@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import json
 import os
 import time
@@ -17,7 +16,7 @@ from meshing.folder_index import make_folder
 
 from ..capacity import PlannedFile, require_disk
 from ..errors import OutOfMemory, SolveError
-from ..parallel import agreed, collective
+from ..parallel import agreed, collective, ranks_of
 from ..progress import Watch
 from ..recording.hdf5 import new_hdf5, opened
 from ..writing import check_output_folder
@@ -198,15 +197,18 @@ class _Run:
 
     def _keep(self, name: str, kind: Kind, result: Any, tree: Tree) -> None:
         with collective(self.comm):
-            if self.folder is None:
-                return
-            with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
-                file.attrs["kind"] = kind.kind
-                write_tree(file, tree)
-            if self.case.tables.output.csv:
-                make_folder(os.path.join(self.path, TABLES))
-                write_tables(tree, os.path.join(self.path, TABLES), name)
-            kind.save(result, functools.partial(self.folder.part, name))
+            if self.folder is not None:
+                with new_hdf5(self.folder.part(name), "results file", PART, FORMAT_VERSION) as file:
+                    file.attrs["kind"] = kind.kind
+                    write_tree(file, tree)
+                if self.case.tables.output.csv:
+                    make_folder(os.path.join(self.path, TABLES))
+                    write_tables(tree, os.path.join(self.path, TABLES), name)
+
+        # what several ranks share they write together
+        place = self.comm.bcast(None if self.folder is None else self.folder.part(name, ""))
+        if place is not None and (self.comm.rank == 0 or ranks_of(result) is not None):
+            kind.save(result, place.__add__)
 
     def _write_model(self) -> None:
         """Facts of the model, for the results of this run and of one that is resumed."""

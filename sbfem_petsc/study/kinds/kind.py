@@ -231,8 +231,8 @@ class Kind(Table):
         raise NotImplementedError
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
-        """Write the result itself, of kinds with `saved`, to the path that `part` gives an ending. On one
-        rank.
+        """Write the result itself, of kinds with `saved`, to the path that `part` gives an ending.
+        Collective over the ranks that share the result.
         """
         if self.saved:
             sb.save(part(self.saved), result)

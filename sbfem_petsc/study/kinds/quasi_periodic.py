@@ -12,6 +12,8 @@ import sbfem_petsc as sb
 from ...analysis.options import QuasiPeriodicOptions
 from ...loads import separate
 from ...options import item
+from ...parallel import ranks_of
+from ...petsc import MPI
 from ..case.objects import load, located
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size
@@ -67,7 +69,7 @@ class QuasiPeriodic(QuasiPeriodicOptions, Kind):
             drives(separate(self._acting(case))[1], (max(pair), min(pair)))
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
-        sb.save_result(result, part(self.saved))
+        sb.on_root(ranks_of(result) or MPI.COMM_SELF, lambda: sb.save_result(result, part(self.saved)))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies, self.order)

@@ -12,6 +12,8 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
+from ...parallel import ranks_of
+from ...petsc import MPI
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from ..quantities import Quantity, Tree, of_points, quantities
 from .kind import Drawn, Loaded, Run, Values, Wanted
@@ -55,7 +57,7 @@ class QuasiPeriodicResponse(TorusCurveOptions, SwitchOptions, FrequencyRange, Lo
         )
 
     def save(self, result: Any, part: Callable[[str], str]) -> None:
-        sb.save_result(result, part(self.saved))
+        sb.on_root(ranks_of(result) or MPI.COMM_SELF, lambda: sb.save_result(result, part(self.saved)))
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         named = lines_of(result.frequencies[0], self.order)
