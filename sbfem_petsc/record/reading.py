@@ -94,7 +94,7 @@ def _missing(entry: Entry) -> dict[str, Any]:
     """What stands for a field that is not there; ValueError where it must be."""
     if not entry.needed and entry.field:
         return {}
-    if entry.needed and "None" not in entry.type and not entry.about.distributed:
+    if entry.needed and "None" not in entry.type:
         raise ValueError(f"{entry.name!r} is missing")
     return {entry.name: None}
 
@@ -105,8 +105,10 @@ def _quantity(
     """A field as its type says: number, text, array, tuple, or dict by names."""
     name, here, about, kind = entry.name, entry.called, entry.about, entry.type
     dims = expanded(about.dims, given)
-    if here in group.attrs and "dict" in kind:  # without an entry
-        return {name: {}}
+    if here in group.attrs and "dict" in kind:
+        if not isinstance(group.attrs[here], h5py.Empty):
+            raise ValueError(f"{name!r} is no set of entries by name")
+        return {name: {}}  # without an entry
     if here in group.attrs and not dims and entry.kinds == "U":
         word = text(group.attrs[here])
         if about.one_of and word not in about.one_of:
