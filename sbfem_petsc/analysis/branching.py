@@ -11,8 +11,8 @@ from ..continuation.bifurcations import Bifurcation
 from ..continuation.branch import Branch
 from ..continuation.newton import correct
 from ..continuation.orbit import Orbit, make_orbit, orbit_stability
-from ..continuation.problems.curve import OwnTone, curve_near, first_curve
 from ..continuation.problems.driven_orbits import Orbits, ParameterRange
+from ..continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from ..continuation.problems.tones import QuasiPeriodic, own_motion, warn_if_unresolved
 from ..errors import PetscFailure, SolveError, on_all_ranks
 from ..motion.period_map import Period

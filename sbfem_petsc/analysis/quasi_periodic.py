@@ -16,8 +16,8 @@ from meshing.warnings import StepWarning
 from ..capacity import require_compiler
 from ..checks import Bounds, instance, numbers_of, real
 from ..continuation.problem import Point
-from ..continuation.problems.curve import OwnTone, curve_near
 from ..continuation.problems.curve_system import require_room, resampled
+from ..continuation.problems.own_tone import OwnTone, curve_near
 from ..continuation.problems.tones import (
     EXPONENTS,
     TURNS,

@@ -10,8 +10,8 @@ import numpy as np
 
 from ..checks import instance
 from ..continuation.line_file import LineFile
-from ..continuation.problems.curve import Curves, OwnTone, curve_near
 from ..continuation.problems.curve_branch import PACE, QuasiPeriodicBranch, follow_curves, line_from
+from ..continuation.problems.own_tone import Curves, OwnTone, curve_near
 from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
 from ..motion.period_map import Period

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import h5py
 
-from ..continuation.problems.curve import OwnTone
 from ..continuation.problems.curve_branch import QuasiPeriodicBranch
+from ..continuation.problems.own_tone import OwnTone
 from ..continuation.problems.tones import QuasiPeriodic
 from ..motion.excitation import Excitation
 from ..motion.period_map import Period

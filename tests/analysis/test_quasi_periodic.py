@@ -392,7 +392,7 @@ import json
 import numpy as np
 import sbfem_petsc as sb
 from mpi4py import MPI
-from sbfem_petsc.continuation.problems.curve import OwnTone, curve_near, first_curve
+from sbfem_petsc.continuation.problems.own_tone import OwnTone, curve_near, first_curve
 from sbfem_petsc.continuation.problems.tones import own_motion
 from tests.reference import paper_beam
 from tests.systems import two_masses

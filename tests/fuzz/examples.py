@@ -16,7 +16,7 @@ import sbfem_petsc as sb
 from meshing import Beam, BoundaryMesh, CrackLine, Hole, Plate, VNotch
 from sbfem_petsc import indicators, plot
 from sbfem_petsc.continuation.bifurcations import Bifurcation
-from sbfem_petsc.continuation.problems.curve import OwnTone
+from sbfem_petsc.continuation.problems.own_tone import OwnTone
 from sbfem_petsc.results.vtu import write_vtu
 from tests.study.small_case import CASE
 from tests.systems import two_masses

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import sbfem_petsc as sb
-from sbfem_petsc.continuation.problems.curve import OwnTone
 from sbfem_petsc.continuation.problems.free import FreeSystem
+from sbfem_petsc.continuation.problems.own_tone import OwnTone
 from sbfem_petsc.plot import plot_backbone, plot_branches, plot_quasi_periodic
 from sbfem_petsc.reduction.reduced_model import ReducedModel
 from tests.fuzz import examples

@@ -15,7 +15,7 @@ from ...writing import write_table
 from ..events import refine
 from ..follow import CLOSED, Follower, Line, Settings
 from ..problem import Point, Range
-from .curve import beginning
+from .own_tone import beginning
 from .tones import QuasiPeriodic, attracts, own_motion, told_motion
 
 # How a branch is followed; the first step is so long, relative to the first curve's swing.

@@ -19,8 +19,9 @@ from ...reduction.reduced_model import ReducedModel
 from ...system.plausibility import furthest_of_lines
 from ..orbit import axis_number
 from ..problem import Point
-from .curve import RESOLVED, OwnTone, spectral_tail, strays
+from .curve import RESOLVED, spectral_tail
 from .curve_system import tangents
+from .own_tone import OwnTone, strays
 from .torus import exponents
 
 # Multiples of the first tone of which lines are kept.

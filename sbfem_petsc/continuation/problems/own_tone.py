@@ -1,0 +1,319 @@
+"""Invariant curves of motions with a tone of their own, which leave a branch of periodic motions at a
+Neimark-Sacker point: rotation and parameter are unknown too, and the curve may begin anywhere: its phase is
+that of the curve before it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ...errors import PetscFailure, SolveError
+from ...motion.period_map import DrivenPeriod, Period
+from ...petsc import MPI
+from ..bifurcations import Bifurcation
+from ..newton import correct
+from ..problem import Lost, Metric, Point
+from .curve import RESOLVED, InvariantCurves, named, spectral_tail
+from .curve_system import filtered, require_room, resampled, shift, tangents
+
+# Phases at which a curve is looked for, in distances of its samples.
+PHASES = (0.0, 0.5, 0.25, 0.75)
+# The parameter's unit is this share of its value.
+UNIT = 0.1
+# Samples are doubled so many times at most where they do not resolve the curve, if Newton's method then takes
+# no more than so many iterations.
+DOUBLINGS, EASE = 2, 10
+# Shares of Newton's steps along a branch: where curves have kinks shorter ones lead nowhere.
+SHARES = (1.0, 0.5)
+# Of the swing of the curve before: a curve that is none any more.
+SHRUNK = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class OwnTone:
+    """The map of one period of the loads, over a parameter, at N points of a curve.
+
+    Attributes
+    ----------
+    period : Period
+    parameter : {"frequency", "load", "damping", "gap"}
+    frequency : float or None
+        Forcing frequency, Hz, where another one is the parameter.
+    samples : int
+        Odd.
+    comm : MPI.Comm
+        Ranks that share the samples.
+    load, damping, gap : float
+        Factors on the oscillating loads, the damping ratios and the initial gaps, where they are not the
+        parameter.
+    """
+
+    period: Period
+    parameter: str
+    frequency: float | None
+    samples: int
+    comm: MPI.Comm
+    load: float = 1.0
+    damping: float = 1.0
+    gap: float = 1.0
+
+    def at(self, value: float) -> OwnTone:
+        """With the parameter at a value; the frequency stays None where it is the parameter."""
+        known: Any = {} if self.parameter == "frequency" else {self.parameter: value}
+        return replace(self, **known)
+
+    def over(self, parameter: str, value: float) -> tuple[OwnTone, float]:
+        """The same map over another parameter, where this one has a value, and that of the other one."""
+        if parameter == self.parameter:
+            return self, value
+        frequency = self.frequency or value
+        if parameter == "frequency":
+            return replace(self.at(value), parameter=parameter, frequency=None), frequency
+        other = replace(self.at(value), parameter=parameter, frequency=frequency)
+        return other, getattr(other, parameter)
+
+    def driven(self, value: float) -> DrivenPeriod:
+        """The map at a value of the parameter."""
+        if not value > 0.0:
+            raise Lost(f"the {self.parameter} has become {value:.6g}")
+        own = self.at(value)
+        frequency = value if own.frequency is None else own.frequency
+        return own.period.at(frequency, own.load, damping=own.damping, gap=own.gap)
+
+    def resampled(self, states: np.ndarray) -> np.ndarray:
+        """A curve of another odd number of samples at this one's phases."""
+        return resampled(states, self.samples)
+
+    def require_room(self, owner: str) -> None:
+        """Refuse a curve that would take more memory than is free. Collective."""
+        orders, steps = len(self.period.excitation.orders), self.period.steps
+        require_room(owner, self.period.reduced, self.comm, samples=self.samples, steps=steps, orders=orders)
+
+    def finer(self, owner: str) -> list[OwnTone]:
+        """The map with twice and four times as many samples, where there is memory for them. Collective."""
+        found = [self]
+        for _ in range(DOUBLINGS):
+            more = replace(found[-1], samples=2 * found[-1].samples - 1)
+            try:
+                more.require_room(owner)
+            except ValueError:
+                break
+            found.append(more)
+        return found[1:]
+
+
+class Curves(InvariantCurves):
+    """u = (samples of the state, rotation, value), in the phase of one of them.
+
+    Parameters
+    ----------
+    own : OwnTone
+    u : (N 2 m + 2,) array
+        The curve whose phase the others take, and units.
+    finer : sequence of OwnTone
+        With more and more samples; where those of one do not resolve the curve the next are taken.
+    begins : (N 2 m + 2,) array, optional
+        See `Problem`.
+    """
+
+    # steps that miss more lead across kinks
+    closed, patience, gain = 1e-10, 3, 0.1
+    isolated = "invariant curves are not isolated at {:.8g}"
+    advice = "the tone locks, or more samples or steps are needed"
+
+    def __init__(
+        self, own: OwnTone, u: np.ndarray, finer: Sequence[OwnTone] = (), begins: np.ndarray | None = None
+    ):
+        self.tone, self.finer_maps, self.begins = own, tuple(finer), begins
+        self.period, self.samples, self.comm = own.period, own.samples, own.comm
+        states, _, value = self.split(u)
+        self.unit = max(float(np.linalg.norm(states - self.period.rest)), 1e-300)
+        self._units = np.append(np.full(states.size, self.unit), [1.0, UNIT * abs(value)])
+        along = tangents(states).ravel()
+        self.phase = np.append(along / max(float(np.linalg.norm(along)), 1e-300), [0.0, 0.0])
+        self._begin = float(self.phase @ u)
+
+    def split(self, u: np.ndarray) -> tuple[np.ndarray, float, float]:
+        """See `InvariantCurves`."""
+        return u[:-2].reshape(self.samples, -1), float(u[-2]), float(u[-1])
+
+    def at_sample(self, value: float) -> Callable[[int], DrivenPeriod]:
+        """See `InvariantCurves`: the same for all."""
+        driven = self.tone.driven(value)
+        return lambda i: driven
+
+    def off_phase(self, u: np.ndarray) -> float:
+        """See `InvariantCurves`."""
+        return float(self.phase @ u) - self._begin
+
+    def growing(self, u: np.ndarray) -> np.ndarray:
+        """Direction in which a curve grows."""
+        states = self.split(u)[0]
+        outwards = np.append((states - states.mean(axis=0)).ravel(), [0.0, 0.0])
+        return outwards / np.linalg.norm(outwards)
+
+    def refuse(self, last: Point, point: Point) -> str:
+        """See `Problem`: a periodic motion is an invariant curve as well, and so is one that has passed it,
+        begun half a turn later.
+        """
+        one, other = last.state, point.state
+        swings = (one.states - one.states.mean(axis=0)) * (other.states - other.states.mean(axis=0))
+        if other.swing < SHRUNK * one.swing or swings.sum() < 0.0:
+            return f"it shrinks onto the periodic motion at {point.value:.8g}"
+        if other.resolved:
+            return ""
+        other.finer = self.resolved(point, point.u - last.u)
+        return "" if other.finer is not None else self.unresolved(point)
+
+    def unresolved(self, point: Point) -> str:
+        """Why a curve is none."""
+        return (
+            f"{self.samples} samples do not resolve the curve at {point.value:.8g}, "
+            f"{spectral_tail(point.state.states):.2g} of it is in the highest quarter of their harmonics, "
+            f"more than {RESOLVED:g}: the tone locks, or more samples or steps are needed"
+        )
+
+    def resolved(self, point: Point, chord: np.ndarray) -> Point | None:
+        """The same curve by the fewest samples that resolve it, on a branch that goes along a chord."""
+        for k, own in enumerate(self.finer_maps):
+            u, along = (
+                np.append(own.resampled(self.split(item)[0]).ravel(), item[-2:]) for item in (point.u, chord)
+            )
+            try:
+                found = curve_near(own, u, None, self.finer_maps[k + 1 :], along, EASE)
+            except PetscFailure:
+                raise
+            except SolveError:
+                continue
+            if found.state.resolved:
+                found.value = point.value
+                return found
+        return None
+
+    def advanced(self, points: list[Point]) -> tuple[Curves, Point]:
+        """See `Problem`: more samples where they are needed, and the phase of the last curve."""
+        last = points[-1].state.finer or points[-1]
+        point = beginning(last, None if last is points[-1] else last.problem.begins)
+        return point.problem, point
+
+    def memory(self, point: Point) -> np.ndarray:
+        """See `Problem`: how the branch begins there, if it does, and what is told of the curve."""
+        begins = np.zeros(0) if self.begins is None else self.begins
+        return np.concatenate([[len(begins)], begins, point.state.told])
+
+    def recalled(self, u: np.ndarray, value: float, memory: np.ndarray) -> Point:
+        """See `Problem`."""
+        known, samples = 1 + int(memory[0]), (len(u) - 2) // (2 * self.period.modes)
+        finer = [item for item in self.finer_maps if item.samples > samples]
+        problem = Curves(replace(self.tone, samples=samples), u, finer)
+        point = beginning(Point(problem, u, problem.at(u), value), memory[1:known] if known > 1 else None)
+        point.state.told = memory[known:]
+        return point
+
+
+def beginning(point: Point, begins: np.ndarray | None) -> Point:
+    """A curve from which a branch goes on, in its own phase; `begins` is a direction in which it does."""
+    old = point.problem
+    problem = Curves(old.tone, point.u, old.finer_maps, begins)
+    problem.shares = SHARES
+    return replace(point, problem=problem, state=point.state.in_phase_of(problem))
+
+
+def curve_near(
+    own: OwnTone,
+    u: np.ndarray,
+    heading: np.ndarray | None = None,
+    finer: Sequence[OwnTone] = (),
+    begins: np.ndarray | None = None,
+    most: float = math.inf,
+) -> Point:
+    """The invariant curve near a guess, from other phases of it if one leads to none: of few samples some
+    stand where pairs begin to touch.
+
+    Parameters
+    ----------
+    own : OwnTone
+    u : (N 2 m + 2,) array
+        Samples, rotation and value.
+    heading : (N 2 m + 2,) array, optional
+        In units: the curve lies in the plane through the guess across it. Default: at the guess's value.
+    finer
+        See `Curves`.
+    begins : (N 2 m + 2,) array, optional
+        Change of the unknowns along the branch.
+    most : float
+        Newton iterations that are taken.
+
+    Raises
+    ------
+    SolveError
+        The first one, if Newton's method converges from none.
+    """
+    failed: SolveError | None = None
+    for share in PHASES:
+        turns = share / own.samples
+
+        def turned(item: np.ndarray, turns: float = turns) -> np.ndarray:
+            states = filtered(item[:-2].reshape(own.samples, -1), shift(own.samples, turns))
+            return np.append(states.ravel(), item[-2:])
+
+        begin = turned(u) if turns else u
+        problem = Curves(own, begin, finer)
+        metric = Metric(problem, begin)
+        if begins is not None:
+            problem.begins = turned(begins) / metric.units
+        try:
+            if heading is None:
+                return correct(problem, begin, metric.level(begin, float(u[-1])), most=most)
+            return correct(problem, begin, metric.plane(turned(heading), begin), most=most)
+        except PetscFailure:
+            raise
+        except SolveError as error:
+            failed = failed or error
+    raise SolveError(
+        f"{named(failed)}; take more samples or steps, or a motion nearer to the one that is known; "
+        "or the motion's own tone is locked to the load there, so that it is periodic over some periods "
+        "(`periodic(..., periods=n)`)"
+    )
+
+
+def first_curve(own: OwnTone, bifurcation: Bifurcation, share: float) -> tuple[np.ndarray, np.ndarray]:
+    """A small curve about the periodic motion of a Neimark-Sacker point, and the direction in which it grows.
+
+    Parameters
+    ----------
+    own : OwnTone
+    bifurcation : Bifurcation
+    share : float
+        Root mean square of the curve's distance from the periodic motion, relative to that.
+    """
+    direction, multiplier = bifurcation.direction, bifurcation.multiplier
+    if multiplier.imag < 0.0:
+        direction, multiplier = np.conj(direction), multiplier.conjugate()
+    turns = np.exp(2j * np.pi * np.arange(own.samples) / own.samples)
+    wave = (turns[:, None] * direction).real
+    wave /= np.linalg.norm(wave)
+    states = bifurcation.state + share * own.period.size(bifurcation.state) * math.sqrt(own.samples) * wave
+    rotation = float(np.angle(multiplier)) / (2.0 * np.pi)
+    u = np.append(states.ravel(), [rotation, bifurcation.own_value])
+    return u, np.append(wave.ravel(), [0.0, 0.0])
+
+
+def strays(point: Point, periods: int, dense: int = 2001) -> float:
+    """Largest distance from a curve, in its swings, of a history that begins between two samples."""
+    state, own = point.state, point.problem.tone
+    driven, farthest = own.driven(state.value), 0.0
+    known = resampled(state.states, dense)
+    here: Any = filtered(state.states, shift(own.samples, 0.5 / own.samples))[0]
+    try:
+        for _ in range(periods):
+            here = here + driven.run(here).residual
+            farthest = max(farthest, float(np.linalg.norm(known - here, axis=1).min()))
+    except SolveError:
+        farthest = np.inf
+    return own.comm.bcast(farthest / state.swing)  # ranks may have rounded differently
