@@ -21,15 +21,24 @@ PROGRAMS = {
 }
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_no_options_file_is_read(program, tmp_path):
-    """-log_view writes a file: those of the two directories do not; PETSC_OPTIONS, the user's own, holds."""
+def of_a_stranger(tmp_path, text):
+    """A home, a working directory and a spare one; options files with a text for each place in the first two."""
     home, here, spare = (tmp_path / name for name in ("home", "here", "spare"))
     for place in (home, here, spare):
         place.mkdir()
     for place in (home / ".petscrc", here / ".petscrc", here / "petscrc"):
-        place.write_text(f"-log_view :{spare}/{place.parent.name}{place.name}\n-no_such_option 1\n")
+        place.write_text(text(spare, place))
+    return home, here, spare
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("program", PROGRAMS)
+def test_no_options_file_is_read(program, tmp_path):
+    """-log_view writes a file: those of the two directories do not; PETSC_OPTIONS, the user's own, holds."""
+    home, here, spare = of_a_stranger(
+        tmp_path,
+        lambda spare, place: f"-log_view :{spare}/{place.parent.name}{place.name}\n-no_such_option 1\n",
+    )
     environment = {k: v for k, v in os.environ.items() if not k.startswith(("OMPI", "PMI"))}
     environment |= {
         "HOME": str(home),
@@ -64,11 +73,7 @@ MESHES = {
 @pytest.mark.parametrize("program", MESHES)
 def test_no_options_file_is_read_by_the_petsc_inside_gmsh(program, tmp_path):
     """-info writes a file: when gmsh is started by itself it does."""
-    home, here, spare = (tmp_path / name for name in ("home", "here", "spare"))
-    for place in (home, here, spare):
-        place.mkdir()
-    for place in (home / ".petscrc", here / ".petscrc", here / "petscrc"):
-        place.write_text(f"-info {spare}/told\n")
+    home, here, spare = of_a_stranger(tmp_path, lambda spare, place: f"-info {spare}/told\n")
     environment = {**os.environ, "HOME": str(home), "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [sys.executable, "-c", MESHES[program]],
