@@ -24,9 +24,10 @@ def initialize(gmsh: Any) -> None:
 
     Without interruptible=False it takes SIGINT for good; with configuration files the result would depend on
     the user's home; the PETSc inside its library would read options, and with them load code, from files in
-    the working directory and the home.
+    the working directory and the home. That option gmsh does not know, and would say so.
     """
     gmsh.initialize(["gmsh", "-v", "0", "-skip_petscrc"], readConfigFiles=False, interruptible=False)
+    gmsh.option.setNumber("General.Verbosity", 5)  # as it is by itself
 
 
 @contextmanager

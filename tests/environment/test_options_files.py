@@ -22,7 +22,7 @@ PROGRAMS = {
 
 
 def of_a_stranger(tmp_path, text):
-    """A home, a working directory and a spare one; options files with a text for each place in the first two."""
+    """A home, a working directory and a spare one, with options files in the first two."""
     home, here, spare = (tmp_path / name for name in ("home", "here", "spare"))
     for place in (home, here, spare):
         place.mkdir()

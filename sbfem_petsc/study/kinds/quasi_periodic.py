@@ -12,8 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import QuasiPeriodicOptions
 from ...loads import separate
 from ...options import item
-from ...parallel import ranks_of
-from ...petsc import MPI
+from ...parallel import MPI, ranks_of
 from ..case.objects import load, located
 from ..case.tables import Names, Path
 from ..costs import STEPS, Cost, Size

@@ -12,8 +12,7 @@ import sbfem_petsc as sb
 from ...analysis.options import FrequencyRange, SwitchOptions, TorusCurveOptions
 from ...errors import SolveError
 from ...options import item
-from ...parallel import ranks_of
-from ...petsc import MPI
+from ...parallel import MPI, ranks_of
 from ..costs import CURVE_POINTS, MULTIPLIERS, STEPS, Cost, Size
 from ..quantities import Quantity, Tree, of_points, quantities
 from .kind import Drawn, Loaded, Run, Values, Wanted
