@@ -44,7 +44,7 @@ def main():
                 curve = getattr(error, "branch", None)
             if curve:
                 found[damping, name] = curve, tables.doublings(load, curve)
-                tables.keep(comm, folder, name, damping, *found[damping, name])
+                tables.keep(folder, name, damping, *found[damping, name])
                 out.print(f"{name}: {curve}")
         if not own.no_pictures:
             tables.pictures(folder, comm, found, damping)

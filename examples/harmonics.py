@@ -10,7 +10,6 @@ does not give, mode 7 being at 3006 Hz.
 
 import pathlib
 import sys
-from functools import partial
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1]))
 
@@ -50,7 +49,7 @@ def main():
         out.print(harmonics_table(orbits, "A", title=f"Amplitudes of u_y(A) at the multiples of {f:g} Hz, m"))
         for part in (*comparison(orbits, linear, forces), *convergence(cracked, own, f)):
             out.print(part)
-        sb.on_root(comm, partial(write, folder, f, orbits))
+        write(comm, folder, f, orbits)
         if not own.no_pictures:
             pictures_at(folder, comm, orbits, f)
     out.print(f"\nnumbers{'' if own.no_pictures else ' and pictures'} are in {folder}")

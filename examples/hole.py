@@ -48,7 +48,7 @@ def main():
             orbits["without contact"] = sb.periodic(model, load, own.frequency, contact=False, **steps)
         orbits[name] = sb.periodic(model, load, own.frequency, **steps)
     tables.print_tables(out, orbits, first, own)
-    sb.on_root(comm, partial(write, folder, own.frequency, orbits))
+    write(comm, folder, own.frequency, orbits)
     if not own.no_pictures:
         save_pictures(folder, figure_12=plot_discretisation(mesh, comm=comm))
         tables.pictures(folder, comm, orbits, own)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextvars
 import functools
 import inspect
 import pickle
@@ -36,6 +37,8 @@ SHARED, MOST = ("comm", "reduced", "model", "own", "states", "fields", "motions"
 
 Result = TypeVar("Result")
 Parameters = ParamSpec("Parameters")
+# Whether other ranks wait for this one, which works alone (`on_root`).
+_waited_for: contextvars.ContextVar[bool] = contextvars.ContextVar("waited for", default=False)
 
 
 class RanksDiffer(ValueError):
@@ -80,13 +83,24 @@ class collective:
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], Result]) -> Result | None:
-    """`work()` on rank 0, None elsewhere; an error of it is raised on every rank."""
+    """`work()` on rank 0, None elsewhere; an error of it is raised on every rank.
+
+    Raises
+    ------
+    SolveError
+        If `work` calls what is called on all ranks, such as `save` of a result that they share: it would wait
+        for them for ever.
+    """
     comm = checked_communicator("on_root", comm)
     callback("on_root", "work", work)
     result = None
     with collective(comm):
         if comm.rank == 0:
-            result = work()
+            token = _waited_for.set(comm.size > 1 or _waited_for.get())
+            try:
+                result = work()
+            finally:
+                _waited_for.reset(token)
     return result
 
 
@@ -253,6 +267,11 @@ def _exchange(comm: MPI.Comm, word: bytes) -> list[bytes]:
     By messages through rank 0, which can be given up while they are waited for; a collective operation would
     be matched by those with which PETSc and MPI end on a rank that has left.
     """
+    if _waited_for.get():
+        raise SolveError(
+            "what several ranks share is used on rank 0 alone, inside on_root, while the others wait for it; "
+            "call it on all ranks"
+        )
     mine = np.frombuffer(word.ljust(WIDTH, b"\0"), dtype=np.uint8)
     table = np.empty((comm.size, WIDTH), dtype=np.uint8)
     if comm.rank > 0:

@@ -57,7 +57,7 @@ def write(folder, free, curves):
     head = "energy_J,frequency_Hz,amplitude_A_m"
     np.savetxt(os.path.join(folder, "backbone.csv"), columns, delimiter=",", header=head, comments="")
     for number, curve in enumerate(curves.values()):
-        curve.to_csv(os.path.join(folder, f"curve_{number}.csv"), ("A",))
+        curve.to_csv(os.path.join(folder, f"curve_{number}.csv"))
 
 
 def picture(folder, free, curves, comm):

@@ -2,7 +2,6 @@
 
 import dataclasses
 import os
-from functools import partial
 
 import numpy as np
 from rich.table import Table
@@ -182,13 +181,12 @@ def force_of(name):
     return 1.0 if name == "no contact" else float(name.split()[0])
 
 
-def keep(comm, folder, name, damping, curve, halves):
+def keep(folder, name, damping, curve, halves):
     """HDF5 of a curve and of the motions of twice the period found from it."""
     plain = f"{name.replace(' ', '')}_damping_{damping:g}"
-    sb.on_root(comm, lambda: sb.save(os.path.join(folder, f"curve_{plain}.h5"), curve))
+    sb.save(os.path.join(folder, f"curve_{plain}.h5"), curve)
     for number, orbit in enumerate(halves):
-        file = os.path.join(folder, f"doubled_{plain}_{number}.h5")
-        sb.on_root(comm, partial(sb.save, file, orbit))
+        sb.save(os.path.join(folder, f"doubled_{plain}_{number}.h5"), orbit)
 
 
 def write(folder, found):

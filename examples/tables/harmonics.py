@@ -102,9 +102,10 @@ def convergence(model, own, frequency):
     yield study("Meshes", "order / grading / tip / pairs", orbits)
 
 
-def write(folder, frequency, orbits):
-    """CSV of the complex harmonics; HDF5 of the motions."""
-    write_harmonics(orbits, os.path.join(folder, f"harmonics_{frequency:g}Hz.csv"), "A", count=COUNT)
+def write(comm, folder, frequency, orbits):
+    """CSV of the complex harmonics; HDF5 of the motions, which all ranks save."""
+    file = os.path.join(folder, f"harmonics_{frequency:g}Hz.csv")
+    sb.on_root(comm, lambda: write_harmonics(orbits, file, "A", count=COUNT))
     for name, orbit in orbits.items():
         plain = name.replace(", ", "_").replace(" ", "_")
         sb.save(os.path.join(folder, f"orbit_{frequency:g}Hz_{plain}.h5"), orbit)

@@ -78,7 +78,9 @@ def save(path: Any, result: Any) -> None:
 
 
 def _check(result: Any, parts: Mapping[Any, Any]) -> None:
-    """Raise unless all parts are records, and have names where they need one."""
+    """Raise unless all parts are records, at least one, and have names where they need one."""
+    if not parts:
+        raise ValueError(f"save: result = {shown(result)} holds no result; give one or more")
     for name, part in parts.items():
         if not isinstance(part, Record):
             raise TypeError(f"save: result = {shown(part)} is no result that can be written")

@@ -32,6 +32,7 @@ SECONDS = 20.0
 _BOTH = "a motion to begin from is a guess alone, and this is of the same model: both answers are the same"
 _UNUSED = "how many periods are looked through is a bound; the load needs one"
 LEGITIMATE = {
+    'sb.save(W+"/r.h5",orb)': "a steady state is a result",
     "sb.Samples([0,1e-9,1.],[0,1,0]).highest_frequency": "of a fall over a second 99.99 % is below 6 kHz",
     "sb.Custom(sb.Harmonic(1,1))": "a signal is a function of time",
     "sb.Harmonic(1,1)([nan])": "what is not a number stays so, as in NumPy",
