@@ -52,7 +52,9 @@ FAILING = {
     "structure(damping=2.0)": "damping = 2.0",
     "structure(comm='world' if rank else None)": "comm = 'world'",
     "sb.on_root(world, lambda: 1 / 0)": "division by zero",
-    "found = sb.static(structure(), push); sb.on_root(world, lambda: sb.save('never.h5', found))": "call it on all",
+    "found = sb.static(structure(), push); sb.on_root(world, lambda: sb.save('never.h5', found))": (
+        "call it on all"
+    ),
     "model = structure(); sb.on_root(world, lambda: sb.modal(model, 1))": "inside on_root",
     "import json; sb.on_root(world, lambda: json.loads('{'))": "Expecting property name",
     "sb.transient(structure(), sb.PointForce('A', fy=sb.Custom(one_fails)), 1e-3, 1e-4, modes=4)": "Custom",
@@ -121,7 +123,8 @@ RIGHT = {
     "sb.static(structure(MPI.COMM_SELF, density=2700.0 + rank), push); world.barrier(); print('fine')",
     "half = world.Split(rank); f = sb.modal(structure(half, density=2700.0 + rank), 1); print('fine')",
     "sb.modal(structure(MPI.COMM_SELF), 1) if rank else None; print('fine')",
-    "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); print('fine')",
+    "sb.on_root(world, lambda: sb.modal(structure(MPI.COMM_SELF), 1)); sb.modal(structure(), 1); "
+    "print('fine')",
     "sb.Model(sb.on_root(world, lambda: Beam(0.1, 0.01).mesh(order=1)), sb.Material(70e9, 0.3, 1.0)); "
     "print('fine')",
 }
