@@ -12,7 +12,7 @@ import numpy as np
 
 from ..checks import optional_integer, real, shown
 from ..errors import on_all_ranks
-from ..loads import Load, as_loads, separate
+from ..loads import Load, Loads, as_loads, separate
 from ..parallel import collective
 from ..petsc import MPI
 from ..reduction.build import default_modes, reduced
@@ -113,9 +113,9 @@ def loading(
     ValueError, TypeError, KeyError
         If a load makes no sense, or a reduced model was not made for it.
     """
-    found = _loading(owner, system, load, number)
     if number is not as_signal:
         _refuse_ambiguous(owner, load)
+    found = _loading(owner, system, load, number)
     if not found.highest_frequency <= FASTEST:
         raise ValueError(
             f"{owner}: the loads have frequencies up to {found.highest_frequency:.3g} Hz; at most "
@@ -169,17 +169,9 @@ def _loading(
 
 def amplitudes_only(what: str, load) -> None:
     """Refuse signals other than constants where the frequency is swept."""
-    values = load if isinstance(load, (list, tuple)) else (load,)
-    named = [("load", value) for value in values if isinstance(value, Signal)]
-    if not named and not all(isinstance(value, (int, float)) for value in values):
-        named = [
-            (name, value)
-            for item in as_loads(load).parts
-            for name, value in item.components.items()
-            if isinstance(value, Signal)
-        ]
-    for name, value in named:
-        if isinstance(value, Signal) and not isinstance(value, Constant):
+    _refuse_ambiguous(what, load)
+    for name, value in _named(load):
+        if _varies(value):
             raise ValueError(
                 f"{what}: {name} = {value!r} does not follow the swept frequency; give a number, the "
                 "amplitude of sin(2 pi f t), or a Constant"
@@ -188,22 +180,32 @@ def amplitudes_only(what: str, load) -> None:
 
 def _refuse_ambiguous(owner: str, load: Any) -> None:
     """Refuse a number beside signals that vary: it may be an amplitude or a constant."""
-    values = load if isinstance(load, (list, tuple)) else (load,)
-    if all(isinstance(value, (Real, Signal)) for value in values):
-        named = [(f"load[{k}]", value) for k, value in enumerate(values)]
-    else:
-        named = [
-            (f"{name} of {type(item).__name__}", value)
-            for item in as_loads(load).parts
-            for name, value in item.components.items()
-        ]
-    if any(isinstance(value, Signal) and not isinstance(value, Constant) for _, value in named):
+    named = _named(load)
+    if any(_varies(value) for _, value in named):
         for name, value in named:
             if isinstance(value, Real) and value != 0:
                 raise ValueError(
                     f"{owner}: {name} = {value!r} is a number beside signals and may be meant as a constant "
                     f"or as an amplitude; give sb.Constant({value!r}) or sb.Harmonic({value!r}, frequency)"
                 )
+
+
+def _named(load: Any) -> list[tuple[str, Any]]:
+    """Numbers and signals of loads, with their names; of anything else none."""
+    values = load if isinstance(load, (list, tuple)) else (load,)
+    if all(isinstance(value, (Real, Signal)) for value in values):
+        return [(f"load[{k}]", value) for k, value in enumerate(values)]
+    if not all(isinstance(value, (Load, Loads)) for value in values):
+        return []
+    return [
+        (f"{name} of {type(item).__name__}", value)
+        for item in as_loads(list(values)).parts
+        for name, value in item.components.items()
+    ]
+
+
+def _varies(value: Any) -> bool:
+    return isinstance(value, Signal) and not isinstance(value, Constant)
 
 
 def serving(

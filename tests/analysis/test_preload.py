@@ -166,10 +166,14 @@ def test_a_number_beside_signals():
         sb.periodic(model, load(-5e6), frequency, reduction=None)
     with pytest.raises(ValueError, match=r"load\[1\] = 2.0 is a number beside signals"):
         sb.periodic(pressed(0.0), [sb.Harmonic(0.15, 0.15), 2.0], 0.15)
-    with pytest.raises(TypeError, match="give Harmonic.* or a Constant"):
+    with pytest.raises(ValueError, match=wanted):
         sb.quasi_periodic(model, load(-5e6), (frequency, 70.0))
-    with pytest.raises(ValueError, match="ty = Harmonic.* give a number, .* or a Constant"):
+    with pytest.raises(ValueError, match=wanted):
         sb.frequency_response(model, load(-5e6), 350.0, 450.0)
+    with pytest.raises(ValueError, match=wanted):
+        sb.swept_response(model, load(-5e6), 350.0, 450.0, duration=1.0)
+    with pytest.raises(ValueError, match="ty of EdgeLoad = Harmonic.* give a number, .* or a Constant"):
+        sb.frequency_response(model, load(sb.Constant(-5e6)), 350.0, 450.0)
     orbit = sb.periodic(model, load(sb.Constant(-5e6)), frequency, stability=False)
     history = sb.transient(model, load(-5e6), 100.0 / frequency, initial="equilibrium")
     turn = round(1.0 / (frequency * history.step))

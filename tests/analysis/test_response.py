@@ -553,7 +553,7 @@ def test_unknown_point_of_a_curve(curves):
 
 
 def test_harmonic_load_on_a_beam_is_refused_in_a_sweep(case_p):
-    with pytest.raises(ValueError, match="fy = Harmonic.* does not follow the swept frequency"):
+    with pytest.raises(ValueError, match="fy of PointForce = Harmonic.* does not follow the swept frequency"):
         sb.frequency_response(case_p, sb.PointForce("A", fy=sb.Harmonic(300.0, 14000.0)), 13900.0, 14600.0)
 
 
