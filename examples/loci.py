@@ -47,7 +47,7 @@ def main():
         lines += fresh
     tables.write(folder, comm, lines)
     if not own.no_pictures and lines:
-        sb.on_root(comm, lambda: tables.picture(folder, lines, own.damping))
+        tables.picture(folder, comm, lines, own.damping)
     model.destroy()
     out.print(f"\nlines{'' if own.no_pictures else ' and the picture'} are in {folder}")
 

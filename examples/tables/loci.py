@@ -90,7 +90,7 @@ def checked(reduced, curve, line, k, steps):
     return f"{line.kind} at {line.value[k]:.6g} N, {frequency:.8g} Hz: no curve there has one"
 
 
-def picture(folder, lines, damping):
+def picture(folder, comm, lines, damping):
     """The map."""
-    axes = plot_loci(lines, label="force, N", title=f"modal damping ratio {damping:g}")
+    axes = plot_loci(lines, label="force, N", title=f"modal damping ratio {damping:g}", comm=comm)
     save_picture(axes, os.path.join(folder, "loci.png"))
