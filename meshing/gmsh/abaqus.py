@@ -1,17 +1,21 @@
-"""Abaqus input files (.inp): nodes, elements, sets and sections; runs in the child process only.
+"""Abaqus input files (.inp): nodes, elements, sets, surfaces and sections; runs in the child process only.
 
 Plane elements are cells. Their materials are those of the sections (`*SOLID SECTION`, `*SHELL SECTION`,
 `*MEMBRANE SECTION`), or without sections the element sets, of which each cell is in one. Line elements make
 curves: each set that holds some is one, and sets may overlap. A set of nodes is a point if it has one node,
 else the curve of the outline's edges between its nodes; if it has the name of a set of elements that is used,
-that one counts. The names that gmsh gives to its entities ("Line3", "Surface1") count for elements of no
-other set. Names are the same in small and capital letters. Loads, supports and constraints are left aside.
+that one counts. A surface of sides of elements is a curve, one of nodes what a set of these is; it counts
+before a set of nodes of its name. The names that gmsh gives to its entities ("Line3", "Surface1") count for
+elements of no other set. Names are the same in small and capital letters. Loads, supports and constraints are
+left aside.
 """
 
 from __future__ import annotations
 
+import functools
 import re
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NoReturn
 
@@ -25,6 +29,9 @@ _PLANE = re.compile(r"(?:CPS|CPE|CPEG|M3D|S|STRI|R3D)([34689])(?!\d{2})[A-Z0-9]*
 # a truss has its number of nodes in its name, a beam its order; meshio calls lines of three nodes B33
 _LINES = re.compile(r"(?:(?:T2|T3|R2)D([23])|B[23]([123]))[A-Z]*")
 _OF_BEAM = {"1": (2,), "2": (3,), "3": (2, 3)}
+_SHELLS = re.compile(r"(?:M3D|S|STRI|R3D)\d.*")
+# Of shells Abaqus numbers the edges, CalculiX counts the two faces first.
+_SIDE, _SIDE_OF_SHELL = re.compile(r"S([1-4])"), re.compile(r"E([1-4])|S([3-6])")
 _SECTIONS = ("SOLID SECTION", "SHELL SECTION", "MEMBRANE SECTION")
 _MADE = ("NGEN", "NFILL", "NCOPY", "NMAP", "ELGEN", "ELCOPY", "SYSTEM")
 _OF_GMSH = re.compile(r"(?:Line|Surface)[0-9]+")
@@ -74,7 +81,7 @@ def extract(*, file: str, **options: Any) -> tuple[dict[str, Any], dict[str, np.
     used = {name.upper() for _, name in groups}
     node_sets = {
         found.name: list(found.labels)
-        for key, found in deck.node_sets.items()
+        for key, found in (deck.node_sets | deck.node_surfaces()).items()
         if key not in used and not found.hidden
     }
     return described(deck.nodes, groups, node_sets, **options)
@@ -126,7 +133,8 @@ def _of_one_part(cards: Iterator[_Card]) -> Iterator[_Card]:
         assembly = (assembly or keyword == "ASSEMBLY") and keyword != "END ASSEMBLY"
         instance = (instance or keyword == "INSTANCE") and keyword != "END INSTANCE"
         card.outer = assembly and not instance
-        if not card.outer or "INSTANCE" in card.given:  # others are reference points and their sets
+        # others are reference points and their sets
+        if not card.outer or "INSTANCE" in card.given or keyword == "SURFACE":
             yield card
 
 
@@ -140,6 +148,8 @@ class _Deck:
         Dimension, and node labels with the ends or corners first.
     element_sets, node_sets : dict of str to _Set
         By their names in capital letters, in the order in which they are first met.
+    shells : set of int
+        Elements whose sides are edges, not faces.
     """
 
     def __init__(self, cards: list[_Card]) -> None:
@@ -147,6 +157,7 @@ class _Deck:
         self.elements: dict[int, tuple[int, list[int]]] = {}
         self.element_sets: dict[str, _Set] = {}
         self.node_sets: dict[str, _Set] = {}
+        self.shells: set[int] = set()
         self._cards = cards
         for card in cards:
             if card.keyword == "NODE":
@@ -195,13 +206,89 @@ class _Deck:
         return groups
 
     def curves(self) -> dict[tuple[int, str], list[list[int]]]:
-        """Line elements of each set that has some."""
+        """Line elements of each set that has some, and sides of elements of each surface."""
         lines = {label: nodes for label, (dimension, nodes) in self.elements.items() if dimension == 1}
         groups: dict[tuple[int, str], list[list[int]]] = {}
         for label, names in self._names(lines).items():
             for name in names:
                 groups.setdefault((1, name), []).append(lines[label])
+        known = {name.upper(): sides for (_, name), sides in groups.items()}
+        for card, name in self._surfaces("ELEMENT"):
+            sides = {frozenset(side[:2]): side for side in self._sides(card)}
+            if not sides:
+                card.refuse("holds no side of the outline; name the sides of its elements, S1, S2 ...")
+            if sides.keys() != {frozenset(side[:2]) for side in known.get(name.upper(), sides.values())}:
+                card.refuse(f"makes the curve {name!r}, which there is already; give it another name")
+            if name.upper() not in known:
+                groups[1, name] = known[name.upper()] = list(sides.values())
         return groups
+
+    def node_surfaces(self) -> dict[str, _Set]:
+        """Surfaces of nodes by their names in capital letters; reference points of the assembly are none."""
+        surfaces: dict[str, _Set] = {}
+        for card, name in self._surfaces("NODE"):
+            found = surfaces.setdefault(name.upper(), _Set(name, card.outer, card.outer))
+            for line, row in card.rows:
+                own = row[0].strip("\"'")
+                if card.outer and "." not in own and own.upper() not in self.node_sets:
+                    continue
+                found.hidden = False
+                labels = self._labels(card, line, own, self.node_sets, self.nodes)
+                found.labels.update(dict.fromkeys(labels))
+        return surfaces
+
+    def _surfaces(self, kind: str) -> Iterator[tuple[_Card, str]]:
+        """Surfaces of a kind and their names, without those that Abaqus/CAE makes for itself."""
+        for card in self._of("SURFACE"):
+            own, name = card.given.get("TYPE", "ELEMENT").upper(), card.given.get("NAME", "")
+            made = next((key for key in ("COMBINE", "CROP") if key in card.given), own)
+            if "INTERNAL" in card.given:
+                continue
+            if not name:
+                card.refuse("has no name; give it one, NAME=...")
+            if made not in ("ELEMENT", "NODE"):
+                card.refuse(f"is made by {made}; give its elements and sides, or leave it out")
+            if own == kind:
+                yield card, name
+
+    def _sides(self, card: _Card) -> Iterator[list[int]]:
+        """Node labels, ends first, of each side of a surface."""
+        for line, row in card.rows:
+            own, side = row[0].strip("\"'"), "".join(row[1:2]).upper()
+            for label in self._labels(card, line, own, self.element_sets, self.elements):
+                dimension, nodes = self.elements[label]
+                number = (_SIDE_OF_SHELL if label in self.shells else _SIDE).fullmatch(side)
+                if dimension == 1 and side in ("", "SPOS", "SNEG"):
+                    yield nodes
+                elif dimension == 2 and side == "" and label not in self.shells:
+                    yield from (own for own in _around(nodes) if self._uses[frozenset(own[:2])] == 1)
+                elif dimension == 2 and number and len(found := _around(nodes)) > _place(number):
+                    yield found[_place(number)]
+                else:
+                    what = f"side {side!r}" if side else "a face"
+                    card.refuse(f"has {what} of element {label}, which is no line in the plane", line)
+
+    @functools.cached_property
+    def _uses(self) -> Counter[frozenset[int]]:
+        """Elements at each side, by its ends."""
+        return Counter(
+            frozenset(side[:2])
+            for dimension, nodes in self.elements.values()
+            if dimension == 2
+            for side in _around(nodes)
+        )
+
+    def _labels(
+        self, card: _Card, line: int, own: str, sets: dict[str, _Set], known: dict[int, Any]
+    ) -> Iterable[int]:
+        """Labels of a set, or of the single element or node, that a surface names; it may be PART.NAME."""
+        last = own.rpartition(".")[2]
+        if not last.isdecimal():
+            return self._known(card, own, sets)
+        (label,) = self._integers(card, line, [last])
+        if label not in known:
+            card.refuse(f"has {label}, which does not exist", line)
+        return (label,)
 
     def _of(self, *keywords: str) -> list[_Card]:
         return [card for card in self._cards if card.keyword in keywords]
@@ -252,6 +339,8 @@ class _Deck:
                 card.refuse(f"has node {missing[0]} in element {label}, which does not exist", line)
             self.elements[label] = (dimension, self._ends_first(nodes) if dimension == 1 else nodes)
             labels.append(label)
+        if _SHELLS.fullmatch(card.given["TYPE"].upper()):
+            self.shells.update(labels)
         if row:
             card.refuse(f"ends within element {row[0]}")
         if "ELSET" in card.given:
@@ -312,6 +401,18 @@ class _Deck:
             return [_number(part) for part in row]
         except ValueError:
             card.refuse(f"does not hold whole numbers: {', '.join(row)}", line)
+
+
+def _around(nodes: list[int]) -> list[list[int]]:
+    """Sides of a plane element, ends first."""
+    corners = 3 if len(nodes) in (3, 6) else 4
+    middles = nodes[corners : 2 * corners]
+    return [[nodes[i], nodes[(i + 1) % corners], *middles[i : i + 1]] for i in range(corners)]
+
+
+def _place(number: re.Match[str]) -> int:
+    """Place of a side by its name."""
+    return int(number[1]) - 1 if number[1] else int(number[2]) - 3
 
 
 def _number(text: str) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from meshing import read_gmsh
+from meshing import GmshWarning, read_gmsh
 
 ROOT = Path(__file__).resolve().parents[2]
 INP = """*HEADING
@@ -109,6 +109,50 @@ def test_materials_by_sections(tmp_path):
     assert sorted(mesh.materials.tolist()) == [0, 0, 0, 1]
 
 
+def test_surfaces(tmp_path):
+    """Sides of elements and of sets, all sides on the outline where none is named, lines, and nodes; a set of
+    nodes of the same name counts behind them.
+    """
+    text = ROW + (
+        "*ELSET, ELSET=ends\n1, 4\n*SURFACE, NAME=left\n1, S4\n*Surface, name=Flanks, type=ELEMENT\n"
+        "ends, s3\n4, S2,\n*SURFACE, NAME=triangle\n2, S2\n*SURFACE, NAME=free\n3\n ends,\n"
+        "*SURFACE, NAME=lines\ntop\nbottom, SPOS\n*SURFACE, TYPE=NODE, NAME=right\n4, 1.\n8\n"
+        "*NSET, NSET=left\n1, 2\n"
+        "*SURFACE, NAME=Bottom\nbottom\n*SURFACE, NAME=inside, INTERNAL, TYPE=CUTTING SURFACE\nends, 1.\n"
+        "*MATERIAL, NAME=a\n*SOLID SECTION, ELSET=steel, MATERIAL=a\n"
+    )
+    mesh = read(tmp_path, text.replace("triangle\n2, S2", "corner\n2, S1"))
+    bottom = [(0.5, 0.0), (1.5, 0.0), (2.5, 0.0)]
+    top = [(0.5, 1.0), (1.5, 1.0), (2.5, 1.0)]
+    assert edges(mesh, "left") == [(0.0, 0.5)] and edges(mesh, "corner") == [bottom[1]]
+    assert edges(mesh, "Flanks") == sorted([top[0], top[2], (3.0, 0.5)])
+    assert edges(mesh, "free") == sorted([*top, bottom[0], bottom[2], (0.0, 0.5), (3.0, 0.5)])
+    assert edges(mesh, "lines") == sorted([top[0], *bottom]) and edges(mesh, "right") == [(3.0, 0.5)]
+    assert edges(mesh, "bottom") == bottom and not {"inside", "ends", "Bottom"} & mesh.edge_sets.keys()
+    with pytest.warns(GmshWarning, match="triangle"):  # between two cells
+        read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    "kind, sides", [("CPS8R", "S1 S2 S3 S4"), ("S8R", "E1 E2 E3 E4"), ("S8", "S3 S4 S5 S6")]
+)
+def test_surfaces_of_curved_elements(tmp_path, kind, sides):
+    """Abaqus numbers the edges of shells, CalculiX counts their two faces first."""
+    text = (
+        f"*NODE\n1, 0, 0\n2, .5, -.1\n3, 1, 0\n4, 1, 1\n5, 0, 1\n6, 1, .5\n7, .5, 1\n8, 0, .5\n"
+        f"*ELEMENT, TYPE={kind}, ELSET=a\n7, 1, 3, 4, 5, 2, 6, 7, 8\n"
+    )
+    for name, side in zip("srqp", sides.split()):
+        text += f"*SURFACE, NAME={name}\n{'a' if name in 'sq' else 7}, {side}\n"
+    mesh = read(tmp_path, text, order=2)
+    assert [mesh.nodes[mesh.edges[mesh.edge_sets[name][0]]][1].tolist() for name in "srqp"] == [
+        [0.5, -0.1],
+        [1.0, 0.5],
+        [0.5, 1.0],
+        [0.0, 0.5],
+    ]
+
+
 @pytest.mark.parametrize("lines", ["11, 1, 2, 3", "11, 1, 3, 2"])
 def test_lines_of_three_nodes(tmp_path, lines):
     """With the middle node in the middle, as CalculiX and gmsh have it, or last, as meshio does."""
@@ -131,11 +175,15 @@ def test_a_part_in_an_assembly(tmp_path):
         "*Solid Section, elset=_Picked2, material=Steel\n,\n*End Part\n"
         "*Assembly, name=A\n*Instance, name=P-1, part=P\n 0., 0.0, 0.\n*End Instance\n*Node\n 1, 9., 9., 0.\n"
         "*Nset, nset=RP\n 1\n*Nset, nset=Load, instance=P-1\n 4, 8\n*Elset, elset=Load, instance=P-1\n 4\n"
+        "*Elset, elset=_Push_S2, internal, instance=P-1\n 4\n*Surface, type=ELEMENT, name=Push\n"
+        "_Push_S2, S2\n*Surface, type=NODE, name=Hold\nP-1.1, 1.\nP-1.5\n"
+        "*Surface, type=NODE, name=RP_CNS_\nRP, 1.\n"
         "*End Assembly\n*Material, name=Steel\n*Step\n*Cload\nRP, 1, 5.\n*Node Output\nU\n*End Step\n"
     )
     mesh = read(tmp_path, text)
     assert mesh.material_names == ("Steel",) and edges(mesh, "Load") == [(3.0, 0.5)]
-    assert "RP" not in mesh.points and "_Picked2" not in mesh.edge_sets
+    assert edges(mesh, "Push") == [(3.0, 0.5)] and edges(mesh, "Hold") == [(0.0, 0.5)]
+    assert "RP" not in mesh.points and not {"_Picked2", "_Push_S2", "RP_CNS_"} & mesh.edge_sets.keys()
     with pytest.raises(ValueError, match="INSTANCE in line .* is a second one, or moves its part"):
         read(tmp_path, text.replace(" 0., 0.0, 0.", " 0., 1.0, 0."))
     with pytest.raises(ValueError, match="makes the set 'Bottom', which the part has too"):
@@ -283,6 +331,21 @@ def test_random_decks(tmp_path, seed):
         (("*NSET, NSET=P\n6", "*SOLID SECTION, ELSET=steel, MATERIAL=s"), {}, "2 is in no *SOLID SECTION"),
         (("*NSET, NSET=P", "*NGEN\n1, 2\n*NSET, NSET=P"), {}, "*NGEN in line 16 makes nodes"),
         ((", NSET=crack:c\n2, 5", ", NSET=Q\n1, 6"), {}, "'Q' holds no curve"),
+        (("*NSET, NSET=P", "*SURFACE\n1, S1\n*NSET, NSET=P"), {}, "*SURFACE in line 16 has no name"),
+        (
+            ("*NSET, NSET=P", "*SURFACE, TYPE=CYLINDER, NAME=s\n1\n*NSET, NSET=P"),
+            {},
+            "made by CYLINDER; give its elements",
+        ),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S5\n*NSET, NSET=P"), {}, "side 'S5' of element 1"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\n9, S1\n*NSET, NSET=P"), {}, "has 9, which does not exist"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\nx, S1\n*NSET, NSET=P"), {}, "names the set 'x'"),
+        (("*NSET, NSET=P", "*SURFACE, NAME=s\n*NSET, NSET=P"), {}, "holds no side of the outline"),
+        (
+            ("*NSET, NSET=P", "*SURFACE, NAME=s\n1, S1\n*SURFACE, NAME=S\n1, S4\n*NSET, NSET=P"),
+            {},
+            "makes the curve 'S', which there is already",
+        ),
         (("*HEADING", "*HEADING"), {"size": 0.1}, "size has no meaning"),
         (("*HEADING", "*HEADING"), {"order": 20, "max_unknowns": 100}, "more than max_unknowns = 100"),
         (("*HEADING", "*HEADING"), {}, "'crack:c' holds no curve"),
