@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from . import petsc_options
+from . import installation, petsc_options
 
 try:
     petsc_options.start()
@@ -20,9 +20,7 @@ try:
     from slepc4py import SLEPc
 except ImportError as error:  # pragma: no cover - depends on the machine
     raise ImportError(
-        f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}). Use ./run in the project's folder, "
-        "or `conda env create -f environment.yml`, or `pip install petsc petsc4py slepc slepc4py` (a source "
-        "build)."
+        f"sbfem_petsc needs petsc4py, slepc4py and mpi4py ({error}): {installation.remedy(error)}"
     ) from error
 
 from . import abort

@@ -81,7 +81,10 @@ def initialise(words: list[str], **options: Any) -> None:
     former = signal.getsignal(signal.SIGPIPE)
     # the first word is the program's name; that of `python -c` would pass for an option
     named = [sys.executable, *words[1:]] if words[:1] == ["-c"] else words
-    petsc4py.init([*(named[:1] or [sys.executable]), "-skip_petscrc", *named[1:]], **options)
+    try:
+        petsc4py.init([*(named[:1] or [sys.executable]), "-skip_petscrc", *named[1:]], **options)
+    except ValueError as error:  # of a library that was compiled for another NumPy
+        raise ImportError(str(error), name="petsc4py") from error
     with contextlib.suppress(ValueError):  # of a thread other than the main one
         signal.signal(signal.SIGPIPE, former)
 

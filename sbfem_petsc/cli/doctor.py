@@ -11,6 +11,8 @@ from typing import Any
 
 import sbfem_petsc as sb
 
+from ..installation import remedy
+
 PACKAGES = (
     "numpy",
     "scipy",
@@ -37,7 +39,7 @@ def examine(comm: Any) -> dict[str, Any]:
             packages[name] = str(getattr(module, "__version__", "present"))
         except Exception as error:  # a broken installation raises anything
             packages[name] = None
-            faults.append(f"{name} cannot be imported ({error}); install it into this environment with pip")
+            faults.append(f"{name} cannot be imported ({error}): {remedy(error)}")
     found: dict[str, Any] = {
         "sbfem_petsc": sb.__version__,
         "python": platform.python_version(),
@@ -49,7 +51,10 @@ def examine(comm: Any) -> dict[str, Any]:
         "mpiexec": shutil.which("mpiexec"),
     }
     if packages["petsc4py"] and packages["slepc4py"]:
-        _petsc(found, faults)
+        try:
+            _petsc(found, faults)
+        except ImportError as error:  # it is there, but cannot be loaded
+            faults.append(str(error))
     if packages["h5py"]:
         import h5py
 

@@ -13,6 +13,7 @@ from types import FrameType
 from typing import Any, NoReturn
 
 from ..command_line import start_petsc, wrong_option
+from ..installation import remedy
 from .parser import make_parser, split
 from .terminal import tell
 
@@ -76,10 +77,7 @@ def _not_installed(error: ImportError) -> int:
     """Tell of a package that is missing or broken; the ranks of other machines may have it."""
     text = f"error: {error}"
     if error.name is not None:
-        text = (
-            f"error: {error.name.split('.')[0]} cannot be imported ({error}); use ./run in the project's "
-            "folder, or `conda env create -f environment.yml`, or install it into this environment with pip"
-        )
+        text = f"error: {error.name.split('.')[0]} cannot be imported ({error}); {remedy(error)}"
     try:
         from mpi4py import MPI
     except ImportError:
