@@ -14,7 +14,7 @@ from ..record.record import Record, described, quantity
 from ..recording.excitations import LINES
 from ..reduction.reduced_model import ReducedModel
 from ..signals.samples import Samples
-from ..signals.sampling import FIRST, sampled, unresolved
+from ..signals.sampling import FIRST, resolved
 from ..signals.signal import Constant, Signal, Sum
 from ..signals.waves import Chirp, Harmonic, Step, ToneBurst
 
@@ -324,16 +324,14 @@ def _by_samples(
     period = periods / frequency
     breaks = []
     for signal in signals:
-        if signal.highest_frequency is None:
-            # from where jumps hardly are to there a period later
-            found = sampled(signal, _BETWEEN * period, (1.0 + _BETWEEN) * period)
-            if found is None:
-                raise ValueError(f"periodic: {unresolved(signal, period)}")
-            count = max(count, FIRST, 2 * found.intervals)
-            breaks.append(found.breaks)
-        else:
-            places = (np.asarray(signal.breaks) / period - _BETWEEN) % 1.0 + _BETWEEN
-            breaks.append(np.unique(np.round(places, 12)) * period)
+        # from where jumps hardly are to there a period later
+        places = (np.asarray(signal.breaks) / period - _BETWEEN) % 1.0 + _BETWEEN
+        own = np.unique(np.round(places, 12)) * period
+        if not all(_known(part) for part in parts_of(signal)):
+            found = resolved(signal, _BETWEEN * period, (1.0 + _BETWEEN) * period, own)
+            if found is not None:
+                count, own = max(count, FIRST, 2 * found.intervals), found.breaks
+        breaks.append(own)
     instants = np.concatenate([np.zeros(0), *breaks])
     if len(instants):  # whose lines do not end with the band
         count = max(count, FIRST)

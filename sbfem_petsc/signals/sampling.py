@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import warnings
 from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from meshing.warnings import StepWarning
+
+from ..errors import caller_level
 from .signal import STEPS_A_PERIOD, Custom, Signal, Sum
 
 # Samples of a span of time: at first, so that what is a hundred thousandth of it is seen, and at most.
@@ -17,6 +22,8 @@ FEWEST = 2**11
 # amplitude: as a tone is from chords of the default steps.
 BETWEEN = 0.381966
 AGREE = (2.0 * np.pi / STEPS_A_PERIOD) ** 2 / 8.0
+# Times this a function of a given band may be from the lines: as of one twice as high.
+SLACK = 4.0
 # Parts of the span in each of which they have to be near to the lines.
 PARTS = 64
 # More places than this where samples do not agree are no jumps.
@@ -71,30 +78,74 @@ def sampled(signal: Signal, start: float, stop: float) -> Sampling | None:
 
 
 def known(signal: Signal, duration: float) -> Signal:
-    """The signal with the bands and jumps of functions whose band is not known, as a history of this duration
-    (s) sees them.
+    """The signal with the bands and jumps of functions without a band, or with one that does not hold, as a
+    history of this duration (s) sees them.
 
     Raises
     ------
     ValueError
-        If a function changes between the most samples that are taken.
+        If a function changes between the most samples that are taken, and has no band.
     """
     if isinstance(signal, Sum):
         return Sum(tuple(known(part, duration) for part in signal.parts))
-    if not isinstance(signal, Custom) or signal.highest_frequency is not None:
+    if not isinstance(signal, Custom) or _holds(signal, 0.0, duration, np.array(signal.breaks)):
         return signal
-    found = sampled(signal, 0.0, duration)
+    found, given = sampled(signal, 0.0, duration), signal.highest_frequency
     if found is None:
-        raise ValueError(unresolved(signal, duration))
-    band = found.intervals / (STEPS_A_PERIOD * duration)
+        _refuse_or_warn("transient", signal, duration)
+        return signal
+    band = max(found.intervals / (STEPS_A_PERIOD * duration), given or 0.0)
     return replace(signal, highest_frequency=band, breaks=tuple(found.breaks.tolist()))
 
 
-def unresolved(signal: Signal, span: float) -> str:
-    """The sentence about a function that changes between the most samples of a span of time (s)."""
-    return (
-        f"{signal!r} changes between {MOST:,d} samples of {span:g} s; give its highest_frequency, and breaks "
-        "where it jumps, or a shorter time"
+def resolved(signal: Signal, start: float, stop: float, breaks: np.ndarray) -> Sampling | None:
+    """What samples tell of a signal with functions in a period; None of one whose band says more than these.
+
+    Parameters
+    ----------
+    breaks : (k,) array
+        Those that the signal says of itself in this span, s.
+
+    Raises
+    ------
+    ValueError
+        If it changes between the most samples that are taken, and has no band.
+    """
+    found = sampled(signal, start, stop)
+    if found is None and not _holds(signal, start, stop, breaks):
+        _refuse_or_warn("periodic", signal, stop - start)
+    return found
+
+
+def _holds(signal: Signal, start: float, stop: float, breaks: np.ndarray) -> bool:
+    """Whether a signal is near to the lines between the steps for its band, but for its breaks."""
+    if signal.highest_frequency is None:
+        return False
+    asked = STEPS_A_PERIOD * (stop - start) * signal.highest_frequency
+    count = PARTS * math.ceil(min(max(asked, FEWEST), MOST) / PARTS)
+    begin = np.linspace(start, stop, count, endpoint=False)
+    end = begin + (stop - start) / max(asked, count)  # of more steps than samples only some
+    values = signal(np.stack([begin, end]))
+    allowed = SLACK * 0.5 * AGREE * np.ptp(values) + 1e-13 * np.abs(values).max()
+    distance = _distance(signal, _Spans(begin, end, *values))
+    jumping = np.add.outer(np.searchsorted(begin, breaks), [-2, -1, 0]).clip(0, count - 1)
+    return _straight(distance, jumping.ravel(), allowed)
+
+
+def _refuse_or_warn(owner: str, signal: Signal, span: float) -> None:
+    """Raise ValueError of a signal that changes between the most samples of a span of time (s), or warn where
+    it has a band, in which it does not.
+    """
+    changes = f"{owner}: {signal!r} changes between {MOST:,d} samples of {span:g} s"
+    if signal.highest_frequency is None:
+        raise ValueError(
+            f"{changes}; give its highest_frequency, and breaks where it jumps, or a shorter time"
+        )
+    warnings.warn(
+        f"{changes} and between {STEPS_A_PERIOD} in a period of its highest_frequency, so that the answer to "
+        "it may be wrong; give the one that it has, and breaks where it jumps, or a shorter time",
+        StepWarning,
+        stacklevel=caller_level(),
     )
 
 

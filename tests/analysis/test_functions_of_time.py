@@ -1,11 +1,13 @@
 """Functions of time as loads: found out by sampling, beside closed forms, in histories and steady states."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam
-from meshing.warnings import BranchWarning, IncompleteBranch
+from meshing.warnings import BranchWarning, IncompleteBranch, StepWarning
 from sbfem_petsc.motion.excitation import Excitation
 from sbfem_petsc.reduction.matrices import reduce_matrices
 from sbfem_petsc.signals.sampling import sampled
@@ -150,6 +152,39 @@ def test_two_jumps_given(beam):
     for k in (1, 2, 3, 7, 601):
         exact = (1.0 - np.exp(-0.5j * np.pi * k)) / (1j * np.pi * k)
         assert found[k] == pytest.approx(exact, abs=1e-12)
+
+
+@pytest.mark.parametrize("band", [0.0, 0.013, 0.13])
+@pytest.mark.parametrize("function", [pulses(0.13, 0.05), lambda t: 2.0 + np.sin(TURN * 26.0 * t)])
+def test_a_band_that_does_not_hold(function, band):
+    """The function counts: the answer is the one without a band, which was up to 7 % off."""
+    told, none = sb.Custom(function, highest_frequency=band), sb.Custom(function)
+    one, other = (sb.periodic(stop(), load, 0.13, stability=False) for load in (told, none))
+    np.testing.assert_allclose(one.displacement("2"), other.displacement("2"), rtol=0.0, atol=1e-12)
+    one, other = (sb.transient(stop(), load, 3.0 / 0.13) for load in (told, none))
+    np.testing.assert_allclose(one.displacement("2"), other.displacement("2"), rtol=0.0, atol=1e-12)
+
+
+def test_a_band_that_holds():
+    """It says the steps of a history."""
+    load = sb.Custom(lambda t: np.abs(np.sin(TURN * 0.4 * t)), 0.5)
+    assert sb.transient(stop(), load, 20.0).step == pytest.approx(1.0 / (320.0 * 0.5), rel=1e-3)
+
+
+def test_a_band_that_cannot_be_checked():
+    """A tone above what the samples tell is taken where its band holds, and warned of where it does not."""
+    fits, low = (sb.Custom(lambda t: np.sin(TURN * 1e5 * t), band) for band in (1e5, 1.0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        drive = Excitation.of([fits], 1.0, None, 8)
+    expected = np.where(drive.orders == 100000, 1.0, 0.0)
+    np.testing.assert_allclose(np.abs(drive.amplitudes[:, 0]), expected, rtol=0.0, atol=1e-9)
+    assert expected.any()
+    says = "changes between 1,048,576 samples of 1 s and between 320 in a period of its highest_frequency"
+    with pytest.warns(StepWarning, match=f"periodic: .*{says}"):
+        Excitation.of([low], 1.0, None, 8)
+    with pytest.warns(StepWarning, match=f"transient: .*{says}"):
+        sb.transient(stop(), low, 1.0)
 
 
 @pytest.mark.parametrize("reduction", ["modes", None])
