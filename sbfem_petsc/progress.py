@@ -11,6 +11,7 @@ from typing import Any, TextIO
 
 from .checks import progress as check_progress
 
+Progress = Callable[[float], None] | str | None
 # Seconds between two lines in a log.
 PAUSE = 10.0
 
@@ -118,7 +119,7 @@ def watch_for(comm: Any, quiet: bool = False, stream: TextIO | None = None) -> W
 
 
 @contextlib.contextmanager
-def progress_bar(comm, text: str, progress: Callable[[float], None] | str | None = "auto"):
+def progress_bar(comm, text: str, progress: Progress = "auto"):
     """A callable of the fraction done, or None where none is to be told.
 
     Parameters

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -32,7 +31,7 @@ from ..motion.period_map import FixedPoint
 from ..motion.preparation import period_memory
 from ..motion.step_plan import CONTACT_STEP
 from ..parallel import collective
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..recording.backbones import write_backbone_alone
 from ..reduction.build import reduced
 from ..reduction.reduced_model import ReducedModel
@@ -181,7 +180,7 @@ def backbone(
     stability: bool = True,
     file: str | None = None,
     resume: bool = False,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> Backbone:
     """Follow the free periodic motions that begin as one mode of the open structure, over their energy.
 

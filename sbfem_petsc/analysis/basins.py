@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ..motion.loading import communicator
 from ..motion.preparation import PeriodSettings, check_guess, prepare
 from ..parallel import checked_communicator, collective
 from ..petsc import MPI
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -37,7 +37,7 @@ def basins(
     longest: int = 8,
     tolerance: float = 1e-7,
     limit: int = 2000,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
     comm: MPI.Comm | None = None,
 ) -> Basins:
     """Find which steady state histories from a grid or a sample of initial states settle on.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -23,7 +23,7 @@ from ..errors import SolveError, caller_level
 from ..motion.family import Family
 from ..motion.period_map import Period
 from ..parallel import collective
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..recording.loci import write_locus_alone
 from .analysis import analysis
 from .options import GrazingOptions, LociOptions, LocusOptions
@@ -50,7 +50,7 @@ def locus(
     largest_step: float | None = None,
     file: str | None = None,
     resume: bool = False,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> Locus:
     """Follow a bifurcation of a branch over the forcing frequency and a second parameter.
 
@@ -179,7 +179,7 @@ def loci(
     kinds: Sequence[str] = SMOOTH_KINDS,
     points: int = 100,
     largest_step: float | None = None,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> tuple[Locus, ...]:
     """Follow all bifurcations of a branch over the forcing frequency and a second parameter, each line once.
 

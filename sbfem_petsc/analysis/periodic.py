@@ -22,6 +22,7 @@ from ..motion.period_map import FixedPoint, Period
 from ..motion.preparation import LONGEST, PeriodSettings, check_reduction, finer, prepare, require_unreduced
 from ..motion.unreduced.period import prepare_unreduced
 from ..parallel import collective
+from ..progress import Progress, progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -49,6 +50,7 @@ def periodic(
     tolerance: float | None = None,
     search: Search | None = None,
     segments: int = 1,
+    progress: Progress = "auto",
 ) -> Orbit:
     """Find the periodic response to periodic loads by shooting.
 
@@ -97,6 +99,9 @@ def periodic(
         More than 1: multiple shooting over so many parts of the period, from `guess` or the linear response
         alone, without a search; for periods in which disturbances grow by 1e6 or more, and for many periods
         of a fast tone in one of a slow one. The period's steps are a multiple of it; the default is.
+    progress : callable, "auto" or None
+        As for `transient`: the share that is behind of the search where Newton's method does not converge at
+        once, and of an unreduced model's iteration.
 
     Raises
     ------
@@ -135,8 +140,9 @@ def periodic(
             require_unreduced("periodic", model, {**asked, "stability": stability or None})
     if reduction is None:
         assert isinstance(model, Model)
-        return _unreduced(model, load, frequency, settings)
-    task = _Task(model, load, frequency, stability is not False, search if contact else NEWTON_ALONE)
+        return _unreduced(model, load, frequency, settings, progress)
+    search = search if contact else NEWTON_ALONE
+    task = _Task(model, load, frequency, stability is not False, search, progress)
     return _shot(task, settings, guess) if tolerance is None else _refined(task, settings, guess, tolerance)
 
 
@@ -149,6 +155,7 @@ class _Task:
     frequency: float
     stability: bool
     search: Search | None
+    progress: Progress
 
 
 def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
@@ -158,13 +165,15 @@ def _shot(task: _Task, settings: PeriodSettings, guess: Orbit | None) -> Orbit:
     if settings.segments > 1:
         return _in_segments(task, settings.segments, period, guess, most * period.steps)
     state = period.at(task.frequency).linear_state if guess is None else guess.state
-    find = functools.partial(find_steady_state, jacobian=settings.jacobian, search=task.search)
-    fixed, path = find(period, task.frequency, state, multiples=settings.periods is None)
+    find = functools.partial(
+        find_steady_state, jacobian=settings.jacobian, search=task.search, progress=task.progress
+    )
+    fixed, path = find(period.at(task.frequency), state, multiples=settings.periods is None)
     period = fixed.driven.period
     most *= period.steps
     while (times := _times_more(fixed, most)) > 1:
         period = finer("periodic", period, times)
-        fixed, path = find(period, task.frequency, fixed.state, multiples=False)
+        fixed, path = find(period.at(task.frequency), fixed.state, multiples=False)
     if not task.stability:
         return make_orbit(fixed, np.zeros(0, dtype=complex), math.nan, path)
     return make_orbit(fixed, *orbit_stability(fixed), path)
@@ -221,12 +230,15 @@ def _refined(task: _Task, settings: PeriodSettings, guess: Orbit | None, toleran
     )
 
 
-def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings) -> Orbit:
+def _unreduced(model: Model, load, frequency: float, settings: PeriodSettings, progress: Progress) -> Orbit:
     """The orbit of the unreduced model, in an odd number of steps."""
-    with prepare_unreduced("periodic", model, load, frequency, settings=settings) as period:
+    with (
+        prepare_unreduced("periodic", model, load, frequency, settings=settings) as period,
+        progress_bar(period.comm, "steady state", progress) as report,
+    ):
         driven = period.at(frequency)
         orbits = UnreducedOrbits(period, ParameterRange("frequency", frequency, frequency))
-        found = UnreducedSteady("periodic", orbits, frequency)
+        found = UnreducedSteady("periodic", orbits, frequency, report)
         return Orbit(
             np.arange(period.steps) * driven.march.step,
             driven.states(found.state),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +15,7 @@ from ..continuation.problems.tones import QuasiPeriodic, own_curve
 from ..errors import SolveError, on_all_ranks
 from ..motion.period_map import Period
 from ..parallel import collective
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..recording.tori import write_torus_branch_alone
 from .analysis import analysis
 from .options import QuasiPeriodicResponseOptions
@@ -36,7 +35,7 @@ def quasi_periodic_response(
     stability: bool = True,
     file: str | None = None,
     resume: bool = False,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> QuasiPeriodicBranch:
     """Follow quasi-periodic motions with a tone of their own from one of them on.
 

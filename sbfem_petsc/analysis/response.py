@@ -7,7 +7,6 @@ from __future__ import annotations
 import contextlib
 import functools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -30,7 +29,7 @@ from ..motion.preparation import PeriodSettings, check_reduction, finer, prepare
 from ..motion.unreduced.period import UnreducedPeriod, prepare_unreduced
 from ..parallel import collective
 from ..petsc import MPI
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
 from .analysis import analysis
@@ -41,7 +40,6 @@ DOUBLED = "period doubling"
 # Instants a period at which a linear response is evaluated.
 INSTANTS = 256
 # Where a curve is kept and whom it tells.
-Progress = Callable[[float], None] | str | None
 
 
 @analysis(FrequencyResponseOptions)
@@ -259,7 +257,7 @@ def _first(period: Period, over: ParameterRange, guess: Orbit | None) -> np.ndar
     driven = over.at(period, over.start)
     state = driven.linear_state if guess is None else guess.state
     if over.name == "frequency":
-        return find_steady_state(period, over.start, state, multiples=False)[0].state
+        return find_steady_state(driven, state, multiples=False)[0].state
     return shoot(driven, state).state
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from ..motion.states import ModalStates
 from ..motion.step_plan import CONTACT_STEP
 from ..motion.swept import SweptResponse, cycle_ends, over_cycles, settling_cycles, swept_motion
 from ..parallel import collective
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..reduction.reduced_model import ReducedModel
 from ..signals.waves import Chirp
 from ..system.model import Model
@@ -44,7 +43,7 @@ def swept_response(
     initial: Orbit | None = None,
     steps: int | None = None,
     modes: int | None = None,
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
 ) -> SweptResponse:
     """Integrate a motion under a forcing frequency that runs linearly from `start` to `stop`, from a steady
     state, and keep its amplitude in each cycle.
@@ -112,7 +111,7 @@ def swept_response(
         lambda share: f"sweep in {duration * share:.3g} s, or in parts",
     )
     if initial is None:
-        initial = periodic(reduced, load, start, stability=False)
+        initial = periodic(reduced, load, start, stability=False, progress=progress)
     else:
         _require_steady(initial, reduced, load)
     state = initial.states
@@ -139,7 +138,14 @@ def _require_steady(initial: Orbit, reduced: ReducedModel, load) -> None:
     with collective(communicator(reduced)):
         check_guess(what, initial, reduced)
     found = periodic(
-        reduced, load, initial.frequency, periods=initial.periods, steps=steps, guess=initial, stability=False
+        reduced,
+        load,
+        initial.frequency,
+        periods=initial.periods,
+        steps=steps,
+        guess=initial,
+        stability=False,
+        progress=None,
     )
     if np.linalg.norm(found.state - initial.state) > SAME * np.linalg.norm(found.state):
         raise on_all_ranks(

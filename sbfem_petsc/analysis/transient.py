@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,7 +27,7 @@ from ..motion.step_plan import COARSE, CONTACT_STEP, default_step, plan_steps, r
 from ..motion.steps import DEEPEST, HALVING
 from ..motion.unreduced.history import UnreducedIntegrator, unreduced_columns
 from ..parallel import collective
-from ..progress import progress_bar
+from ..progress import Progress, progress_bar
 from ..reduction.build import default_modes
 from ..reduction.reduced_model import ReducedModel
 from ..system.model import Model
@@ -53,7 +52,7 @@ def transient(
     initial: Any = "rest",
     decimation: int | None = None,
     reduction: str | None = "modes",
-    progress: Callable[[float], None] | str | None = "auto",
+    progress: Progress = "auto",
     file: str | None = None,
     resume: bool = False,
     in_memory: bool = True,

@@ -10,12 +10,14 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ..errors import PetscFailure, SolveError, on_all_ranks
-from ..motion.period_map import FixedPoint, Period
+from ..motion.period_map import DrivenPeriod, FixedPoint, Period
+from ..progress import Progress, progress_bar
 from .follow import Line, Settings, follow
 from .newton import FAILURES
 from .problem import Point
@@ -70,22 +72,20 @@ NEAR_BY = 40
 
 
 def find_steady_state(
-    period: Period,
-    frequency: float,
+    driven: DrivenPeriod,
     guess: np.ndarray,
     *,
     jacobian: str = "auto",
     multiples: bool = True,
     search: Search | None = None,
+    progress: Progress = None,
 ) -> tuple[FixedPoint, str]:
     """A periodic motion, by whatever leads to one.
 
     Parameters
     ----------
-    period : Period
+    driven : DrivenPeriod
         With contact.
-    frequency : float
-        Hz.
     guess : (2 m,) array
         First guess of x(0) = (Omega q, q').
     jacobian : str
@@ -93,6 +93,8 @@ def find_steady_state(
     multiples : bool
         Whether a motion of several of the loads' periods is an answer, if a history settles on one.
     search : Search, optional
+    progress : callable, "auto" or None
+        Told the share of the search that is behind where Newton's method does not converge at once.
 
     Returns
     -------
@@ -107,33 +109,56 @@ def find_steady_state(
         If nothing leads to one; it says what was tried.
     """
     try:
-        return shoot(period.at(frequency), guess, jacobian), "Newton"
+        return shoot(driven, guess, jacobian), "Newton"
     except PetscFailure:
         raise
     except SolveError as error:
         first = error
-    tried = _Attempts(period, frequency, guess, jacobian, multiples, search or Search())
-    for attempt, path in (
+    tried = _Attempts(driven, guess, jacobian, multiples, search or Search())
+    ways = (
         (tried.settle_first, "history"),
         (tried.raise_load, "ramp of the load"),
         (tried.lower_damping, "ramp of the damping"),
         (tried.from_neighbours, "neighbouring frequency"),
         (tried.settle, "history"),
-    ):
-        shot = attempt()
-        if shot is not None:
-            return shot, path
+    )
+    with progress_bar(driven.period.reduced.comm, "search for a steady state", progress) as report:
+        whole = _Share(report)
+        for k, (attempt, path) in enumerate(ways):
+            tried.share = whole.part(k, len(ways))
+            shot = attempt()
+            whole.tell((k + 1) / len(ways) if shot is None else 1.0)
+            if shot is not None:
+                return shot, path
     others = f". Tried in vain as well: {'; '.join(tried.notes)}" if tried.notes else ""
     raise on_all_ranks(SolveError(f"{first}{others}"))
+
+
+@dataclass(frozen=True)
+class _Share:
+    """A part of the search, and who is told how much is behind."""
+
+    report: Callable[[float], None] | None = None
+    begin: float = 0.0
+    width: float = 1.0
+
+    def tell(self, done: float) -> None:
+        if self.report is not None:
+            self.report(min(1.0, self.begin + self.width * min(1.0, done)))
+
+    def part(self, number: int, count: int) -> _Share:
+        """One of several equal parts."""
+        return _Share(self.report, self.begin + self.width * number / count, self.width / count)
 
 
 class _Attempts:
     """The ways to a steady state, and what is to be notes of each that failed."""
 
-    def __init__(self, period: Period, frequency: float, guess, jacobian: str, multiples: bool, search):
-        self.period, self.frequency, self.guess = period, frequency, guess
+    def __init__(self, driven: DrivenPeriod, guess, jacobian: str, multiples: bool, search: Search):
+        self.period, self.frequency, self.guess = driven.period, driven.frequency, guess
         self.jacobian, self.multiples, self.search = jacobian, multiples, search
         self.notes: list[str] = []
+        self.share = _Share()
 
     def _newton(self, period: Period, state: np.ndarray, frequency: float, factor: float = 1.0):
         """The fixed point near a state, or None."""
@@ -177,6 +202,7 @@ class _Attempts:
                 while done < target:
                     past.append(past[-1] + driven.run(past[-1]).residual)
                     done += 1
+                    self.share.tell(done / most)
             except SolveError as error:  # a contact problem that was not solved
                 self.notes.append(str(error))
                 return None, done, change, repeat
@@ -240,8 +266,9 @@ class _Attempts:
 
     def lower_damping(self) -> FixedPoint | None:
         """The end of a branch from a motion with larger damping."""
-        start, factor = None, 1.0
-        for factor in self.search.dampings:
+        start, factor, share = None, 1.0, self.share
+        for k, factor in enumerate(self.search.dampings):
+            self.share = share.part(k, len(self.search.dampings) + 1)
             damped = self.period.scaled(damping=factor)
             start = self._newton(damped, damped.at(self.frequency).linear_state, self.frequency)
             if start is None:
@@ -253,6 +280,7 @@ class _Attempts:
             if self.search.dampings and self.period.reduced.damping.any():
                 self.notes.append(f"more damping, without a motion at up to {factor:g} times the given one")
             return None
+        self.share = share.part(len(self.search.dampings), len(self.search.dampings) + 1)
         shot, ended = self._along(start, factor, ParameterRange("damping", factor, 1.0, self.frequency))
         if shot is None:
             self.notes.append(f"a ramp of the damping, which ended: {ended} times the given one")
@@ -260,8 +288,9 @@ class _Attempts:
 
     def from_neighbours(self) -> FixedPoint | None:
         """The end of a branch over the frequency, from either side."""
-        ends = []
-        for distance in self.search.neighbours:
+        ends, share = [], self.share
+        for k, distance in enumerate(self.search.neighbours):
+            self.share = share.part(k, len(self.search.neighbours))
             value = self.frequency * (1.0 + distance)
             state = self.period.at(value).linear_state
             shot = self._newton(self.period, state, value)
@@ -286,8 +315,13 @@ class _Attempts:
         """The wanted motion at the end of a branch from one at a value of a parameter, and why that ended."""
         orbits = Orbits(self.period, parameter)
         line = Line([Point.known(orbits, np.append(first.state, value))])
+        begin, extent = parameter.start, parameter.range.extent
+
+        def tell(line: Line) -> None:
+            self.share.tell(abs(line.points[-1].value - begin) / extent)
+
         try:
-            follow(line, parameter.range, Settings(points))
+            follow(line, parameter.range, Settings(points), tell)
         except PetscFailure:
             raise
         except FAILURES as error:

@@ -154,6 +154,21 @@ def test_what_a_search_in_vain_says(periods):
         sb.periodic(reduction, 1.0, frequency, search=search)
 
 
+def test_progress_of_a_search():
+    """It rises to 1, in vain here; Newton's method alone tells nothing."""
+    told: list[float] = []
+    reduction, frequency = bilinear(1e-4)
+    search = Search(settling=(1, 3), work=512.0 * 54, dampings=(1.5, 2.0), neighbours=(1e-3,), attempt=2)
+    with pytest.raises(sb.SolveError):
+        sb.periodic(reduction, 1.0, frequency, search=search, progress=told.append)
+    assert len(told) > 50 and told == sorted(told) and 0.0 < told[0] < 0.2 and told[-1] == 1.0
+    told.clear()
+    sb.periodic(bilinear(0.03)[0], 1.0, 2.0 * frequency, progress=told.append)
+    assert not told
+    with pytest.raises(TypeError, match="periodic: progress = 3"):
+        sb.periodic(reduction, 1.0, frequency, progress=3)
+
+
 def test_a_history_of_two_periods(monkeypatch):
     """Where no motion of one period is found, the one of two that a history settles on is the answer, unless
     one period was asked for: the message then says what to ask for. The bilinear oscillator, driven at twice
@@ -168,7 +183,9 @@ def test_a_history_of_two_periods(monkeypatch):
         return found(driven, *rest, **more)
 
     monkeypatch.setattr(steady, "shoot", of_two_periods)
-    orbit = sb.periodic(reduction, 1.0, 2.0 * frequency, steps=1024)
+    told: list[float] = []
+    orbit = sb.periodic(reduction, 1.0, 2.0 * frequency, steps=1024, progress=told.append)
+    assert told == sorted(told) and told[-1] == 1.0  # as soon as it is found
     assert orbit.periods == 2 and orbit.path == "history" and orbit.stable
     assert np.abs(orbit.subharmonics("x")[1]) > np.abs(orbit.harmonics("x")[1])
     with pytest.raises(sb.SolveError, match="which repeats itself after 2 periods: give periods=2"):

@@ -71,7 +71,9 @@ def test_iterations_and_residual(model):
     most. An even number of steps is raised by one: what the steps do not resolve then turns its sign over the
     period, and Phi - 1 is not singular.
     """
-    orbit = sb.periodic(model, LOAD, 3000.0, steps=128, reduction=None)
+    told: list[float] = []
+    orbit = sb.periodic(model, LOAD, 3000.0, steps=128, reduction=None, progress=told.append)
+    assert len(told) == orbit.iterations + 1 and told == sorted(told) and told[-1] == 1.0
     assert len(orbit.time) == 129 and orbit.stable is None and "stability not computed" in repr(orbit)
     assert (
         orbit.iterations <= 6

@@ -194,7 +194,7 @@ def test_fixed_point_nearby():
     has nothing to do with it none, and not a wrong one.
     """
     period, driven, state = driven_chain()
-    found, _ = find_steady_state(period, driven.frequency, state)
+    found, _ = find_steady_state(driven, state)
     derivative = driven.monodromy(found.motion)
     size = np.linalg.norm(driven.linear_state)
     start = found.state + 1e-4 * size * np.cos(np.arange(len(state)))

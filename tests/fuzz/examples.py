@@ -237,6 +237,7 @@ CALLS: dict[str, list[Callable[[], Arguments]]] = {
             "tolerance": None,
             "search": None,
             "segments": 1,
+            "progress": None,
         },
         lambda: {"model": model(), "load": PUSH, "frequency": 300.0, "steps": 64, "modes": 6},
     ],

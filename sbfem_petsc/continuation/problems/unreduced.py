@@ -5,7 +5,8 @@ matrix (prefix ``shooting_``), and branches of them over the frequency or the lo
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -185,8 +186,15 @@ class UnreducedSteady:
         If Newton's method or a linear solve does not converge.
     """
 
-    def __init__(self, owner: str, orbits: UnreducedOrbits, value: float):
+    def __init__(
+        self,
+        owner: str,
+        orbits: UnreducedOrbits,
+        value: float,
+        report: Callable[[float], None] | None = None,
+    ):
         self.orbits, self.value, self.path, self.residuals = orbits, value, "Newton", list[float]()
+        self._report = report
         self._kept: UnreducedState | None = None
         driven, comm = orbits.driven(value), orbits.comm
         x = PETSc.Vec().createMPI((orbits.period.unknowns, None), comm=comm)
@@ -204,7 +212,7 @@ class UnreducedSteady:
         snes.setTolerances(
             rtol=RELATIVE, atol=finite(ROUND_OFF * max(norm, 1e-300)), stol=0.0, max_it=ITERATIONS
         )
-        snes.setMonitor(lambda _, iteration, value: self.residuals.append(float(value)))
+        snes.setMonitor(self._told)
         try:
             with solving(owner), scripted(matrix, pc):
                 configure(snes)
@@ -232,6 +240,13 @@ class UnreducedSteady:
             self.state = x.array_r.copy()
         finally:
             free(comm, snes, ksp, pc, x, f, matrix)
+
+    def _told(self, snes, iteration: int, residual: float) -> None:
+        """The share is that of the digits the residual is to lose."""
+        self.residuals.append(float(residual))
+        if self._report is not None:
+            lost = max(residual, 1e-300) / max(self.residuals[0], 1e-300)
+            self._report(min(1.0, max(0.0, math.log(lost) / math.log(RELATIVE))))
 
     def _at(self, array: np.ndarray) -> UnreducedState:
         same = self._kept is not None and np.array_equal(self._kept.state, array)

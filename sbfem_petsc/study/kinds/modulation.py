@@ -67,6 +67,7 @@ class Modulation(Steady):
             contact=self.contact,
             stability=self.stability,
             longest=self.longest,
+            progress=run.progress,
         )
 
     def _acting(self, case: Any) -> list[Any]:

@@ -155,7 +155,9 @@ class Periodic(PeriodicOptions, Steady, Loaded):
 
     def solve(self, case: Any, model: Any, run: Run) -> sb.Orbit:
         reduction = "modes" if self.reduced else None
-        return sb.periodic(model, self.acting(case), **self.of(PeriodicOptions), reduction=reduction)
+        return sb.periodic(
+            model, self.acting(case), **self.of(PeriodicOptions), reduction=reduction, progress=run.progress
+        )
 
     def tones(self, case: Any, path: Path) -> None:
         periods = common_period(self, case, path)
