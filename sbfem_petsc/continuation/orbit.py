@@ -259,11 +259,14 @@ def verdict_of(largest: float, error: float) -> bool | None:
 
 def modal_motion(driven: DrivenPeriod, motion: PeriodMotion) -> tuple[np.ndarray, np.ndarray]:
     """Modal displacement and velocity, (n + 1, m) each: the linear steady state and what contact adds."""
-    over_time = driven.period.over_time
-    return (
-        over_time(driven.amplitudes) + motion.states,
-        over_time(driven.speeds * driven.amplitudes) + motion.velocities,
-    )
+    p = driven.period
+    q = p.over_time(driven.amplitudes) + motion.states
+    v = p.over_time(driven.speeds * driven.amplitudes) + motion.velocities
+    if p.excitation.jumps is not None or p.excitation.further is not None:
+        # at jumps, where they add up, lines that hardly move the modes are 1e-2 of the velocities
+        impulses = p.excitation.scaled(driven.factor).impulses(p.steps)
+        v += driven.duration * impulses @ p.reduced.load_modes.T
+    return q, v
 
 
 def make_orbit(

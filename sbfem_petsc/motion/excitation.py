@@ -176,6 +176,23 @@ class Excitation(Record):
             values = values + self.further.loads(count)
         return values
 
+    def impulses(self, count: int) -> np.ndarray | float:
+        """Time integrals of what `beside` is without the jumps' lines, in common periods and without their
+        means: the rates that it gives to modes which hardly follow it.
+        """
+        values: np.ndarray | float = 0.0
+        if self.jumps is not None:
+            lines = self.jumps.lines(self.orders)
+            values = self.jumps.integrals(np.arange(count + 1) / count) - self._integrals(lines, count)
+        if self.further is not None:
+            values = values + self.further._integrals(self.further.amplitudes, count)
+        return values
+
+    def _integrals(self, amplitudes: np.ndarray, count: int) -> np.ndarray:
+        """Over time, of lines, in common periods and without their means."""
+        turns = np.where(self.orders > 0, 2j * np.pi * self.orders, np.inf)
+        return self.over_time(amplitudes / turns[:, None], count)
+
     def over_time(self, amplitudes: np.ndarray, count: int) -> np.ndarray:
         """(count + 1, ...) real values of complex amplitudes (k, ...) at equal steps from 0 to T, both
         ends.
@@ -254,6 +271,11 @@ class Jumps(Record):
             at = np.minimum(since, 1.0 - since) < SAME
             values += np.where(at, 0.0, 0.5 - since)[:, None] * size
         return values
+
+    def integrals(self, shares: np.ndarray) -> np.ndarray:
+        """(n, loads): of the saw teeth over the period, in periods and without their means."""
+        since = (shares[:, None] - self.instants) % 1.0
+        return (0.5 * since * (1.0 - since) - 1.0 / 12.0) @ self.sizes
 
 
 def common_periods(signals: Sequence[Signal], frequency: float, periods: int | None, bound: int) -> int:

@@ -79,7 +79,8 @@ def test_pulses_in_a_history(beam):
 @pytest.mark.parametrize("duty", [0.5, 0.05, 0.01, 0.003])
 def test_pulse_trains(beam, frequency, duty, steps, aliased):
     """In closed form: the pulses' harmonics times the modes' receptances, and the pulses themselves times the
-    residual flexibility, at every instant, also beside and on the pulses' ends. Harmonics are those of the
+    residual flexibility, at every instant, also beside and on the pulses' ends; velocities by the modes'
+    answers to the pulses' ends. Harmonics are those of the
     instants: lines beyond half the steps fold back.
     """
     force, late = 100.0, 0.3
@@ -100,6 +101,13 @@ def test_pulse_trains(beam, frequency, duty, steps, aliased):
     )
     u = np.fft.ifft(u, norm="forward").real + static * force * inside
     assert np.abs(orbit.displacement("A")[:, 1] - u).max() < 1e-5 * np.abs(u).max()
+    v = np.zeros((n, len(r.omega)))
+    poles = r.omega * (-r.damping + 1j * np.sqrt(1.0 - r.damping**2))
+    for since, jump in ((after, force), ((after - duty) % 1.0, -force)):
+        gone = np.where(np.abs(since - 1.0) < 2e-10, 0.0, since)[:, None] / frequency
+        v += jump * (np.exp(poles * gone) / (1.0 - np.exp(poles / frequency))).imag / poles.imag
+    v = (v * r.load_modes[:, 0]) @ point.modes[1]
+    assert np.abs(orbit.velocity("A")[:, 1] - v).max() < 1e-3 * np.abs(v).max()
     lines = (moved + static * turns)[:21]
     np.testing.assert_allclose(orbit.harmonics("A")[:21], lines, rtol=0.0, atol=aliased * abs(lines).max())
 
