@@ -35,12 +35,16 @@ Call = Callable[..., Any]
 
 
 def cases() -> Iterator[tuple[str, Call, dict[str, Any], str, Any]]:
-    """Owner, function, a call of it, the argument that differs on rank 1, and its value there."""
+    """Owner, function, a call of it, the argument that differs on rank 1, and its value there; arguments that
+    calls leave out once for each function.
+    """
+    seen = set()
     for owner, call, given in calls():
-        for name in given:
-            if name in apart(call) or name == "comm":
+        for name, item in inspect.signature(call).parameters.items():
+            if name in apart(call) or name == "comm" or name not in given and (owner, name) in seen:
                 continue
-            another = other(given[name])
+            seen.add((owner, name))
+            another = other(given.get(name, item.default))
             if another is not None:
                 yield owner, call, given, name, another
             if name not in LEADING and (owner, name) != ("quasi_periodic_response", "guess"):
