@@ -69,7 +69,8 @@ class Propagation:
         growth = self._friction * step
         self.reach = self._reach(rows, growth, np.where(omega > 0.0, omega, omega.max(initial=1.0)))
         self.rows = rows[:, : self.reach + 2 if self.reach else 1]
-        self._inverse_determinant = _powers(np.exp(growth), self.rows.shape[1])
+        # where nothing is inverted a step may take more decades than numbers have
+        self._inverse_determinant = _powers(np.exp(min(self.reach, 1) * growth), self.rows.shape[1])
 
     def _reach(self, rows: np.ndarray, growth: np.ndarray, weights: np.ndarray) -> int:
         """Looked for at every power up to 8 and at every eighth one: WORST leaves room for those between.

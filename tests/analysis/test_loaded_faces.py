@@ -61,12 +61,62 @@ EMBEDDED = """Point(10)={%g,%g,0,.5}; Point(11)={%g,%g,0,.5}; Line(10)={10,11}; 
 Curve{10} In Surface{1}; Physical Curve("crack:c")={10};"""
 
 
+def gmsh_plate(end, opening, folder, outline="1:4"):
+    """`wide_plate` by gmsh."""
+    path, own = folder / "model.geo", f":opening={opening:g}" if opening else ""
+    text = (GEO % (EMBEDDED % (-end[0], -end[1], *end))).replace("crack:c", f"crack:c{own}")
+    path.write_text(text.replace("{1:4}", f"{{{outline}}}"))
+    return read_gmsh(path, scale=1.0)
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("end", SENSES[:4])
-def test_gmsh_crack(tmp_path, end):
-    path = tmp_path / "model.geo"
-    path.write_text(GEO % (EMBEDDED % (-end[0], -end[1], *end)))
-    check_closed_forms(sb.Model(read_gmsh(path, scale=1.0), ALUMINIUM, clamped="edge1"), end, looking=end)
+@pytest.mark.parametrize(
+    ("end", "opening"),
+    [(end, 0.0) for end in SENSES[:4]]
+    + [
+        pytest.param(end, opening, marks=pytest.mark.long)
+        for end in SENSES
+        for opening in (0.0, 0.01, 0.03)
+        if opening or end not in SENSES[:4]
+    ],
+)
+def test_gmsh_crack(tmp_path, end, opening):
+    """Drawn in every sense, in an outline of one sense or of the other, faces together or apart."""
+    outline = "1:4" if end[1] >= 0.0 else "-4,-3,-2,-1"
+    mesh = gmsh_plate(end, opening, tmp_path, outline)
+    check_closed_forms(sb.Model(mesh, ALUMINIUM, clamped="edge1"), end, looking=end)
+
+
+@pytest.mark.long
+@pytest.mark.filterwarnings("error::RuntimeWarning")  # of steps in which damping takes all there is
+@pytest.mark.parametrize("opening", [0.0, 0.01, 0.03])
+def test_beam_and_its_mirror_image(opening):
+    """K_II turns its sign with the body, K_I does not, in statics and in slow motion, whichever way the crack
+    is drawn; a pressure on the face that lies at the left of a line pushes along its normal.
+    """
+    first, last, height = np.array([0.05, 0.012]), np.array([0.062, 0.022]), 0.04
+    along, length = (last - first) / math.dist(first, last), math.dist(first, last)
+    expected = None
+    for mirrored in (False, True):
+        turn = np.array([1.0, -1.0 if mirrored else 1.0])
+        ends = [tuple(np.array([0.0, height * mirrored]) + turn * end) for end in (first, last)]
+        for line in (ends, ends[::-1]):
+            mesh = Beam(0.1, height, cracks=[CrackLine(line, opening=opening, name="c")]).mesh()
+            model = sb.Model(mesh, ALUMINIUM, clamped="left", rayleigh=(0.0, 1e-5))
+            upper, lower = ("c_left", "c_right")[:: 1 if (line is ends) != mirrored else -1]
+            x, y = STRESS * turn * along
+            load = sb.EdgeLoad(upper, tx=x, ty=y) + sb.EdgeLoad(lower, tx=-x, ty=-y)
+            found = sb.static(model, load, contact=False).stress_intensity
+            values = np.array([found["c:1"], found["c:2"]]) * [1.0, turn[1]]  # by place: from the left
+            expected = values if expected is None else expected
+            np.testing.assert_allclose(values, expected, rtol=0.0, atol=1e-6 * np.abs(expected).max())
+            frequency = sb.modal(model, 1).frequencies[0] / 300.0
+            orbit = sb.periodic(model, load, frequency, steps=64, contact=False)
+            peaks = [np.abs(orbit.stress_intensity(tip)[:, 1]).max() for tip in ("c:1", "c:2")]
+            np.testing.assert_allclose(peaks, np.abs(expected[:, 1]), rtol=1e-4)
+            pushed = sb.static(model, sb.EdgeLoad(upper, pressure=STRESS), contact=False)
+            exact = STRESS * length * turn * [-along[1], along[0]]
+            assert np.abs(pushed.reactions["left"] - exact).max() < 1e-9 * STRESS * length
 
 
 GMSH_NOTCH = """
@@ -123,12 +173,14 @@ def test_both_placements_are_met():
 @pytest.mark.parametrize(
     ("end", "reduced"), [(SENSES[0], True), (SENSES[1], True), (SENSES[4], True), (SENSES[0], False)]
 )
-def test_histories_and_steady_states(end, reduced):
+@pytest.mark.parametrize("kind", ["plate", pytest.param("gmsh", marks=pytest.mark.long)])
+def test_histories_and_steady_states(end, reduced, kind, tmp_path):
     """Slow motion goes through the static states of the closed form: 0.05 Hz beside a lowest frequency of
     5 Hz; also without a reduced model.
     """
     opening, frequency = 0.01, 0.05
-    model = sb.Model(wide_plate(end, opening), ALUMINIUM, clamped="edge1", rayleigh=(0.0, 1e-3))
+    mesh = wide_plate(end, opening) if kind == "plate" else gmsh_plate(end, opening, tmp_path)
+    model = sb.Model(mesh, ALUMINIUM, clamped="edge1", rayleigh=(0.0, 1e-3))
     exact = STRESS * math.sqrt(math.pi)
     options = {} if reduced else {"reduction": None}
     orbit = sb.periodic(model, sheared(end), frequency, steps=64, **options)
