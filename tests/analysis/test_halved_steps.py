@@ -11,7 +11,10 @@ import pytest
 
 import sbfem_petsc as sb
 from meshing import Beam, CrackLine
+from sbfem_petsc.continuation.multipliers import multipliers_of
+from sbfem_petsc.continuation.shooting import shoot
 from sbfem_petsc.motion.integration import Steps
+from sbfem_petsc.motion.preparation import PeriodSettings, prepare
 from sbfem_petsc.motion.reduced_history import ReducedIntegrator
 from tests.systems import chain
 
@@ -73,6 +76,38 @@ def test_energy_of_free_vibration_is_kept():
     assert np.abs(energy.total / energy.total[0] - 1.0).max() < 1e-3
     # what the parts of steps did is what the energies of the equal steps' ends have changed by
     assert np.abs(energy.balance).max() < 1e-10 * energy.total[0]
+
+
+@pytest.mark.long
+def test_a_history_that_does_not_come_to_the_periodic_motion():
+    """The cantilever driven at its first frequency, 2048 steps a period: the periodic motion is unstable by a
+    pair of multipliers off the real axis, and what a history settles on is a motion with a tone of its own
+    around it, at the pair's angle.
+    """
+    model, load = cantilever(5e-4), sb.PointForce("A", fy=300.0)
+    first = sb.modal(model, count=1).frequencies[0]
+    period = prepare("periodic", model, load, first, settings=PeriodSettings(steps=2048))
+    state = None
+    for damping in (16.0, 8.0, 4.0, 2.0, 1.4, 1.0):
+        driven = period.at(first, damping=damping)
+        fixed = shoot(driven, driven.linear_state if state is None else state)
+        state = fixed.state
+    pair, r = multipliers_of(fixed).values[0], period.reduced
+    assert abs(pair) == pytest.approx(1.006, abs=2e-3) and abs(pair.imag) > 0.9
+    m, beside = len(r.omega), 1.02 * state
+    history = sb.transient(
+        r,
+        [sb.Harmonic(300.0, first)],
+        1000.0 / first,
+        1.0 / (2048 * first),
+        initial=(beside[:m] / r.omega, beside[m:]),
+        decimation=2048,
+    )
+    away = np.hstack([history.states.q * r.omega, history.states.v])[-256:] - state
+    distances = np.linalg.norm(away, axis=1) / np.linalg.norm(state)
+    assert 0.015 < distances.min() < distances.max() < 0.04
+    lines = (np.abs(np.fft.fft(away * np.hanning(256)[:, None], axis=0)) ** 2).sum(axis=1)[2:128]
+    assert (2 + np.argmax(lines)) / 256 == pytest.approx(np.angle(pair) / (2.0 * np.pi), abs=0.01)
 
 
 VELOCITY = np.array([0.3, -0.2, 0.25, -0.1, 0.2])

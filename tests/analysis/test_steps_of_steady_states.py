@@ -128,12 +128,13 @@ def test_a_curve_that_is_resumed_goes_on_in_its_steps(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::meshing.warnings.StepWarning")
-def test_residuals_and_derivatives_of_random_motions():
-    """25 of one to three masses with a stop in the steps that they get: closed to 1e-10, and the derivative
-    of the period is that of central differences, of these steps.
+@pytest.mark.parametrize("count", [25, pytest.param(100, marks=pytest.mark.long)])
+def test_residuals_and_derivatives_of_random_motions(count):
+    """So many of one to three masses with a stop in the steps that they get: closed to 1e-10, and the
+    derivative of the period is that of central differences, of these steps.
     """
     generator, errors = np.random.default_rng(3), []
-    while len(errors) < 25:
+    while len(errors) < count:
         model, _, resonance = random_masses(generator, int(generator.integers(1, 4)))
         frequency = resonance * generator.uniform(0.6, 2.0)
         try:
