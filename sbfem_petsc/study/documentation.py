@@ -1,6 +1,8 @@
-"""Reference of the case file, its JSON Schema, and words of the analyses, made from the classes themselves.
+"""Reference of the case file, its JSON Schema, words of the analyses and what results hold, made from the
+classes themselves.
 
-python -m sbfem_petsc.study.documentation     writes docs/case_file.md, its schema and docs/words.md
+python -m sbfem_petsc.study.documentation     writes docs/case_file.md, its schema, docs/words.md and
+                                              docs/results.md
 """
 
 from __future__ import annotations
@@ -8,6 +10,7 @@ from __future__ import annotations
 import inspect
 import json
 import pathlib
+import re
 import types
 import typing
 from collections.abc import Iterator
@@ -19,6 +22,8 @@ from pydantic_core import PydanticUndefined
 import sbfem_petsc as sb
 
 from ..options import unit_of
+from ..record.body import Body
+from ..record.record import Entry, Record, entries, record_class
 from .case.analyses import KINDS
 from .case.case import CaseTables, Output
 from .case.geometry import (
@@ -106,6 +111,81 @@ _ARGUMENTS = {
     "progress": 'a function that is told the fraction done, "auto": a bar, or nothing',
     "reduction": "nothing: the unreduced model",
 }
+
+
+_RESULTS = """# What results hold
+
+`sb.save(path, result)` writes any of these, or a list or dict of them, `sb.read(path)` gives it back. Other
+programs open the file as it is, xarray by `xarray.open_datatree(path)` (complex numbers come as pairs `r`,
+`i`, or with `auto_complex=True` as such), h5py, MATLAB and Octave (`ncread` of its package netcdf, which
+reads numbers alone) by the names below, and `pandas.read_csv` what `result.to_csv(path)` writes:
+
+```python
+import h5py
+
+with h5py.File("push.h5") as file:
+    force = file["contact_force"][:]  # N
+```
+
+Each name is an attribute in Python and, where another one stands behind it, that one in files and tables.
+
+- **file**: a data set with `units`, `long_name` and the axes named here as its dimensions, a text as an
+  attribute, a result inside this one as a group (several of them as groups `0000`, `0001` and so on). The
+  axis `*` is that of the result that the part is in. Fields of the nodes have [Body](#body) beside them.
+- **table**: a column, with the unit in its head, in the table of the first axis; without an axis a line of
+  `..._values.csv`.
+- **sweep**: a column of the table of a sweep.
+
+This page is generated from the classes of results, which write and read the files, too.
+
+"""
+
+
+def results() -> str:
+    """The page of results: what each class holds, and the parts of it."""
+    public = {name: getattr(sb, name) for name in sorted(sb.__all__)}
+    kinds = [kind for kind in public.values() if isinstance(kind, type) and issubclass(kind, Record)] + [Body]
+    for kind in kinds:  # grows by those of the parts
+        for entry in entries(kind).values():
+            parts = map(record_class, entry.about.part.split())
+            kinds += [part for part in parts if part not in kinds]
+    sections = []
+    for kind in kinds:
+        name = kind.__name__
+        makers = [
+            f"`{maker}`"
+            for maker, function in public.items()
+            if inspect.isfunction(function)
+            and re.search(rf"\b{name}\b", str(function.__annotations__.get("return")))
+        ]
+        first = " ".join((kind.__doc__ or "").split("Attributes\n")[0].split("\n\n")[0].split())
+        lines = [f"## {name}\n", first + (f" Of {', '.join(makers)}." if makers else "") + "\n"]
+        lines += ["| name | type or axes | unit | meaning | in |", "|---|---|---|---|---|"]
+        lines += [_result_line(entry) for entry in entries(kind).values()]
+        sections.append("\n".join(lines) + "\n")
+    return _RESULTS + "\n".join(sections)
+
+
+def _result_line(entry: Entry) -> str:
+    about = entry.about
+    if about.part:
+        kind = " or ".join(f"[{part}](#{part.lower()})" for part in about.part.split())
+        kind = f"several {kind}" if entry.type.startswith("tuple") else kind
+    else:
+        kind = ", ".join(about.dims) or entry.type.removesuffix(" | None")
+    where = {
+        "file": about.stored,
+        "table": not (about.detail or about.part or about.distributed),
+        "sweep": about.row,
+    }
+    cells = (
+        f"`{entry.name}`" + (f" (`{entry.called}`)" if entry.called != entry.name else ""),
+        kind,
+        "of its value" if about.unit_of else "" if about.part else about.unit,
+        about.text,
+        ", ".join(place for place, there in where.items() if there),
+    )
+    return "| " + " | ".join(cell.replace("|", "\\|") for cell in cells) + " |"
 
 
 def words() -> str:
@@ -244,12 +324,14 @@ def _kinds(annotation: Any) -> Iterator[str]:
         yield names[annotation]
 
 
+PAGES = {"results.md": results, "words.md": words, "case_file.md": markdown, "case_file.schema.json": schema}
+
+
 def main() -> None:
     """Write the files into the folder docs of the working directory."""
     folder = pathlib.Path("docs")
-    (folder / "words.md").write_text(words(), encoding="utf-8")
-    (folder / "case_file.md").write_text(markdown(), encoding="utf-8")
-    (folder / "case_file.schema.json").write_text(schema(), encoding="utf-8")
+    for name, made in PAGES.items():
+        (folder / name).write_text(made(), encoding="utf-8")
 
 
 if __name__ == "__main__":
