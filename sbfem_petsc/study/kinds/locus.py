@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, Literal
 
 import sbfem_petsc as sb
@@ -59,6 +59,10 @@ class Locus(LineOptions, FrequencyRange, Loaded):
 
     def told(self, result: Any) -> str:
         return repr(result) if result else self._none()
+
+    def save(self, result: Any, part: Callable[[str], str]) -> None:
+        if result:
+            super().save(result, part)
 
     def tree(self, result: Any, points: Sequence[str]) -> Tree:
         lines = [
