@@ -43,7 +43,7 @@ class Load:
     def components(self) -> dict[str, float | Signal]:
         """Numbers or signals by name."""
         own: Any = self  # each kind of load is a dataclass
-        return {f.name: getattr(self, f.name) for f in fields(own) if f.name not in _PLACES}
+        return {f.name: getattr(self, f.name) for f in fields(own) if f.name not in PLACES}
 
     def units(self) -> list[tuple[Load, float | Signal]]:
         """A unit load and its amplitude for each component that is not zero."""
@@ -56,7 +56,7 @@ class Load:
         ]
 
     def __post_init__(self) -> None:
-        for name in _PLACES:
+        for name in PLACES:
             if hasattr(self, name):
                 text(type(self).__name__, name, getattr(self, name))
         for name, value in self.components.items():
@@ -83,7 +83,8 @@ class Load:
         raise NotImplementedError
 
 
-_PLACES = ("point", "edge_set")
+# What says where a load acts; all else are its components.
+PLACES = ("point", "edge_set")
 
 
 @dataclass(frozen=True)

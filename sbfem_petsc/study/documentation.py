@@ -27,7 +27,7 @@ from ..record.record import Entry, Record, entries, record_class
 from .case.analyses import KINDS
 from .case.case import CaseTables, Output
 from .case.geometry import (
-    MESH_KEYS,
+    GEOMETRIES,
     BeamGeometry,
     CrackLine,
     GmshGeometry,
@@ -41,8 +41,10 @@ from .case.geometry import (
     RayleighBand,
     Support,
 )
-from .case.loads import SIGNALS, EdgeLoad, PointForce, SupportMotion
+from .case.loads import EdgeLoad, PointForce, SupportMotion
+from .case.signals import SIGNALS
 from .case.sweep import Noise, Range, SweepTable
+from .case.tables import kind_name
 from .kinds.basins import StartAxis
 
 _HEAD = """# The case file
@@ -221,7 +223,8 @@ def markdown() -> str:
             parts.append(_table(table))
             if table is Mesh:
                 known = "; ".join(
-                    f"`{kind}`: {', '.join(f'`{key}`' for key in keys)}" for kind, keys in MESH_KEYS.items()
+                    f"`{kind_name(kind)}`: {', '.join(f'`{key}`' for key in kind.mesh_keys())}"
+                    for kind in GEOMETRIES
                 )
                 parts.append(f"Keys by kind of geometry: {known}.\n")
     return "\n".join(parts)

@@ -1,5 +1,6 @@
 """Reading a case: lines, hashes, objects; documentation and schema in sync; starter cases."""
 
+import inspect
 import json
 import pathlib
 import warnings
@@ -10,7 +11,7 @@ from mpi4py import MPI
 
 import sbfem_petsc as sb
 from sbfem_petsc.study import documentation
-from sbfem_petsc.study.case import objects
+from sbfem_petsc.study.case import geometry, loads, objects
 from sbfem_petsc.study.case.case import case_from_text, read_case
 from sbfem_petsc.study.case.locations import parse
 from sbfem_petsc.study.starter import KINDS, starter_text
@@ -248,3 +249,38 @@ def test_the_unit_of_a_drawing(tmp_path):
             found = objects.mesh(case)
         assert np.ptp(found.nodes[:, 0]) == pytest.approx(width)
         assert any("it is 60 m wide" in str(one.message) for one in caught) == said
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        table
+        for module in (geometry, loads)
+        for table in vars(module).values()
+        if getattr(table, "made", None)
+    ],
+    ids=lambda table: table.__name__,
+)
+def test_tables_are_what_they_stand_for(table):
+    """Keys and defaults of a table are the arguments of its class."""
+    arguments = inspect.signature(table.made).parameters
+    keys = {
+        "path" if key == "file" else key: field for key, field in table.model_fields.items() if key != "kind"
+    }
+    assert list(keys) == list(arguments)
+    for key, field in keys.items():
+        default = arguments[key].default
+        assert field.is_required() == (default is inspect.Parameter.empty)
+        if not field.is_required():
+            assert field.default == (list(default) if isinstance(default, tuple) else default), key
+
+
+@pytest.mark.parametrize("kind", geometry.GEOMETRIES, ids=lambda kind: kind.__name__)
+def test_keys_of_the_mesh(kind):
+    """What a geometry's mesh is made with stands in [mesh], or elsewhere in a case, with the same default."""
+    arguments = inspect.signature(kind.mesher).parameters
+    for key in kind.mesh_keys():
+        default = geometry.Mesh.model_fields[key].default
+        assert arguments[key].default == (tuple(default) if isinstance(default, list) else default)
+    elsewhere = {"self", "points", "path", "scale", "max_unknowns", "time_limit", "memory_limit", "trust"}
+    assert set(arguments) <= {*kind.mesh_keys(), *elsewhere}

@@ -6,8 +6,6 @@ import os
 from collections.abc import Iterator
 from typing import Any
 
-from .geometry import MESH_KEYS
-from .loads import COMPONENTS
 from .problems import filed, one_of
 from .tables import Path, Problem, Table
 
@@ -49,8 +47,9 @@ def _within(value: Any, path: Path) -> Iterator[Problem]:
 def _geometry(case: Any, folder: str) -> Iterator[Problem]:
     kind = case.geometry.kind
     for key in sorted(case.mesh.model_fields_set):
-        if key not in MESH_KEYS[kind]:
-            yield Problem(("mesh", key), f"is not for geometry.kind = {kind!r}; {one_of(MESH_KEYS[kind])}")
+        known = case.geometry.mesh_keys()
+        if key not in known:
+            yield Problem(("mesh", key), f"is not for geometry.kind = {kind!r}; {one_of(known)}")
     if kind == "gmsh":
         path = os.path.join(folder, case.geometry.file)
         if not os.path.isfile(path):
@@ -84,7 +83,7 @@ def _model(case: Any) -> Iterator[Problem]:
 
 def _loads(case: Any, folder: str) -> Iterator[Problem]:
     for name, load in case.loads.items():
-        given = {key: getattr(load, key) for key in COMPONENTS if key in type(load).model_fields}
+        given = load.components
         if all(value == 0.0 for value in given.values()):
             yield Problem(("loads", name), f"has no component other than 0; give {' or '.join(given)}")
         for key, value in given.items():

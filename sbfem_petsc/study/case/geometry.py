@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+import inspect
+from collections.abc import Callable, Iterator
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from meshing import beam, plate
+from meshing.gmsh import reader
+from meshing.shapes import features
+
+from ... import material, supports
 from ...options import Pair, item
 from .tables import AnyNames, Name, Problem, Table, by_kind
 
 
 class Notch(Table):
     """A V-notch or crack from the beam's top or bottom edge; `opening = 0` is a closed crack."""
+
+    made: ClassVar = features.VNotch
 
     x: float = item(text="position of the tip along the beam", unit="m")
     depth: float = item(text="vertical distance of the tip from the edge", unit="m", gt=0)
@@ -28,6 +36,8 @@ class Notch(Table):
 class Hole(Table):
     """A circular hole."""
 
+    made: ClassVar = features.Hole
+
     x: float = item(text="centre", unit="m")
     y: float = item(text="centre", unit="m")
     diameter: float = item(text="diameter", unit="m", gt=0)
@@ -36,6 +46,8 @@ class Hole(Table):
 class CrackLine(Table):
     """A crack along a polygonal line, from mouth to tip or from tip to tip."""
 
+    made: ClassVar = features.CrackLine
+
     points: Annotated[list[Pair], Field(min_length=2)] = item(
         text="points from the mouth to the tip, or from tip to tip", unit="m"
     )
@@ -43,8 +55,20 @@ class CrackLine(Table):
     name: Name | None = item(None, text='name of the crack; else "crack1", "crack2", ...')
 
 
-class BeamGeometry(Table):
+class _Geometry(Table):
+    mesher: ClassVar[Callable[..., Any]]
+
+    @classmethod
+    def mesh_keys(cls) -> list[str]:
+        """Keys of [mesh] that have a meaning for it: arguments of what makes its mesh."""
+        return [key for key in Mesh.model_fields if key in inspect.signature(cls.mesher).parameters]
+
+
+class BeamGeometry(_Geometry):
     """A beam [0, length] x [0, height] whose clamped end is usually x = 0."""
+
+    made: ClassVar = beam.Beam
+    mesher: ClassVar = beam.Beam.mesh
 
     kind: Literal["beam"] = item(text="a beam with notches and holes")
     length: float = item(text="length", unit="m", gt=0)
@@ -54,8 +78,11 @@ class BeamGeometry(Table):
     cracks: list[CrackLine] = item([], text="cracks of any path, [[geometry.cracks]]")
 
 
-class PlateGeometry(Table):
+class PlateGeometry(_Geometry):
     """A polygon with holes and cracks."""
+
+    made: ClassVar = plate.Plate
+    mesher: ClassVar = plate.Plate.mesh
 
     kind: Literal["plate"] = item(text="a polygon with holes and cracks")
     outline: Annotated[list[Pair], Field(min_length=3)] = item(
@@ -68,8 +95,10 @@ class PlateGeometry(Table):
     )
 
 
-class GmshGeometry(Table):
+class GmshGeometry(_Geometry):
     """A gmsh model with physical groups: surfaces are materials, curves edge sets, points named points."""
+
+    mesher: ClassVar = reader.read_gmsh
 
     kind: Literal["gmsh"] = item(text="a model of gmsh's")
     file: Name = item(text="path of a .msh, .geo, .step, .brep or .inp file, relative to the case file")
@@ -81,7 +110,8 @@ class GmshGeometry(Table):
     )
 
 
-Geometry = by_kind(BeamGeometry, PlateGeometry, GmshGeometry)
+GEOMETRIES = (BeamGeometry, PlateGeometry, GmshGeometry)
+Geometry = by_kind(*GEOMETRIES)
 
 
 class Mesh(Table):
@@ -110,26 +140,10 @@ class Mesh(Table):
     tip_element: bool = item(True, text="merge the cells around each crack tip into one S-element")
 
 
-# Keys of [mesh] that each kind of geometry understands.
-MESH_KEYS = {
-    "beam": (
-        "order",
-        "size",
-        "tip_size",
-        "grading",
-        "layout",
-        "corner_size",
-        "corners",
-        "face_size",
-        "face_edges",
-    ),
-    "plate": ("order", "size", "tip_size", "grading", "face_size", "face_edges", "tip_element"),
-    "gmsh": ("order", "size", "tip_size", "grading", "face_size", "face_edges", "tip_element"),
-}
-
-
 class Isotropic(Table):
     """Isotropic linear elastic material."""
+
+    made: ClassVar = material.Material
 
     kind: Literal["isotropic"] = item("isotropic", text="the same in all directions")
     young: float = item(text="Young's modulus", unit="Pa", gt=0)
@@ -145,6 +159,8 @@ class Isotropic(Table):
 
 class Orthotropic(Table):
     """Orthotropic linear elastic material."""
+
+    made: ClassVar = material.OrthotropicMaterial
 
     kind: Literal["orthotropic"] = item(text="different along two axes")
     young_1: float = item(text="Young's modulus along axis 1", unit="Pa", gt=0)
@@ -173,6 +189,8 @@ Material = Annotated[
 
 class Support(Table):
     """A support of an edge set or a point, direction by direction."""
+
+    made: ClassVar = supports.Support
 
     where: Name = item(text="edge set or point")
     x: bool | float = item(True, text="true: held, false: free, a number: stiffness", unit="N/m^3 or N/m")

@@ -1,105 +1,30 @@
-"""Tables of a case file for loads and their signals."""
+"""Tables of a case file for loads."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+import dataclasses
+from typing import Any, ClassVar, Literal
 
-from pydantic import Discriminator, Tag
-
+from ... import loads
 from ...options import item
+from .signals import Component
 from .tables import Name, Table, by_kind
 
-
-class HarmonicSignal(Table):
-    """amplitude * sin(2 pi frequency t + phase)."""
-
-    kind: Literal["harmonic"] = item(text="a sine")
-    amplitude: float = item(text="amplitude", unit="that of the component")
-    frequency: float = item(text="frequency", unit="Hz", gt=0)
-    phase: float = item(0.0, text="phase", unit="rad")
-
-
-class ToneBurstSignal(Table):
-    """amplitude * sin(2 pi frequency t) * (1 - cos(2 pi frequency t / cycles)) until cycles / frequency, then
-    zero; its peak is 2 * amplitude."""
-
-    kind: Literal["tone_burst"] = item(text="a windowed sine")
-    amplitude: float = item(text="half the peak", unit="that of the component")
-    frequency: float = item(text="carrier frequency", unit="Hz", gt=0)
-    cycles: float = item(text="cycles in the burst", gt=0)
-
-
-class ChirpSignal(Table):
-    """A sine whose frequency runs linearly from `start` to `stop`."""
-
-    kind: Literal["chirp"] = item(text="a sine of running frequency")
-    amplitude: float = item(text="amplitude", unit="that of the component")
-    start: float = item(text="first frequency", unit="Hz", ge=0)
-    stop: float = item(text="last frequency", unit="Hz", ge=0)
-    duration: float = item(text="duration", unit="s", gt=0)
-    phase: float = item(0.0, text="phase at the start", unit="rad")
-    taper: float = item(0.0, text="time of rise and of fall", unit="s", ge=0)
-
-    def contradictions(self) -> Iterator[tuple[str, str]]:
-        """A taper that is too long, and no oscillation."""
-        if self.taper > 0.5 * self.duration:
-            yield (
-                "taper",
-                f"= {self.taper:g} must be at most half the duration, {0.5 * self.duration:g}, in s",
-            )
-        if self.start == self.stop == 0.0:
-            yield "stop", "= 0 and start = 0 leave no oscillation; one must be positive"
-
-
-class StepSignal(Table):
-    """Zero before `time`, `amplitude` from then on."""
-
-    kind: Literal["step"] = item(text="a jump, or a smooth rise")
-    amplitude: float = item(text="value after the step", unit="that of the component")
-    time: float = item(0.0, text="instant of the step", unit="s")
-    rise: float = item(0.0, text="time of the rise", unit="s", ge=0)
-
-
-class ConstantSignal(Table):
-    """A constant: a preload beside oscillating loads."""
-
-    kind: Literal["constant"] = item(text="a constant, a preload")
-    value: float = item(text="value", unit="that of the component")
-
-
-class SampledSignal(Table):
-    """Samples from a text file of two columns, time and value."""
-
-    kind: Literal["samples"] = item(text="samples from a file")
-    file: Name = item(text="path of the file, relative to the case file")
-    interpolation: Literal["linear", "cubic"] = item("linear", text="between the samples")
-    time_scale: float = item(1.0, text="factor on the times: 1e-3 for ms", gt=0)
-    value_scale: float = item(1.0, text="factor on the values")
-
-
-SIGNALS = (HarmonicSignal, ToneBurstSignal, ChirpSignal, StepSignal, ConstantSignal, SampledSignal)
-
-
-def _component(value: Any) -> Any:
-    return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", "number")
-
-
-Component = Annotated[
-    Annotated[float, Tag("number")]
-    | Annotated[HarmonicSignal, Tag("harmonic")]
-    | Annotated[ToneBurstSignal, Tag("tone_burst")]
-    | Annotated[ChirpSignal, Tag("chirp")]
-    | Annotated[StepSignal, Tag("step")]
-    | Annotated[ConstantSignal, Tag("constant")]
-    | Annotated[SampledSignal, Tag("samples")],
-    Discriminator(_component),
-]
 _VALUE = "number or signal table"
 
 
-class PointForce(Table):
+class _Load(Table):
+    @property
+    def components(self) -> dict[str, Any]:
+        """Numbers and tables of signals by name."""
+        names = (f.name for f in dataclasses.fields(self.made) if f.name not in loads.PLACES)
+        return {name: getattr(self, name) for name in names}
+
+
+class PointForce(_Load):
     """A force on a named point."""
+
+    made: ClassVar = loads.PointForce
 
     kind: Literal["point_force"] = item(text="a force on a point")
     point: Name = item(text="named point")
@@ -107,8 +32,10 @@ class PointForce(Table):
     fy: Component = item(0.0, text=f"component along y, {_VALUE}", unit="N")
 
 
-class EdgeLoad(Table):
+class EdgeLoad(_Load):
     """A uniform traction or pressure on an edge set."""
+
+    made: ClassVar = loads.EdgeLoad
 
     kind: Literal["edge_load"] = item(text="a traction on edges")
     edge_set: Name = item(text="edge set")
@@ -117,8 +44,10 @@ class EdgeLoad(Table):
     pressure: Component = item(0.0, text=f"pressure towards the body, {_VALUE}", unit="Pa")
 
 
-class SupportMotion(Table):
+class SupportMotion(_Load):
     """Acceleration of all supports; a constant one is a weight."""
+
+    made: ClassVar = loads.SupportMotion
 
     kind: Literal["support_motion"] = item(text="acceleration of the supports")
     ax: Component = item(0.0, text=f"along x, {_VALUE}", unit="m/s^2")
@@ -126,4 +55,3 @@ class SupportMotion(Table):
 
 
 Load = by_kind(PointForce, EdgeLoad, SupportMotion)
-COMPONENTS = ("fx", "fy", "tx", "ty", "pressure", "ax", "ay")

@@ -8,15 +8,10 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import sbfem_petsc as sb
-from meshing.beam import Beam
 from meshing.boundary_mesh import BoundaryMesh
-from meshing.gmsh.reader import read_gmsh
-from meshing.plate import Plate
-from meshing.shapes.features import CrackLine, Hole, VNotch
 
-from .loads import COMPONENTS
 from .problems import CaseError, one_of
-from .tables import Path
+from .tables import Path, Table
 
 if TYPE_CHECKING:
     from .case import Case
@@ -51,35 +46,37 @@ def _continued(case: Case, path: Path, text: str) -> Path:
     return path
 
 
-def shape(case: Case) -> Any:
-    """The `Beam` or `Plate` of a case; None for a gmsh model."""
-    table = case.tables.geometry
-    if table.kind == "gmsh":
-        return None
-    holes = [
-        _make(case, ("geometry", "holes", k), Hole, **hole.model_dump()) for k, hole in enumerate(table.holes)
-    ]
-    cracks = [
-        _make(
-            case,
-            ("geometry", "cracks", k),
-            CrackLine,
-            **{**crack.model_dump(), "points": [tuple(p) for p in crack.points]},
-        )
-        for k, crack in enumerate(table.cracks)
-    ]
-    features: dict[str, Any] = {"holes": holes, "cracks": cracks}
-    if table.kind == "plate":
-        if table.edge_names is not None:
-            features["edge_names"] = table.edge_names
-        outline = [tuple(corner) for corner in table.outline]
-        return _make(case, ("geometry",), Plate, outline=outline, **features)
-    notches = [
-        _make(case, ("geometry", "notches", k), VNotch, **notch.model_dump())
-        for k, notch in enumerate(table.notches)
-    ]
-    size = {"length": table.length, "height": table.height}
-    return _make(case, ("geometry",), Beam, **size, notches=notches, **features)
+def made(case: Case, table: Table, *path: str | int, **given: Any) -> Any:
+    """What a table of a case stands for, made after that of the tables in it.
+
+    Parameters
+    ----------
+    case : Case
+    table : Table
+    *path : str or int
+        Where it is in the case.
+    **given
+        Arguments in the place of keys.
+    """
+    for name in type(table).model_fields:
+        value = getattr(table, name)
+        if name == "kind" or name in given:
+            continue
+        if name == "file":  # beside the case's own
+            given["path"] = case.resolve(value)
+            continue
+        if isinstance(value, list):
+            value = [
+                made(case, entry, *path, name, k)
+                if isinstance(entry, Table)
+                else tuple(entry)
+                if isinstance(entry, list)
+                else entry
+                for k, entry in enumerate(value)
+            ]
+        given[name] = value
+    with located(case, *path):
+        return type(table).made(**given)
 
 
 def mesh(case: Case) -> BoundaryMesh:
@@ -95,9 +92,9 @@ def mesh(case: Case) -> BoundaryMesh:
     if tables.geometry.kind == "gmsh":
         with located(case, "geometry", "file"):
             file, scale = case.resolve(tables.geometry.file), tables.geometry.scale
-            found = read_gmsh(file, scale=scale, **options)
+            found = type(tables.geometry).mesher(file, scale=scale, **options)
     else:
-        body = shape(case)
+        body = made(case, tables.geometry, "geometry")
         points = {name: (x, y) for name, (x, y) in tables.points.items()}
         place: Path = ("geometry",)
         for name in points:
@@ -155,14 +152,9 @@ def clamped(case: Case) -> tuple[str, ...]:
 def materials(case: Case) -> Any:
     """One material, or a dict of them by region."""
     tables = case.tables
-
-    def made(table: Any, *path: str) -> Any:
-        kind = sb.Material if table.kind == "isotropic" else sb.OrthotropicMaterial
-        return _make(case, path, kind, **table.model_dump(exclude={"kind"}))
-
     if tables.material is not None:
-        return made(tables.material, "material")
-    return {name: made(table, "materials", name) for name, table in tables.materials.items()}
+        return made(case, tables.material, "material")
+    return {name: made(case, table, "materials", name) for name, table in tables.materials.items()}
 
 
 def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
@@ -177,10 +169,7 @@ def model(case: Case, comm: Any, found: Any = None) -> sb.Model:
     """
     table = case.tables.model
     body = found if found is not None else sb.on_root(comm, lambda: mesh(case))
-    supports = [
-        _make(case, ("model", "supports", k), sb.Support, **support.model_dump())
-        for k, support in enumerate(table.supports)
-    ]
+    supports = [made(case, support, "model", "supports", k) for k, support in enumerate(table.supports)]
     rayleigh = table.rayleigh
     if rayleigh is None:
         factors: Sequence[float] = (0.0, 0.0)
@@ -214,43 +203,21 @@ def load(case: Case, names: Sequence[str], factor: float = 1.0, frequency: float
     frequency : float, optional
         Numbers become harmonics of this frequency, Hz.
     """
-    kinds = {"point_force": sb.PointForce, "edge_load": sb.EdgeLoad, "support_motion": sb.SupportMotion}
     parts = []
     for name in names:
         table = case.tables.loads[name]
-        place = {key: getattr(table, key) for key in ("point", "edge_set") if hasattr(table, key)}
-        values = {}
-        for key in COMPONENTS:
-            value = getattr(table, key, 0.0)
-            if isinstance(value, float) and value == 0.0:
-                continue
-            values[key] = _signal(case, ("loads", name, key), value, factor, frequency)
-        with located(case, "loads", name):
-            parts.append(kinds[table.kind](**place, **values))
+        values = {
+            key: _amplitude(case, ("loads", name, key), value, factor, frequency)
+            for key, value in table.components.items()
+        }
+        parts.append(made(case, table, "loads", name, **values))
     return parts
 
 
-def _signal(case: Case, path: Path, table: Any, factor: float, frequency: float | None) -> Any:
-    if not hasattr(table, "kind"):
-        number = factor * table
-        return number if frequency is None else sb.Harmonic(number, frequency)
-    with located(case, *path):
-        options = table.model_dump(exclude={"kind"})
-        if table.kind == "samples":
-            file = case.resolve(options.pop("file"))
-            signal = sb.Samples.from_csv(file, **options)
-        else:
-            kinds = {
-                "harmonic": sb.Harmonic,
-                "tone_burst": sb.ToneBurst,
-                "chirp": sb.Chirp,
-                "step": sb.Step,
-                "constant": sb.Constant,
-            }
-            signal = kinds[table.kind](**options)
-        return signal if factor == 1.0 else factor * signal
-
-
-def _make(case: Case, path: Path, kind: Any, **options: Any) -> Any:
-    with located(case, *path):
-        return kind(**options)
+def _amplitude(case: Case, path: Path, value: Any, factor: float, frequency: float | None) -> Any:
+    """A component of a load: a number or a signal."""
+    if not isinstance(value, Table):
+        number = factor * value
+        return number if frequency is None or value == 0.0 else sb.Harmonic(number, frequency)
+    signal = made(case, value, *path)
+    return signal if factor == 1.0 else factor * signal

@@ -6,7 +6,7 @@ import types
 import typing
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, Discriminator, Field, Tag
 
@@ -35,7 +35,15 @@ class Problem:
 
 
 class Table(Options):
-    """A table of a case file."""
+    """A table of a case file.
+
+    Attributes
+    ----------
+    made : class or function of the Python interface
+        What it stands for; its keys are the arguments.
+    """
+
+    made: ClassVar[Any] = None
 
     def problems(self) -> Iterator[Problem]:
         """What single keys cannot tell, at paths within the table."""
@@ -66,10 +74,17 @@ def kind_of(value: Any) -> Any:
     return value.get("kind") if isinstance(value, dict) else getattr(value, "kind", None)
 
 
-def by_kind(*tables: type[Table]) -> Any:
-    """Union of tables told apart by their key `kind`."""
-    members = tuple(Annotated[table, Tag(kind_name(table))] for table in tables)
-    return Annotated[typing.Union[members], Discriminator(kind_of)]  # noqa: UP007 - made at run time
+def by_kind(*tables: type[Table], number: bool = False) -> Any:
+    """Union of tables told apart by their key `kind`, and of numbers where these may stand for one."""
+    members: tuple[Any, ...] = tuple(Annotated[table, Tag(kind_name(table))] for table in tables)
+    if number:
+        members = (Annotated[float, Tag("number")], *members)
+    told = Discriminator(_number_or_kind if number else kind_of)
+    return Annotated[typing.Union[members], told]  # noqa: UP007 - made at run time
+
+
+def _number_or_kind(value: Any) -> Any:
+    return kind_of(value) if isinstance(value, (dict, Table)) else "number"
 
 
 def kind_name(table: type[BaseModel]) -> str:

@@ -14,7 +14,6 @@ import sbfem_petsc as sb
 
 from ...options import item
 from ..case import objects
-from ..case.loads import COMPONENTS
 from ..case.problems import one_of
 from ..case.tables import Names, Path, Problem, Table
 from ..costs import Cost, Size
@@ -173,7 +172,7 @@ class Kind(Table):
         if allowed is None:
             return
         given = [
-            (name, part, getattr(load, part, 0.0)) for name, load in loads.items() for part in COMPONENTS
+            (name, part, value) for name, load in loads.items() for part, value in load.components.items()
         ]
         kinds = [getattr(value, "kind", None) for _, _, value in given]
         for (name, part, _), kind in zip(given, kinds):

@@ -16,7 +16,6 @@ from ...indicators.lines import harmonic_ratios
 from ...loads import separate
 from ...options import item
 from ..case import objects
-from ..case.loads import COMPONENTS
 from ..case.objects import located
 from ..case.tables import Path
 from ..costs import MULTIPLIERS, STEPS, Cost, Size
@@ -101,8 +100,7 @@ class Steady(Kind):
         lost = 2.0 * duration * float((reduced.damping * reduced.omega * (states.v**2).mean(axis=0)).sum())
         supplied, column = 0.0, 0
         for load in loads:
-            for key in COMPONENTS:
-                value = getattr(load, key, 0.0)
+            for key, value in load.components.items():
                 if isinstance(value, float) and value == 0.0:
                     continue
                 u = result.displacement(load.point)[:, "xy".index(key[1])]
